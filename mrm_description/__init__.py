@@ -1,0 +1,1 @@
+"""What MRM, my robotic manipulator, is."""

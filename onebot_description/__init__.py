@@ -1,0 +1,1 @@
+"""What OneBot is, and how any robot's description is read and published."""

@@ -1,0 +1,28 @@
+"""Helpers shared by the tests."""
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def wait_for(condition: Callable[[], T], what: str, timeout: float = 60.0) -> T:
+    """Poll ``condition`` until it is truthy and return its value.
+
+    Args:
+        condition: called about every 20 ms.
+        what: what is awaited, for the failure message.
+        timeout: seconds; generous, because it only matters when the test fails.
+
+    Raises:
+        AssertionError: the condition stayed false.
+    """
+    deadline = time.monotonic() + timeout
+    while True:
+        value = condition()
+        if value:
+            return value
+        if time.monotonic() > deadline:
+            raise AssertionError(f"waited {timeout:g} s in vain for {what}")
+        time.sleep(0.02)
