@@ -1,0 +1,63 @@
+"""Unit quaternions as arrays, x y z w last, as in geometry_msgs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def from_rpy(rpy: ArrayLike) -> Floats:
+    """Quaternions of fixed-axis roll, pitch, yaw.
+
+    Args:
+        rpy: (..., 3) radians; the rotation is Rz(yaw) Ry(pitch) Rx(roll), as URDF defines it.
+
+    Returns:
+        (..., 4), x y z w.
+    """
+    angles = np.asarray(rpy, float) / 2.0
+    (sr, sp, sy), (cr, cp, cy) = (
+        np.moveaxis(np.sin(angles), -1, 0),
+        np.moveaxis(np.cos(angles), -1, 0),
+    )
+    components: Sequence[Floats] = (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+    return np.stack(components, axis=-1)
+
+
+def multiply(a: Floats, b: Floats) -> Floats:
+    """Hamilton product a (x) b: the rotation b, then a. Shapes (..., 4) broadcast."""
+    ax, ay, az, aw = np.moveaxis(a, -1, 0)
+    bx, by, bz, bw = np.moveaxis(b, -1, 0)
+    return np.stack(
+        (
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ),
+        axis=-1,
+    )
+
+
+def rotate(rotation: Floats, vector: Floats) -> Floats:
+    """Rotate vectors (..., 3) by unit quaternions (..., 4).
+
+    v + 2 w (u x v) + 2 u x (u x v) with u the quaternion's vector part.
+    """
+    axis, scalar = rotation[..., :3], rotation[..., 3:]
+    twice = 2.0 * np.cross(axis, vector)
+    rotated: Floats = vector + scalar * twice + np.cross(axis, twice)
+    return rotated
+
+
+def to_matrix(rotation: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    columns = [rotate(rotation, unit) for unit in np.eye(3)]
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,274 @@
+"""A robot's joints as arrays: all of them move in one numpy expression.
+
+A joint's transform is its fixed origin followed by its motion, so no tree needs walking to publish
+/tf: for a revolute joint with origin rotation q0 and axis a (in the child frame), the rotation is
+
+    q0 (x) (a sin(q/2), cos(q/2))  =  q0 cos(q/2) + (q0 (x) (a, 0)) sin(q/2),
+
+and for a prismatic one the translation is t0 + (R0 a) q. Both are linear in numbers that the
+description alone determines.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from onebot_description.errors import OneBotError
+from onebot_description.model import quaternions
+from onebot_description.text import did_you_mean
+
+if TYPE_CHECKING:
+    from onebot_description.description import Description, JointSpec
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+MOVING_KINDS = ("revolute", "continuous", "prismatic")
+
+
+class JointArrays(NamedTuple):
+    """Some joints' transforms as a function of their positions; M of them.
+
+    Attributes:
+        parents: parent link of each joint.
+        children: child link of each joint.
+        half_turns: (M,), 1/2 where the joint turns, 0 where it slides.
+        constant: (M, 7): the transform at position 0 (translation x y z, rotation x y z w).
+        sine: (M, 4): what sin(q/2) multiplies in the rotation.
+        slide: (M, 3): what the position multiplies in the translation; metres per metre.
+        slides: whether any joint slides.
+    """
+
+    parents: tuple[str, ...]
+    children: tuple[str, ...]
+    half_turns: Floats
+    constant: Floats
+    sine: Floats
+    slide: Floats
+    slides: bool
+
+    def transforms(self, positions: Floats) -> Floats:
+        """Parent-to-child transforms.
+
+        Args:
+            positions: (..., M), radians or metres.
+
+        Returns:
+            (..., M, 7): translation x y z in metres, rotation quaternion x y z w.
+        """
+        half = positions * self.half_turns
+        values = np.empty((*half.shape, 7))
+        values[..., :3] = self.constant[:, :3]
+        if self.slides:
+            values[..., :3] += self.slide * positions[..., None]
+        values[..., 3:] = self.constant[:, 3:] * np.cos(half)[..., None]
+        values[..., 3:] += self.sine * np.sin(half)[..., None]
+        return values
+
+    def take(self, rows: Sequence[int]) -> "JointArrays":
+        """The same for the joints ``rows`` only, in that order."""
+        index = np.asarray(rows, np.intp)
+        slide = self.slide[index]
+        return JointArrays(
+            tuple(self.parents[row] for row in rows),
+            tuple(self.children[row] for row in rows),
+            self.half_turns[index],
+            self.constant[index],
+            self.sine[index],
+            slide,
+            bool(slide.any()),
+        )
+
+
+class Follower(NamedTuple):
+    """A joint's position as ``positions[source] * multiplier + offset`` of another (or its own)."""
+
+    source: str
+    multiplier: float
+    offset: float
+
+
+class RobotModel:
+    """A robot's kinematics, independent of ROS.
+
+    Attributes:
+        name: the robot's name.
+        root_link: the link without a parent.
+        links: link names in the description's order.
+        joints: names of the joints that move (revolute, continuous, prismatic, mimics among them),
+            in the description's order; positions are given in this order.
+        moving: their arrays.
+        fixed: arrays of the others. Floating and planar joints, whose pose no JointState can tell,
+            stand at their origin.
+        lower, upper: (M,), position limits in radians or metres; infinite where there is none.
+        velocity: (M,), speed limits in radians or metres a second; infinite where there is none.
+    """
+
+    def __init__(self, description: "Description") -> None:
+        """Turn a checked description into arrays."""
+        self.name = description.robot_name
+        self.root_link = description.root_link
+        self.links = description.links
+        moving = [joint for joint in description.joints if joint.kind in MOVING_KINDS]
+        fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
+        self.joints = tuple(joint.name for joint in moving)
+        self.moving, self.fixed = _arrays(moving), _arrays(fixed)
+        bounded = [joint.kind != "continuous" for joint in moving]
+        self.lower = _limits((joint.lower for joint in moving), bounded, -np.inf)
+        self.upper = _limits((joint.upper for joint in moving), bounded, np.inf)
+        self.velocity = _limits((joint.velocity for joint in moving), [True] * len(moving), np.inf)
+        self._rows = {name: row for row, name in enumerate(self.joints)}
+        self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
+        self._order = [*moving, *fixed]
+        self._ancestors: list[Indices] | None = None
+
+    @classmethod
+    def from_description(cls, description: "Description") -> "RobotModel":
+        """Return the model of a checked description (see ``load_description``)."""
+        return cls(description)
+
+    def row(self, joint: str) -> int:
+        """Return the index of a moving joint.
+
+        Raises:
+            OneBotError: no such joint moves; the message lists those that do.
+        """
+        try:
+            return self._rows[joint]
+        except KeyError:
+            known = did_you_mean(joint, self.joints, "joints")
+            raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{known}') from None
+
+    def follower(self, joint: str, given: Mapping[str, object]) -> Follower | None:
+        """Say which of the ``given`` joints determines ``joint``: itself, or what it mimics.
+
+        A value given for a mimic joint itself wins; chains of mimics are followed to the first
+        joint that is given.
+
+        Returns:
+            None when nothing given determines it.
+        """
+        multiplier, offset = 1.0, 0.0
+        while joint not in given:
+            mimic = self._mimics.get(joint)
+            if mimic is None:
+                return None
+            # outer(inner(q)) = m (m' q + o') + o
+            offset += multiplier * mimic.offset
+            multiplier *= mimic.multiplier
+            joint = mimic.joint
+        return Follower(joint, multiplier, offset)
+
+    def positions(self, given: Mapping[str, float]) -> Floats:
+        """Positions of all moving joints, (M,), from some of them by name.
+
+        Mimic joints follow; what nothing determines stands at 0.
+
+        Raises:
+            OneBotError: a name is no moving joint of this robot.
+        """
+        for name in given:
+            self.row(name)
+        everything = {**dict.fromkeys((n for n in self.joints if n not in self._mimics), 0.0)}
+        everything.update(given)
+        result = np.zeros(len(self.joints))
+        for row, name in enumerate(self.joints):
+            follower = self.follower(name, everything)
+            if follower is not None:
+                source, multiplier, offset = follower
+                result[row] = everything[source] * multiplier + offset
+        return result
+
+    def transforms(self, positions: ArrayLike | Mapping[str, float]) -> tuple[Floats, Floats]:
+        """Parent-to-child transforms of all moving joints.
+
+        Args:
+            positions: (..., M) in the order of ``joints``, radians or metres; or by name.
+
+        Returns:
+            Translations (..., M, 3) in metres and rotations (..., M, 4) as quaternions x y z w.
+
+        Raises:
+            OneBotError: the number of positions is not the number of joints.
+        """
+        values = self.moving.transforms(self._checked(positions))
+        return values[..., :3], values[..., 3:]
+
+    def link_poses(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
+        """Poses of all links in the root link's frame.
+
+        Args:
+            positions: as for ``transforms``.
+
+        Returns:
+            (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
+        """
+        q = self._checked(positions)
+        count, batch = len(self.links), q.shape[:-1]
+        # Row L is the identity every chain of ancestors ends in.
+        poses = np.zeros((*batch, count + 1, 7))
+        poses[..., 6] = 1.0
+        index = {link: row for row, link in enumerate(self.links)}
+        poses[..., [index[c] for c in self.moving.children], :] = self.moving.transforms(q)
+        poses[..., [index[c] for c in self.fixed.children], :] = self.fixed.constant
+        for ancestors in self._jumps(index):
+            above = poses[..., ancestors, :]
+            translation = above[..., :3] + quaternions.rotate(above[..., 3:], poses[..., :3])
+            rotation = quaternions.multiply(above[..., 3:], poses[..., 3:])
+            poses = np.concatenate((translation, rotation), axis=-1)
+        return poses[..., :count, :]
+
+    def _jumps(self, index: Mapping[str, int]) -> list[Indices]:
+        """Ancestors 1, 2, 4, ... links up: composing along them takes log2(depth) rounds."""
+        if self._ancestors is None:
+            root = len(self.links)
+            up = np.full(root + 1, root, np.intp)
+            for joint in self._order:
+                up[index[joint.child]] = index[joint.parent]
+            self._ancestors = []
+            while (up != root).any():
+                self._ancestors.append(up)
+                up = up[up]
+        return self._ancestors
+
+    def _checked(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
+        if isinstance(positions, Mapping):
+            return self.positions(positions)
+        q = np.asarray(positions, float)
+        if q.shape[-1:] != (len(self.joints),):
+            raise OneBotError(
+                f'robot "{self.name}" has {len(self.joints)} moving joints, so positions must be '
+                f"of shape (..., {len(self.joints)}), not {q.shape}"
+            )
+        return q
+
+
+def _arrays(joints: Sequence["JointSpec"]) -> JointArrays:
+    count = len(joints)
+    rotation = quaternions.from_rpy(np.array([j.rpy for j in joints], float).reshape(count, 3))
+    axis = np.array([joint.axis for joint in joints], float).reshape(count, 3)
+    slides = np.array([joint.kind == "prismatic" for joint in joints], bool)
+    turns = np.array([joint.kind in ("revolute", "continuous") for joint in joints], bool)
+    pure = np.concatenate((axis, np.zeros((count, 1))), axis=1)
+    translation = np.array([joint.xyz for joint in joints], float).reshape(count, 3)
+    return JointArrays(
+        tuple(joint.parent for joint in joints),
+        tuple(joint.child for joint in joints),
+        np.where(turns, 0.5, 0.0),
+        np.concatenate((translation, rotation), axis=1),
+        quaternions.multiply(rotation, pure) * turns[:, None],
+        quaternions.rotate(rotation, axis) * slides[:, None],
+        bool(slides.any()),
+    )
+
+
+def _limits(values: "Sequence[float | None] | object", bounded: list[bool], none: float) -> Floats:
+    return np.array(
+        [
+            none if value is None or not applies else value
+            for value, applies in zip(values, bounded, strict=True)  # type: ignore[call-overload]
+        ],
+        float,
+    )

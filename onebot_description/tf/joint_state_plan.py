@@ -1,0 +1,112 @@
+"""What one list of joint names means for one robot, worked out once and then reused."""
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_description.model import RobotModel
+from onebot_description.tf.wire import Floats, TfTemplate
+
+V = TypeVar("V")
+
+
+class JointStatePlan:
+    """Turns the positions of a JointState with given names into transforms.
+
+    Unknown names are passed over, the first of a duplicate wins, mimic joints follow unless the
+    message gives them a value of their own (robot_state_publisher's rules).
+
+    Attributes:
+        rows: (K,) the model's joints this plan moves.
+        template: the TFMessage it fills.
+    """
+
+    def __init__(self, model: RobotModel, names: Sequence[str], frame_prefix: str) -> None:
+        """Resolve ``names`` against ``model``; ``frame_prefix`` is prepended to every frame."""
+        first = {name: column for column, name in reversed(list(enumerate(names)))}
+        followers = [
+            (row, follower)
+            for row, joint in enumerate(model.joints)
+            if (follower := model.follower(joint, first)) is not None
+        ]
+        rows = [row for row, _ in followers]
+        self.rows = np.array(rows, np.intp)
+        self._joints = model.moving.take(rows)
+        columns = [first[follower.source] for _, follower in followers]
+        in_order = columns == list(range(len(names)))
+        self._columns = None if in_order else np.array(columns, np.intp)
+        scale = np.array([follower.multiplier for _, follower in followers], float)
+        shift = np.array([follower.offset for _, follower in followers], float)
+        plain = bool((scale == 1.0).all() and (shift == 0.0).all())
+        self._linear = None if plain else (scale, shift)
+        self.template = TfTemplate(
+            [frame_prefix + parent for parent in self._joints.parents],
+            [frame_prefix + child for child in self._joints.children],
+        )
+
+    def transforms(self, positions: Floats) -> Floats:
+        """(K, 7) transforms for positions in the message's order, (len(names),)."""
+        if self._columns is not None:
+            positions = positions[self._columns]
+        if self._linear is not None:
+            positions = positions * self._linear[0] + self._linear[1]
+        return self._joints.transforms(positions)
+
+
+class RecentlyUsed(OrderedDict[object, V]):
+    """A mapping that keeps the entries used last and makes those it lacks."""
+
+    def __init__(self, capacity: int) -> None:
+        """Keep at most ``capacity`` entries."""
+        super().__init__()
+        self._capacity = capacity
+
+    def obtain(self, key: object, make: Callable[[], V]) -> V:
+        """Return the entry of ``key``, made now if it is not there."""
+        if key in self:
+            self.move_to_end(key)
+            return self[key]
+        value = self[key] = make()
+        if len(self) > self._capacity:
+            self.popitem(last=False)
+        return value
+
+
+class LastPublished:
+    """When each joint was last published; the throttle looks at the oldest of a message's joints.
+
+    The joints of one plan all share a time, so while the same plan comes again, one number tells.
+    """
+
+    def __init__(self, joints: int) -> None:
+        """Start with ``joints`` joints never published."""
+        self._times: NDArray[np.int64] = np.zeros(joints, np.int64)
+        self._plan: JointStatePlan | None = None
+        self._time = 0
+
+    def oldest(self, plan: JointStatePlan) -> int:
+        """Stamp in nanoseconds of the oldest last publication among the plan's joints; 0: never."""
+        if plan is self._plan:
+            return self._time
+        self._write_back()
+        return int(self._times[plan.rows].min()) if len(plan.rows) else 0
+
+    def record(self, plan: JointStatePlan, stamp_ns: int) -> None:
+        """Note that the plan's joints were published with ``stamp_ns``."""
+        if plan is not self._plan:
+            self._write_back()
+            self._plan = plan
+        self._time = stamp_ns
+
+    def forget(self) -> None:
+        """Start afresh."""
+        self._times[:] = 0
+        self._plan = None
+
+    def _write_back(self) -> None:
+        if self._plan is not None:
+            self._times[self._plan.rows] = self._time
+            self._plan = None
