@@ -1,0 +1,119 @@
+"""The model's transforms are those an independent reader of the same URDF finds."""
+
+import io
+
+import numpy as np
+import pytest
+import yourdfpy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onebot_description.description import parse_description
+from onebot_description.errors import OneBotError
+from onebot_description.model import RobotModel, quaternions
+from tests.random_robots import chain, robots
+
+
+def _matrices(values):
+    matrices = np.zeros((*values.shape[:-1], 4, 4))
+    matrices[..., :3, 3] = values[..., :3]
+    matrices[..., :3, :3] = quaternions.to_matrix(values[..., 3:])
+    matrices[..., 3, 3] = 1.0
+    return matrices
+
+
+def _peer(urdf):
+    return yourdfpy.URDF.load(io.BytesIO(urdf.encode()), load_meshes=False, build_scene_graph=True)
+
+
+@settings(deadline=None)
+@given(robots(), st.data())
+def test_joint_transforms_equal_yourdfpys(urdf, data):
+    """Each moving joint's and each fixed joint's transform agrees with yourdfpy's."""
+    model = RobotModel.from_description(parse_description(urdf))
+    peer = _peer(urdf)
+    free = [j for j in model.joints if peer.joint_map[j].mimic is None]
+    given_positions = {j: data.draw(st.floats(-3, 3), label=j) for j in free}
+    peer.update_cfg({name: given_positions[name] for name in peer.actuated_joint_names})
+    positions = dict(given_positions)
+    # yourdfpy resolves a mimic of a mimic only from its free joint's value, so give it ours.
+    q = model.positions(positions)
+    for row, name in enumerate(model.joints):
+        joint = peer.joint_map[name]
+        expected, _ = peer._forward_kinematics_joint(joint, q[row])
+        actual = _matrices(model.moving.transforms(q))[row]
+        np.testing.assert_allclose(actual, expected, atol=1e-9)
+    for row, child in enumerate(model.fixed.children):
+        joint = next(j for j in peer.robot.joints if j.child == child)
+        expected, _ = peer._forward_kinematics_joint(joint)
+        np.testing.assert_allclose(_matrices(model.fixed.constant)[row], expected, atol=1e-9)
+
+
+@settings(deadline=None)
+@given(robots(kinds=("fixed", "revolute", "prismatic", "continuous")), st.data())
+def test_link_poses_are_the_chain_of_transforms(urdf, data):
+    """A link's pose is its parent's pose times its joint's transform, batch or not."""
+    model = RobotModel.from_description(parse_description(urdf))
+    size = len(model.joints)
+    batch = np.array(data.draw(st.lists(st.floats(-3, 3), min_size=3 * size, max_size=3 * size)))
+    poses = _matrices(model.link_poses(batch.reshape(3, size)))
+    steps = _matrices(model.moving.transforms(batch.reshape(3, size)))
+    fixed = np.broadcast_to(_matrices(model.fixed.constant), (3, len(model.fixed.children), 4, 4))
+    edges = [*zip(model.moving.parents, model.moving.children, np.moveaxis(steps, 1, 0), strict=True)]
+    edges += [*zip(model.fixed.parents, model.fixed.children, np.moveaxis(fixed, 1, 0), strict=True)]
+    assert len(edges) == len(model.links) - 1
+    for parent, child, step in edges:
+        expected = poses[:, model.links.index(parent)] @ step
+        np.testing.assert_allclose(poses[:, model.links.index(child)], expected, atol=1e-9)
+    root = poses[:, model.links.index(model.root_link)]
+    np.testing.assert_array_equal(root, np.broadcast_to(np.eye(4), root.shape))
+
+
+@settings(deadline=None)
+@given(robots(kinds=("fixed", "revolute", "prismatic")), st.data())
+def test_link_poses_equal_yourdfpys(urdf, data):
+    """Without mimics, yourdfpy's forward kinematics finds the same poses."""
+    model = RobotModel.from_description(parse_description(urdf))
+    peer = _peer(urdf)
+    if any(joint.mimic is not None for joint in peer.robot.joints):
+        return
+    positions = {j: data.draw(st.floats(-3, 3), label=j) for j in model.joints}
+    peer.update_cfg(positions)
+    poses = _matrices(model.link_poses(positions))
+    for link, pose in zip(model.links, poses, strict=True):
+        expected = peer.get_transform(link, model.root_link)
+        np.testing.assert_allclose(pose, expected, atol=1e-9)
+
+
+@given(st.tuples(*[st.floats(-3.2, 3.2)] * 3), st.tuples(*[st.floats(-3.2, 3.2)] * 3))
+def test_quaternions_form_a_group(first, second):
+    """A product of rotations rotates like one after the other, and stays of unit length."""
+    a, b = quaternions.from_rpy(first), quaternions.from_rpy(second)
+    product = quaternions.multiply(a, b)
+    matrices = [quaternions.to_matrix(q) for q in (a, b, product)]
+    np.testing.assert_allclose(matrices[0] @ matrices[1], matrices[2], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(product), 1.0, atol=1e-12)
+
+
+def test_mimics_follow_through_chains():
+    """A mimic of a mimic follows the joint that is given, whatever the alphabet says."""
+    urdf = chain(3).replace(
+        'name="joint_0" type="revolute">',
+        'name="joint_0" type="revolute"><mimic joint="joint_1" multiplier="2" offset="0.5"/>',
+    )
+    urdf = urdf.replace(
+        'name="joint_1" type="revolute">',
+        'name="joint_1" type="revolute"><mimic joint="joint_2" multiplier="-1" offset="0.25"/>',
+    )
+    model = RobotModel.from_description(parse_description(urdf))
+    np.testing.assert_allclose(model.positions({"joint_2": 1.0}), [-1.0, -0.75, 1.0])
+    np.testing.assert_allclose(model.positions({"joint_1": 1.0, "joint_2": 3.0}), [2.5, 1.0, 3.0])
+
+
+def test_unknown_joint_and_wrong_size_are_named():
+    """The error lists the joints there are, and the shape that is right."""
+    model = RobotModel.from_description(parse_description(chain(2)))
+    with pytest.raises(OneBotError, match=r'"joint_9".*joint_0, joint_1'):
+        model.transforms({"joint_9": 1.0})
+    with pytest.raises(OneBotError, match=r"2 moving joints.*\(\.\.\., 2\), not \(3,\)"):
+        model.transforms([1.0, 2.0, 3.0])

@@ -1,0 +1,243 @@
+"""robot_state_publisher on real DDS, heard from another process."""
+
+import math
+import threading
+from pathlib import Path
+
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, String
+
+from onebot_description.tf.tf_message import TFMessage
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+MODULE = "onebot_description.robot_state_publisher"
+ARM = """<robot name="arm">
+  <link name="base"/><link name="plate"/><link name="link1"/>
+  <joint name="mount" type="fixed">
+    <parent link="base"/><child link="plate"/><origin xyz="{x} 0 0"/>
+  </joint>
+  <joint name="turn" type="revolute">
+    <parent link="plate"/><child link="link1"/><origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.format(x=5))
+    return path
+
+
+def _state(position, seconds=100, names=("turn",)):
+    header = Header(stamp=Time(sec=seconds))
+    return JointState(header=header, name=list(names), position=[position] * len(names))
+
+
+def test_late_joiner_gets_description_and_static_and_moving_transforms(ros_domain, arm):
+    """A subscriber that comes later still gets what is latched, and /tf at known angles."""
+    with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as first:
+        early = first.hear(String, "robot_description", LATCHED)
+        wait_for(lambda: early, "the description")
+        with Peer(ros_domain, "late") as peer:
+            described = peer.hear(String, "robot_description", LATCHED)
+            static = peer.hear(TFMessage, "/tf_static", LATCHED)
+            moving = peer.hear(TFMessage, "/tf")
+            wait_for(lambda: described and static, "the latched topics")
+            assert 'name="turn"' in described[0].data
+            [fixed] = static[0].transforms
+            assert (fixed.header.frame_id, fixed.child_frame_id) == ("base", "plate")
+            assert fixed.transform.translation.x == 5.0
+            assert fixed.header.stamp.sec > 1_600_000_000
+            publisher = peer.publisher(JointState, "joint_states", qos_profile_sensor_data)
+            wait_for(lambda: peer.node.count_publishers("/tf"), "the publisher of /tf")
+            _send_until(publisher, moving, 1.0)
+            [edge] = moving[0].transforms
+            assert (edge.header.frame_id, edge.child_frame_id) == ("plate", "link1")
+            assert edge.header.stamp == Time(sec=100)
+            assert edge.transform.translation.z == 0.5
+            assert edge.transform.rotation.z == pytest.approx(math.sin(0.5), abs=1e-15)
+            assert edge.transform.rotation.w == pytest.approx(math.cos(0.5), abs=1e-15)
+        assert node.process.poll() is None
+
+
+def _send_until(publisher, heard, position, seconds=100):
+    """Send (best effort may lose the first) until something is heard."""
+
+    def sent():
+        publisher.publish(_state(position, seconds))
+        return heard
+
+    wait_for(sent, "a transform")
+
+
+def test_topics_have_the_genuine_types_and_qos(ros_domain, arm):
+    """Type, type hash and QoS are those RViz and C++ tf2 match."""
+    with NodeProcess(MODULE, str(arm)), Peer(ros_domain) as peer:
+        node = peer.node
+        wait_for(lambda: node.get_publishers_info_by_topic("/tf_static"), "/tf_static")
+        wait_for(lambda: node.get_publishers_info_by_topic("/tf"), "/tf")
+        [tf] = node.get_publishers_info_by_topic("/tf")
+        assert tf.topic_type == "tf2_msgs/msg/TFMessage"
+        assert tf.qos_profile.durability.name == "VOLATILE"
+        assert tf.qos_profile.reliability.name == "RELIABLE"
+        [static] = node.get_publishers_info_by_topic("/tf_static")
+        assert static.qos_profile.durability.name == "TRANSIENT_LOCAL"
+        wait_for(lambda: node.get_subscriptions_info_by_topic("/joint_states"), "joint_states")
+        [states] = node.get_subscriptions_info_by_topic("/joint_states")
+        assert states.qos_profile.reliability.name == "BEST_EFFORT"
+
+
+def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, arm):
+    """Description and frame_prefix change while it runs; a bad description changes nothing."""
+    with NodeProcess(MODULE, str(arm)), Peer(ros_domain) as peer:
+        static = peer.hear(TFMessage, "/tf_static", LATCHED)
+        described = peer.hear(String, "robot_description", LATCHED)
+        moving = peer.hear(TFMessage, "/tf")
+        wait_for(lambda: static, "/tf_static")
+
+        [result] = peer.set_parameters("robot_state_publisher", robot_description=ARM.format(x=10))
+        assert result.successful, result.reason
+        wait_for(lambda: static[-1].transforms[0].transform.translation.x == 10.0, "x = 10")
+        wait_for(lambda: 'xyz="10' in described[-1].data, "the new description")
+
+        [result] = peer.set_parameters("robot_state_publisher", frame_prefix="my_prefix/")
+        assert result.successful
+        wait_for(lambda: static[-1].transforms[0].child_frame_id == "my_prefix/plate", "the prefix")
+        publisher = peer.publisher(JointState, "joint_states", qos_profile_sensor_data)
+        moving.clear()
+        _send_until(publisher, moving, 0.5)
+        assert moving[-1].transforms[0].header.frame_id == "my_prefix/plate"
+
+        broken = ARM.format(x=1).replace('child link="link1"', 'child link="linc1"')
+        count = len(static)
+        [result] = peer.set_parameters("robot_state_publisher", robot_description=broken)
+        assert not result.successful
+        assert "linc1" in result.reason and "link1" in result.reason
+        [result] = peer.set_parameters("robot_state_publisher", robot_description="")
+        assert not result.successful and "empty" in result.reason
+        [result] = peer.set_parameters("robot_state_publisher", publish_frequency=2000.0)
+        assert not result.successful
+        moving.clear()
+        _send_until(publisher, moving, 0.25, 200)
+        assert moving[-1].transforms[0].header.frame_id == "my_prefix/plate"
+        assert len(static) == count
+
+        mimic = ARM.format(x=1).replace(
+            "</robot>",
+            '<link name="link2"/><joint name="follow" type="continuous"><parent link="link1"/>'
+            '<child link="link2"/><axis xyz="0 0 1"/><mimic joint="turn" multiplier="2"/>'
+            "</joint></robot>",
+        )
+        [result] = peer.set_parameters("robot_state_publisher", robot_description=mimic)
+        assert result.successful, result.reason
+
+        def follows():
+            publisher.publish(_state(0.5, 300))
+            return len(moving[-1].transforms) == 2
+
+        wait_for(follows, "the mimic joint's transform")
+        assert moving[-1].transforms[1].transform.rotation.z == pytest.approx(math.sin(0.5))
+
+
+def test_publish_frequency_throttles_by_stamp(ros_domain, arm):
+    """At 1 Hz, of stamps 0.25 s apart one in four passes; at 0.0 all do."""
+    args = ros_args(publish_frequency="1.0")
+    with NodeProcess(MODULE, str(arm), *args), Peer(ros_domain) as peer:
+        moving = peer.hear(TFMessage, "/tf")
+        reliable = peer.publisher(JointState, "joint_states", 100)
+        _send_until(reliable, moving, 0.0, 100)
+        moving.clear()
+        quarter = 250_000_000
+        for step in range(41):
+            message = _state(0.0)
+            message.header.stamp = Time(sec=101 + step // 4, nanosec=step % 4 * quarter)
+            reliable.publish(message)
+            if step % 4 == 0:  # the subscription keeps only the last five
+                wait_for(
+                    lambda step=step: (
+                        moving and moving[-1].transforms[0].header.stamp.sec == 101 + step // 4
+                    ),
+                    "a transform a second",
+                )
+        assert [m.transforms[0].header.stamp for m in moving] == [
+            Time(sec=101 + second) for second in range(11)
+        ]
+
+
+def test_bad_messages_leave_it_running(ros_domain, arm):
+    """Mismatched, unknown, NaN and malformed joint states are ignored; good ones still pass."""
+    with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
+        moving = peer.hear(TFMessage, "/tf")
+        publisher = peer.publisher(JointState, "joint_states", qos_profile_sensor_data)
+        for bad in (
+            JointState(header=Header(stamp=Time(sec=1)), name=["turn"]),
+            _state(float("nan")),
+            _state(1.0, names=("unknown",)),
+            _state(1.0, seconds=0),
+            b"\x00\x01\x00\x00\xff\xff\xff\xff",
+            b"\x00\x00\x00\x00\xff",
+        ):
+            publisher.publish(bad)
+        _send_until(publisher, moving, 0.5)
+        wait_for(lambda: "without a finite position: turn" in node.output, "the NaN warning")
+        assert "1 names but 0 positions" in node.output
+        assert all(m.transforms[0].child_frame_id == "link1" for m in moving)
+
+
+@pytest.mark.parametrize(
+    ("args", "fragments"),
+    [
+        ([], ["robot_description is empty", "URDF or xacro file"]),
+        (["no/such/robot.urdf"], ["no/such/robot.urdf"]),
+        (["a.urdf", "b.urdf"], ["expected one"]),
+        (ros_args(robot_description="<robot/>"), ["robot_description", "name"]),
+        (ros_args(publish_frequency="50"), ["publish_frequency", "decimal point"]),
+    ],
+)
+def test_user_mistakes_give_one_clear_error(ros_domain, args, fragments):
+    """The exit code is 1, the message names what is wrong, and there is no traceback."""
+    with NodeProcess(MODULE, *args, check=False) as node:
+        assert node.wait() == 1
+        for fragment in fragments:
+            assert fragment in node.output
+        assert "Traceback" not in node.output
+
+
+def test_namespace_keeps_its_topics_and_global_tf(ros_domain, arm):
+    """In a namespace, joint_states and robot_description move with it, /tf stays."""
+    args = ["--ros-args", "-r", "__ns:=/left"]
+    with NodeProcess(MODULE, str(arm), *args), Peer(ros_domain) as peer:
+        described = peer.hear(String, "/left/robot_description", LATCHED)
+        wait_for(lambda: described, "the description in the namespace")
+        moving = peer.hear(TFMessage, "/tf")
+        publisher = peer.publisher(JointState, "/left/joint_states", qos_profile_sensor_data)
+        _send_until(publisher, moving, 0.5)
+
+
+def test_ctrl_c_while_busy(ros_domain, arm):
+    """It stops at once with exit code 0 though joint states pour in."""
+    with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
+        moving = peer.hear(TFMessage, "/tf")
+        publisher = peer.publisher(JointState, "joint_states", qos_profile_sensor_data)
+        done = threading.Event()
+
+        def pour():
+            second = 1
+            while not done.is_set():
+                publisher.publish(_state(0.1, second))
+                second += 1
+
+        thread = threading.Thread(target=pour, daemon=True)
+        thread.start()
+        try:
+            wait_for(lambda: len(moving) > 100, "many transforms")
+            assert node.interrupt(5) == 0
+        finally:
+            done.set()
+            thread.join()

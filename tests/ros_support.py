@@ -1,0 +1,129 @@
+"""A peer on the wire and nodes in processes of their own, for tests on real DDS."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from tests.support import wait_for
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Peer:
+    """An rclpy node in the test's process that keeps what it hears; use it as a context."""
+
+    def __init__(self, domain: int, name: str = "peer") -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain, args=[])
+        self.node = rclpy.create_node(name, context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+
+    def __enter__(self) -> "Peer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._thread.join(10)
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def hear(self, kind: Any, topic: str, qos: Any = 100) -> list[Any]:
+        """Subscribe; the list returned grows as messages come."""
+        heard: list[Any] = []
+        self.node.create_subscription(kind, topic, heard.append, qos)
+        return heard
+
+    def publisher(self, kind: Any, topic: str, qos: Any = 10, subscribers: int = 1) -> Any:
+        """A publisher that has found its subscribers."""
+        publisher = self.node.create_publisher(kind, topic, qos)
+        wait_for(
+            lambda: publisher.get_subscription_count() >= subscribers, f"a subscriber of {topic}"
+        )
+        return publisher
+
+    def set_parameters(self, node: str, **values: Any) -> list[Any]:
+        """Set parameters of another node as one request each; the results."""
+        client = self.node.create_client(SetParameters, f"{node}/set_parameters")
+        assert client.wait_for_service(60.0), f"{node} has no parameter service"
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        future = client.call_async(SetParameters.Request(parameters=parameters))
+        wait_for(future.done, f"{node} to set {values}")
+        return list(future.result().results)
+
+
+class NodeProcess:
+    """``python -m MODULE ARGS`` with its output kept; stopped with Ctrl-C at the end."""
+
+    def __init__(self, module: str, *args: str, check: bool = True) -> None:
+        self._log = Path(tempfile.mkstemp(suffix=".log")[1])
+        self._check = check
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-u", "-m", module, *args],
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=dict(os.environ),
+                start_new_session=True,
+            )
+
+    @property
+    def output(self) -> str:
+        """All it has printed so far."""
+        return self._log.read_text()
+
+    def wait(self, timeout: float = 60.0) -> int:
+        """The exit code, once it ends by itself."""
+        return self.process.wait(timeout)
+
+    def interrupt(self, timeout: float = 30.0) -> int:
+        """Press Ctrl-C; the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        return self.process.wait(timeout)
+
+    def __enter__(self) -> "NodeProcess":
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            code = self.interrupt()
+        finally:
+            if self.process.poll() is None:
+                self.process.kill()
+        if kind is not None:
+            print(f"--- output of the node:\n{self.output}")
+        elif self._check:
+            assert code == 0, self.output
+            assert "Traceback" not in self.output, self.output
+        self._log.unlink()
+
+
+def ros_args(**parameters: object) -> list[str]:
+    """Command-line arguments that set parameters, each value in YAML's flow form."""
+    args: Sequence[str] = [
+        word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")
+    ]
+    return ["--ros-args", *args]
