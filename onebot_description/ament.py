@@ -23,11 +23,10 @@ def use_environment_prefix() -> None:
     A prefix the user has sourced (such as a colcon workspace's install folder) stays, ahead of the
     environment's own, as an overlay is meant to. Calling it again changes nothing.
     """
-    present = [entry for entry in os.environ.get(_VARIABLE, "").split(os.pathsep) if entry]
     ours = [str(prefix) for prefix in (_checkout_prefix(), Path(sys.prefix)) if prefix is not None]
-    missing = [prefix for prefix in ours if prefix not in present]
-    if missing:
-        os.environ[_VARIABLE] = os.pathsep.join(present + missing)
+    present = [entry for entry in os.environ.get(_VARIABLE, "").split(os.pathsep) if entry]
+    others = [entry for entry in present if entry not in ours]
+    os.environ[_VARIABLE] = os.pathsep.join(others + ours)
 
 
 def package_share(name: str) -> Path:

@@ -1,0 +1,68 @@
+"""Build hook of the wheel: compiles the type support of TFMessage.
+
+The result calls Python by its stable functions only, and is loaded with ctypes: one wheel serves
+every Python 3 on its platform. Where no C compiler exists, pip brings one for the time of the
+build, in the ``ziglang`` wheel.
+"""
+
+import importlib.util
+import sysconfig
+import tempfile
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+_FOLDER = "onebot_description/tf"
+
+
+class CustomBuildHook(BuildHookInterface):  # type: ignore[misc]
+    """Puts the compiled library in the wheel, or in the checkout for an editable install."""
+
+    def dependencies(self) -> list[str]:
+        """Name the wheels that this build needs besides hatchling."""
+        if self.target_name != "wheel" or self._build_library.find_system_compilers():
+            return []
+        return ["ziglang"]
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile, before the wheel's files are collected.
+
+        Args:
+            version: "editable" for an editable install, "standard" for a wheel with all files.
+            build_data: what hatchling reads from a hook; told the library and the wheel's tag.
+
+        Raises:
+            BuildError: nothing here can compile C; the message says what to install.
+        """
+        if self.target_name != "wheel":
+            return
+        library = self._build_library
+        if version == "editable":
+            folder = Path(self.root, _FOLDER)
+        else:
+            self._temporary = tempfile.TemporaryDirectory(prefix="onebot-build-")
+            folder = Path(self._temporary.name)
+        target = folder / library.LIBRARY.name
+        library.build(target)
+        if version != "editable":
+            build_data["force_include"][str(target)] = f"{_FOLDER}/{target.name}"
+        platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{platform}"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the folder that the library was compiled in."""
+        if temporary := getattr(self, "_temporary", None):
+            temporary.cleanup()
+
+    @property
+    def _build_library(self) -> ModuleType:
+        # By its path: the package cannot be imported while it is built.
+        path = Path(self.root, _FOLDER, "build_library.py")
+        spec = importlib.util.spec_from_file_location("onebot_build_library", path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module

@@ -1,0 +1,257 @@
+"""Compiling the type support: in the build hook, by hand, and what is said when it fails."""
+
+import importlib.util
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from onebot_description.tf import build_library
+from onebot_description.tf.build_library import BuildError
+
+CHECKOUT = Path(__file__).parents[2]
+FOLDER = "onebot_description/tf"
+HAS_ZIG = importlib.util.find_spec("ziglang") is not None
+needs_compiler = pytest.mark.skipif(
+    not (build_library.find_system_compilers() or HAS_ZIG), reason="no C compiler here"
+)
+USE_MESSAGE = """
+from rclpy.serialization import deserialize_message, serialize_message
+from geometry_msgs.msg import TransformStamped
+from onebot_description.tf import _message, _type_support
+message = _message.TFMessage(transforms=[TransformStamped()])
+type(_message.TFMessage).__import_type_support__()
+assert deserialize_message(serialize_message(message), _message.TFMessage) == message
+print(_type_support.build_library.LIBRARY)
+"""
+PYPROJECT = """
+[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "onebot"
+version = "0.1.0"
+[tool.hatch.build]
+dev-mode-dirs = ["."]
+[tool.hatch.build.targets.wheel]
+packages = ["onebot_description"]
+[tool.hatch.build.hooks.custom]
+"""
+
+
+def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run this Python with the arguments, importing from the folder ``cwd`` first."""
+    return subprocess.run(
+        [sys.executable, *map(str, command)],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(cwd), **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A project with just what TFMessage needs, nothing compiled in it."""
+    project = tmp_path / "project"
+    unwanted = shutil.ignore_patterns("*.so", "__pycache__", ".build-*")
+    shutil.copytree(CHECKOUT / FOLDER, project / FOLDER, ignore=unwanted)
+    for name in ("__init__.py", "errors.py"):
+        shutil.copy(CHECKOUT / "onebot_description" / name, project / "onebot_description")
+    shutil.copy(CHECKOUT / "hatch_build.py", project)
+    (project / ".gitignore").write_text("*.so\n__pycache__/\n")
+    (project / "pyproject.toml").write_text(PYPROJECT)
+    return project
+
+
+def write_program(path: Path, text: str) -> Path:
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+@needs_compiler
+def test_missing_library(checkout: Path) -> None:
+    """Without the library the error names the command that builds it; that command mends it."""
+    result = run("-c", USE_MESSAGE, cwd=checkout)
+    assert result.returncode == 1
+    last = result.stderr.splitlines()[-1]
+    command = "python -m onebot_description.tf.build_library"
+    assert last.endswith(f"The type support of TFMessage is not built. Build it with: {command}")
+
+    built = run(*command.split()[1:], cwd=checkout)
+    assert built.returncode == 0, built.stderr
+    library = checkout / FOLDER / "_tf_message.so"
+    assert built.stdout.split() == [str(library)]
+    assert not built.stderr
+    result = run("-c", USE_MESSAGE, cwd=checkout)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.split() == [str(library)]
+    assert not list(library.parent.glob(".build-*"))
+
+
+@needs_compiler
+def test_outdated_or_broken_library(checkout: Path) -> None:
+    """A library that is older than its source, or none at all, is refused with the remedy."""
+    library = checkout / FOLDER / "_tf_message.so"
+    build_library.build(library)
+    source = checkout / FOLDER / "_tf_message.c"
+    source.write_text(source.read_text() + "\n")
+    outdated = run("-c", USE_MESSAGE, cwd=checkout)
+    assert "is not built from the present source. Build it with: python -m" in outdated.stderr
+    source.unlink()  # an installation without sources
+    assert run("-c", USE_MESSAGE, cwd=checkout).returncode == 0
+    library.write_bytes(b"not a library")
+    assert "cannot be loaded" in run("-c", USE_MESSAGE, cwd=checkout).stderr.splitlines()[-1]
+
+
+@pytest.mark.skipif(not build_library.find_system_compilers(), reason="no C compiler here")
+def test_no_warnings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The C file compiles without a warning; CC may hold arguments."""
+    compiler = build_library.find_system_compilers()[0][0]
+    monkeypatch.setenv("CC", f"{compiler} -Wall -Wextra -Wpedantic -Wshadow -Werror")
+    build_library.build(tmp_path / "library.so")
+    assert (tmp_path / "library.so").stat().st_size > 0
+
+
+def test_failing_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A compiler that fails is reported with its own words, and nothing is left behind."""
+    compiler = write_program(tmp_path / "mycc", "echo 'no such thing' >&2; exit 3")
+    monkeypatch.setenv("CC", f"{compiler} -O3")
+    assert build_library.find_system_compilers() == [[str(compiler), "-O3"]]
+    if HAS_ZIG:
+        return  # which then does it
+    with pytest.raises(BuildError) as caught:
+        build_library.build(tmp_path / "library.so")
+    text = str(caught.value)
+    assert f"`{compiler} -O3` failed with exit code 3: no such thing" in text
+    assert "Install gcc or clang, or run `pip install ziglang`" in text
+    assert list(tmp_path.iterdir()) == [compiler]
+
+
+def test_useless_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What a compiler made is loaded before it is trusted."""
+    script = 'while [ "$1" != -o ]; do shift; done; echo rubbish > "$2"'
+    monkeypatch.setenv("CC", str(write_program(tmp_path / "mycc", script)))
+    if HAS_ZIG:
+        pytest.skip("ziglang makes a good one")
+    with pytest.raises(BuildError, match="made a library that this Python cannot load"):
+        build_library.build(tmp_path / "library.so")
+
+
+@pytest.mark.skipif(HAS_ZIG, reason="ziglang is a compiler")
+def test_no_compiler(tmp_path: Path) -> None:
+    """Without any compiler the command fails with what to install, and no traceback."""
+    target = str(tmp_path / "library.so")
+    arguments = ("-m", "onebot_description.tf.build_library", target)
+    result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="")
+    assert result.returncode == 1
+    assert "There is no C compiler: none of cc, gcc and clang is on the PATH." in result.stderr
+    assert "run `pip install ziglang`" in result.stderr
+    assert "Traceback" not in result.stderr
+    result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="mycc -m64")
+    assert "The environment variable CC names 'mycc -m64'" in result.stderr
+
+
+@needs_compiler
+def test_target_that_cannot_be_written(tmp_path: Path) -> None:
+    """A folder that does not exist is named."""
+    with pytest.raises(BuildError, match=r"cannot write .*nowhere/library\.so: No such file"):
+        build_library.build(tmp_path / "nowhere" / "library.so")
+
+
+def test_usage() -> None:
+    """Wrong arguments give the usage and exit code 2."""
+    assert build_library.main(["a", "b"]) == 2
+    assert build_library.main(["--help"]) == 2
+
+
+def test_only_the_standard_library(tmp_path: Path) -> None:
+    """The file runs alone, in a Python without any packages."""
+    shutil.copy(build_library.__file__, tmp_path)
+    code = "import build_library; print(build_library.LIBRARY)"
+    environment = {
+        key: value
+        for key, value in os.environ.items()
+        if key not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")
+    }
+    result = subprocess.run(
+        [sys.executable, "-S", "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def build_backend(project: Path, call: str, **environment: str) -> str:
+    """Call the build backend as pip does; return what it answers."""
+    pytest.importorskip("hatchling")
+    code = f"import hatchling.build as backend; print(backend.{call})"
+    result = run("-c", code, cwd=project, **environment)
+    assert result.returncode == 0, result.stderr
+    return result.stdout.splitlines()[-1]
+
+
+@needs_compiler
+@pytest.mark.parametrize("ignored", [True, False])
+def test_wheel(checkout: Path, tmp_path: Path, ignored: bool) -> None:
+    """The wheel holds the library once, fits any Python 3 of the platform, and works unpacked."""
+    # A library from an earlier editable install must not get into the way.
+    (checkout / FOLDER / "_tf_message.so").write_bytes(b"old")
+    if not ignored:
+        (checkout / ".gitignore").unlink()
+    name = build_backend(checkout, f"build_wheel({str(tmp_path)!r})")
+    assert name.startswith("onebot-0.1.0-py3-none-linux_")
+    unpacked = tmp_path / "unpacked"
+    with zipfile.ZipFile(tmp_path / name) as wheel:
+        libraries = [item for item in wheel.namelist() if item.endswith(".so")]
+        wheel.extractall(unpacked)
+    assert libraries == [f"{FOLDER}/_tf_message.so"]
+    metadata = (unpacked / "onebot-0.1.0.dist-info" / "WHEEL").read_text()
+    assert "Root-Is-Purelib: false" in metadata
+    result = run("-c", USE_MESSAGE, cwd=unpacked)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.split() == [str(unpacked / FOLDER / "_tf_message.so")]
+
+
+@needs_compiler
+def test_editable(checkout: Path, tmp_path: Path) -> None:
+    """An editable install gets the library in the checkout, where Python imports from."""
+    name = build_backend(checkout, f"build_editable({str(tmp_path)!r})")
+    with zipfile.ZipFile(tmp_path / name) as wheel:
+        assert not [item for item in wheel.namelist() if item.endswith(".so")]
+    result = run("-c", USE_MESSAGE, cwd=checkout)
+    assert result.returncode == 0, result.stderr
+
+
+@needs_compiler
+def test_source_distribution(checkout: Path, tmp_path: Path) -> None:
+    """A source distribution holds no compiled file and all it takes to make the wheel."""
+    (checkout / FOLDER / "_tf_message.so").write_bytes(b"old")
+    name = build_backend(checkout, f"build_sdist({str(tmp_path)!r})")
+    with tarfile.open(tmp_path / name) as archive:
+        assert not [item for item in archive.getnames() if item.endswith(".so")]
+        archive.extractall(tmp_path)
+    wheel = build_backend(tmp_path / "onebot-0.1.0", f"build_wheel({str(tmp_path)!r})")
+    with zipfile.ZipFile(tmp_path / wheel) as content:
+        assert f"{FOLDER}/_tf_message.so" in content.namelist()
+
+
+def test_build_requirements(checkout: Path, tmp_path: Path) -> None:
+    """The build asks for the ziglang wheel only where there is no compiler, never for an sdist."""
+    compiler = write_program(tmp_path / "gcc", "exit 0")
+    for hook in ("get_requires_for_build_wheel()", "get_requires_for_build_editable()"):
+        with_compiler = build_backend(checkout, hook, PATH=str(compiler.parent), CC="")
+        assert "ziglang" not in with_compiler
+        assert "ziglang" in build_backend(checkout, hook, PATH=str(tmp_path / "empty"), CC="")
+    sdist = build_backend(checkout, "get_requires_for_build_sdist()", PATH="/nowhere", CC="")
+    assert "ziglang" not in sdist
