@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """robot_state_publisher: joint states in, the robot's transforms out.
 
 Run it alone with ``python -m onebot_description.robot_state_publisher [FILE] --ros-args ...``;

@@ -1,8 +1,12 @@
 """Helpers shared by the tests."""
 
+import os
+import shutil
 import time
 from collections.abc import Callable
 from typing import TypeVar
+
+import pytest
 
 T = TypeVar("T")
 
@@ -26,3 +30,14 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = 60.0) -> T:
         if time.monotonic() > deadline:
             raise AssertionError(f"waited {timeout:g} s in vain for {what}")
         time.sleep(0.02)
+
+
+def require_program(name: str) -> str:
+    """Return the path of a program; skip where it is missing, but fail in CI, which installs it."""
+    path = shutil.which(name)
+    if path is None:
+        missing = f'this test needs the program "{name}": apt-get install {name} (colcon: pip)'
+        if os.environ.get("CI"):
+            pytest.fail(missing)
+        pytest.skip(missing)
+    return path

@@ -1,0 +1,159 @@
+"""One tree that pip installs and colcon builds, registered where ROS tools look."""
+
+import ast
+import os
+import shutil
+import site
+import subprocess
+import sys
+import venv
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+# The architecture's table: what each folder may import.
+MAY_IMPORT = {
+    "onebot_description": set(),
+    "onebot_control": {"onebot_description"},
+    "onebot_bringup": {"onebot_description", "onebot_control"},
+    "mrm_description": {"onebot_bringup", "onebot_description"},
+}
+DATA = ("urdf", "meshes", "config")
+
+
+def _manifest(package: str) -> ElementTree.Element:
+    return ElementTree.parse(CHECKOUT / package / "package.xml").getroot()
+
+
+def test_top_level_folders_are_the_fixed_ones():
+    """No package folder stands beside those the project has."""
+    tracked = subprocess.run(
+        ["git", "ls-files"], cwd=CHECKOUT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    folders = {path.split("/")[0] for path in tracked if "/" in path}
+    assert folders <= {*MAY_IMPORT, "tests", ".ci", "docs"}
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_folder_is_a_python_and_a_ros_package(package):
+    """It holds what both need, under one name, and its manifest is of format 3."""
+    folder = CHECKOUT / package
+    for name in ("__init__.py", "py.typed", "package.xml", "CMakeLists.txt"):
+        assert (folder / name).is_file(), name
+    root = _manifest(package)
+    assert root.get("format") == "3"
+    assert root.findtext("name") == package
+    assert f"project({package} " in (folder / "CMakeLists.txt").read_text()
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_imports_and_manifest_run_one_way(package):
+    """Modules import, and package.xml depends on, only what the architecture allows."""
+    imported = set()
+    for path in (CHECKOUT / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{path}: relative import"
+                imported.add(str(node.module).split(".")[0])
+    ours = set(MAY_IMPORT) - {package}
+    assert imported & ours <= MAY_IMPORT[package]
+    depends = {element.text for element in _manifest(package).iter("exec_depend")}
+    assert depends & ours <= MAY_IMPORT[package]
+    assert imported & ours <= depends | {"onebot_description"}
+
+
+def test_every_data_folder_is_in_the_table():
+    """A data folder forgotten in pyproject.toml would go unnoticed in a checkout."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+    table = project["tool"]["hatch"]["build"]["targets"]["wheel"]["shared-data"]
+    for package in MAY_IMPORT:
+        cmake = (CHECKOUT / package / "CMakeLists.txt").read_text()
+        for name in DATA:
+            if (CHECKOUT / package / name).is_dir():
+                assert table[f"{package}/{name}"] == f"share/{package}/{name}"
+                assert name in cmake.partition("DIRECTORY")[2].partition("DESTINATION")[0]
+        assert table[f"{package}/package.xml"] == f"share/{package}/package.xml"
+        marker = f"share/ament_index/resource_index/packages/{package}"
+        assert table[f"{package}/py.typed"] == marker
+
+
+def _environment_without_ros_variables() -> dict[str, str]:
+    dropped = ("AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")
+    return {name: value for name, value in os.environ.items() if name not in dropped}
+
+
+def _copy_of_checkout(folder: Path) -> Path:
+    ignore = shutil.ignore_patterns(".*", "__pycache__", "*.so", "tests")
+    copy = shutil.copytree(CHECKOUT, folder / "checkout", ignore=ignore)
+    shutil.copy(CHECKOUT / ".gitignore", copy)
+    return Path(copy)
+
+
+def _fresh_environment(folder: Path) -> Path:
+    """An environment without this project, whose dependencies are those of the running one."""
+    venv.create(folder / "venv", with_pip=False)
+    python = folder / "venv/bin/python"
+    target = next((folder / "venv/lib").glob("python*/site-packages"))
+    # addsitedir would run the .pth files of an editable install of this project: only add the path.
+    (target / "dependencies.pth").write_text("\n".join(site.getsitepackages()) + "\n")
+    return python
+
+
+def _install(python: Path, *args: str) -> None:
+    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", "--no-deps"]
+    subprocess.run([*pip, *args], check=True, env=_environment_without_ros_variables())
+
+
+def _say(python: Path, code: str, cwd: Path) -> str:
+    environment = _environment_without_ros_variables()
+    # The wheels' start-up hook is not run for a path that a .pth adds: name the libraries instead.
+    environment["LD_LIBRARY_PATH"] = os.environ.get("LD_LIBRARY_PATH", "")
+    environment["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] = "1"
+    done = subprocess.run(
+        [str(python), "-c", code], env=environment, cwd=cwd, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+WHERE = (
+    "from onebot_description.ament import package_share;"
+    "from onebot_description.tf.tf_message import TFMessage;"
+    "import xacro;"
+    "share = package_share('mrm_description');"
+    "from ament_index_python import get_package_share_directory as find;"
+    "assert find('mrm_description') == str(share);"
+    "from onebot_description.description import load_description;"
+    "print(share, load_description(share / 'urdf/mrm.xacro').robot_name)"
+)
+
+
+def test_regular_install_registers_the_packages(tmp_path):
+    """From a wheel, $(find pkg) and ament_index work with no variable set by the user."""
+    python = _fresh_environment(tmp_path)
+    _install(python, str(_copy_of_checkout(tmp_path)))
+    share = tmp_path / "venv/share/mrm_description"
+    assert _say(python, WHERE, tmp_path) == f"{share} mrm"
+    scripts = {path.name for path in (tmp_path / "venv/bin").iterdir()}
+    assert {"onebot", "mrm_bringup"} <= scripts
+
+
+def test_editable_install_sees_an_edited_xacro_at_once(tmp_path):
+    """The checkout's own files come first, not the copies made when it was installed."""
+    python = _fresh_environment(tmp_path)
+    checkout = _copy_of_checkout(tmp_path)
+    _install(python, "-e", str(checkout))
+    xacro = checkout / "mrm_description/urdf/mrm.xacro"
+    xacro.write_text(xacro.read_text().replace('name="mrm"', 'name="edited"'))
+    share, name = _say(python, WHERE, tmp_path).rsplit(" ", 1)
+    assert name == "edited"
+    assert Path(share).resolve() == checkout / "mrm_description"
