@@ -1,0 +1,31 @@
+#!/usr/bin/env python3
+"""Brings MRM up: its joint moves as config/joints.yaml says, and the viewer shows it."""
+
+import sys
+from collections.abc import Sequence
+
+from onebot_bringup.bringup import Robot, bring_up
+from onebot_bringup.cli.run import run_command
+from onebot_description.ament import package_share
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Bring MRM up until Ctrl-C; ``mrm_bringup --help`` lists the arguments."""
+    words = sys.argv[1:] if argv is None else argv
+
+    def launch() -> int:
+        share = package_share("mrm_description").resolve()  # where edits are made
+        mrm = Robot(
+            program="mrm_bringup",
+            summary="Brings MRM up on ROS 2, moving, and shows it.",
+            model=str(share / "urdf/mrm.xacro"),
+            joints=str(share / "config/joints.yaml"),
+            view=str(share / "config/view.yaml"),
+        )
+        return bring_up(mrm, words)
+
+    return run_command(launch, see="mrm_bringup --help", interrupted=0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,93 @@
+"""Runs the commands that README.md shows, as a reader would; only the standard library.
+
+``python tests/readme.py run N`` runs the N-th shell block to its end; ``until-up N`` runs it until the
+robot it brings up is up, then presses Ctrl-C.
+"""
+
+import os
+import re
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+UP = "Ctrl-C stops everything"
+BRINGUP = re.compile(r"\b(mrm_bringup|onebot view)\b(?!.*(--help|--show-args))")
+
+
+def blocks() -> list[str]:
+    """Return the shell blocks of the README, in order."""
+    return re.findall(r"```sh\n(.*?)```", README.read_text(), re.DOTALL)
+
+
+def run(command: str, cwd: Path = README.parent) -> int:
+    """Run a command to its end; its exit code."""
+    return subprocess.run(["bash", "-c", command], cwd=cwd).returncode
+
+
+def run_until_up(
+    command: str, cwd: Path = README.parent, timeout: float = 900.0
+) -> tuple[int, str]:
+    """Run a command until it says that the robot is up, press Ctrl-C, and wait for its end.
+
+    Returns:
+        The exit code, and all that was printed.
+
+    Raises:
+        TimeoutError: it did not come up, or did not stop.
+    """
+    process = subprocess.Popen(
+        ["bash", "-c", command],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + timeout
+    output = b""
+    interrupted = False
+    assert process.stdout is not None
+    os.set_blocking(process.stdout.fileno(), False)
+    with selectors.DefaultSelector() as selector:
+        selector.register(process.stdout, selectors.EVENT_READ)
+        while True:
+            if selector.select(0.1):
+                piece = process.stdout.read()
+                if piece == b"":
+                    break
+                output += piece or b""
+                sys.stdout.write((piece or b"").decode(errors="replace"))
+                sys.stdout.flush()
+            if not interrupted and _is_up(output):
+                interrupted = True
+                os.killpg(process.pid, signal.SIGINT)
+            if time.monotonic() > deadline:
+                os.killpg(process.pid, signal.SIGKILL)
+                raise TimeoutError(f"{'did not stop' if interrupted else 'did not come up'}")
+    return process.wait(30), output.decode(errors="replace")
+
+
+def _is_up(output: bytes) -> bool:
+    text = output.decode(errors="replace")
+    return UP in text and "showing " in text
+
+
+def main() -> int:
+    """Run what the command line asks for."""
+    verb, number = sys.argv[1], int(sys.argv[2])
+    command = blocks()[number - 1]
+    print(f"$ {command}", flush=True)
+    if verb == "run":
+        return run(command)
+    code, output = run_until_up(command)
+    if "Traceback" in output:
+        print("the output holds a traceback")
+        return 1
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
