@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """joint_state_publisher: joint states from YAML, moving as soon as the file is saved.
 
 Run it alone with ``joint_state_publisher [FILE] --ros-args --params-file joints.yaml``; FILE
@@ -38,25 +39,29 @@ import argparse
 import sys
 from array import array
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.utilities import remove_ros_args
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.errors import OneBotError
+from onebot_description.errors import DescriptionError, OneBotError
 from onebot_description.joints.arguments import RosArguments, ros_arguments
-from onebot_description.joints.config import DEFAULTS, GROUPS, JointsConfig
-from onebot_description.joints.parameter_files import read_files, silence
-from onebot_description.joints.parameter_yaml import Parameters
+from onebot_description.joints.config import DEFAULTS, JointsConfig
+from onebot_description.joints.live_parameters import LiveParameters
+from onebot_description.joints.parameter_files import read_files
 from onebot_description.joints.plan import Plan
 from onebot_description.joints.problems import ConfigError, Problem
 from onebot_description.joints.source import JointStateSource
@@ -70,7 +75,7 @@ _ANY_SENDER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LOOK_EVERY = 0.05  # seconds between looks at the files
 _PATIENCE = 2.0  # seconds without a description before saying so
 _WARN_EVERY = 5.0  # seconds
-_NO_ARGUMENTS = RosArguments((), ())
+_NO_ARGUMENTS = RosArguments()
 
 
 @dataclass(frozen=True)
@@ -103,22 +108,20 @@ class JointStatePublisher(Node):
             OneBotError: the parameters or the description cannot be used.
         """
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
-        self._message = JointState()
-        self._timer = None
-        self._sources: dict[str, Any] = {}
-        self._said: set[Problem] = set()
-        self._broken = False
-        self._began: int | None = None
-        self._places: Mapping[str, str] = {}
-        self._arguments = arguments
         self._description_file = description_file
-        self._file = self._declare()
-        self._pinned = {
-            name: self._state.values[name]
-            for name in self._names_set()
-            if name in self._state.values
-            and self._state.values[name] != self._file.values.get(name)
-        }
+        self._message = JointState()
+        self._timer: Timer | None = None
+        self._sources: dict[str, Subscription] = {}
+        self._said: set[Problem] = set()
+        self._broken: set[str] = set()
+        self._refused: Description | None = None
+        self._unread = False
+        self._began: int | None = None
+        self._places: Mapping[str, str] = {}  # of the file being taken up
+        self._live = LiveParameters(arguments.files, self.get_fully_qualified_name())
+        self._state = self._declare(
+            [name for node, name in arguments.names if node in ("", self.get_name())]
+        )
         self._publisher = self.create_publisher(JointState, "joint_states", 10)
         self._start()
         self.add_on_set_parameters_callback(self._validate)
@@ -130,50 +133,38 @@ class JointStatePublisher(Node):
 
     # Parameters ------------------------------------------------------------------------------
 
-    def _declare(self) -> Parameters:
+    def _declare(self, given: Sequence[str]) -> _State:
         """Declare every parameter that anybody set, and the rest with its default.
 
         Types are left open, so that 10 and 10.0 are both right and the checks are all ours.
         """
-        file = read_files(self._arguments.files, self.get_fully_qualified_name())
-        names = [*DEFAULTS, "robot_description", "config_file", *file.values, *self._names_set()]
-        for name in dict.fromkeys(names):
+        defaults = {**DEFAULTS, "robot_description": "", "config_file": ""}
+        for name in dict.fromkeys([*defaults, *self._live.file.values, *given]):
             if not self.has_parameter(name):
-                default = DEFAULTS.get(name, "" if name in ("robot_description",) else None)
+                default = defaults.get(name) or None
                 self.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True))
-        if not self.get_parameter("source_list").value:
-            self.set_parameters([_parameter("source_list", [])])
+        unset = [name for name in defaults if self.get_parameter(name).value is None]
+        self.set_parameters([_parameter(name, defaults[name]) for name in unset])
         values = self._current_values()
-        if values.get("config_file"):
-            file = read_files(self._files(values), self.get_fully_qualified_name())
-            self.set_parameters([_parameter(name, value) for name, value in file.values.items()])
+        config_file = values["config_file"]
+        if isinstance(config_file, str) and config_file:
+            self._live.add(config_file)
+            written = self._live.file.values
+            self.set_parameters([_parameter(name, value) for name, value in written.items()])
             values = self._current_values()
+        self._live.pin(given, values)
+        if self._live.remark:
+            self.get_logger().warning(self._live.remark)
         try:
-            self._state = _State(values, JointsConfig.from_parameters(values))
+            config = JointsConfig.from_parameters(values)
+            self._check_rest(config, values)
         except ConfigError as error:
-            raise error.located(file.places) from None
-        remark = silence(file, self._files(values), self.get_fully_qualified_name())
-        if remark:
-            self.get_logger().warning(remark)
-        return file
-
-    def _names_set(self) -> list[str]:
-        """Names of the parameters set for this node on the command line."""
-        return [n for node, n in self._arguments.names if node in ("", self.get_name())]
+            raise error.located(self._live.places(values)) from None
+        return _State(values, config)
 
     def _current_values(self) -> dict[str, Any]:
         parameters = self.get_parameters_by_prefix("")
         return {n: _plain(p.value) for n, p in parameters.items() if p.value is not None}
-
-    def _files(self, values: Mapping[str, Any]) -> list[Path]:
-        """The parameter files, the later the stronger."""
-        extra = values.get("config_file")
-        return [*self._arguments.files, *([Path(extra)] if extra else [])]
-
-    def _watched(self) -> list[Path]:
-        known = self._state.description
-        from_file = self._description_file or _is_path(self._state.values)
-        return [*self._files(self._state.values), *(known.files if known and from_file else ())]
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         values = dict(self._state.values)
@@ -184,10 +175,7 @@ class JointStatePublisher(Node):
         try:
             self._next = self._prepare(values)
         except ConfigError as error:
-            return SetParametersResult(
-                successful=False,
-                reason=str(error.located(self._places)) if self._places else str(error),
-            )
+            return SetParametersResult(successful=False, reason=str(error.located(self._places)))
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -196,33 +184,58 @@ class JointStatePublisher(Node):
         """Check parameters against each other, the files and the robot; change nothing."""
         old = self._state
         config = JointsConfig.from_parameters(values)
-        self._check_sources(config)
-        if values.get("config_file") != old.values.get("config_file"):
-            read_files(self._files(values), self.get_fully_qualified_name())
+        self._check_rest(config, values)
+        config_file = values.get("config_file")
+        if config_file and config_file != old.values.get("config_file"):
+            read_files([Path(config_file)], self.get_fully_qualified_name())
         text = values.get("robot_description")
         if text and text != old.values.get("robot_description"):
             description = _load(text)
             source = JointStateSource.from_description(description, config, previous=old.source)
             return _State(values, config, description, source)
+        if self._refused is not None:
+            # A joint renamed in both files: the description waited for these parameters.
+            with suppress(ConfigError):
+                source = JointStateSource.from_description(
+                    self._refused, config, previous=old.source
+                )
+                return _State(values, config, self._refused, source)
         plan = old.source.prepare(config) if old.source else None
         return _State(values, config, old.description, old.source, plan)
 
-    def _accept(self, _: Sequence[Parameter]) -> None:
+    def _accept(self, parameters: Sequence[Parameter]) -> None:
         self._take_up(self._next)
+        if any(parameter.name == "config_file" for parameter in parameters):
+            # What it says cannot be set from within this callback.
+            self._live.add(self._state.values.get("config_file", ""))
+            self._unread = True
 
-    def _check_sources(self, config: JointsConfig) -> None:
+    def _check_rest(self, config: JointsConfig, values: Mapping[str, Any]) -> None:
+        """Check what JointsConfig cannot: topic names, and the parameters of the node itself."""
+        problems = [
+            Problem(name, f"{values[name]} is no text; write a path in quotes")
+            for name in ("robot_description", "config_file")
+            if not isinstance(values.get(name, ""), str)
+        ]
         own = self.resolve_topic_name("joint_states")
         for topic in config.source_list:
-            if self.resolve_topic_name(topic) == own:
+            try:
+                validate_topic_name(topic)
+                same = self.resolve_topic_name(topic) == own
+            except InvalidTopicNameException as error:
+                problems.append(Problem("source_list", " ".join(str(error).split())))
+                continue
+            if same:
                 text = f"{topic} is the topic this node publishes; name another one"
-                raise ConfigError([Problem("source_list", text)])
+                problems.append(Problem("source_list", text))
+        if problems:
+            raise ConfigError(problems)
 
     # Taking up parameters and descriptions ---------------------------------------------------
 
     def _start(self) -> None:
         """Take up the description that is already at hand, or wait for one on the topic."""
-        text = self._state.values.get("robot_description")
-        self._check_sources(self._state.config)
+        text = self._state.values["robot_description"]
         if self._description_file:
             self._use(load_description(self._description_file))
         elif text:
@@ -241,8 +254,25 @@ class JointStatePublisher(Node):
         try:
             source = JointStateSource.from_description(description, old.config, previous=old.source)
         except ConfigError as error:
-            raise error.located(self._file.places) from None
+            raise error.located(self._live.places(old.values)) from None
         self._take_up(_State(old.values, old.config, description, source))
+
+    def _offer(self, description: Description) -> None:
+        """Go over to ``description`` if the parameters suit it, and say why if they do not.
+
+        Raises:
+            ConfigError: they do not, and there is no description so far.
+        """
+        try:
+            self._use(description)
+        except ConfigError as error:
+            if self._state.source is None:
+                raise
+            self._refused = description
+            if self._live.names in self._broken:
+                self._reload_parameters()
+            if self._refused is not None:
+                self._keep("the new robot description", error)
 
     def _take_up(self, state: _State) -> None:
         old, self._state = self._state, state
@@ -250,6 +280,7 @@ class JointStatePublisher(Node):
             if state.plan is not None:
                 state.source.apply(state.plan)
             if state.source is not old.source:
+                self._refused = None
                 self._introduce(state.source)
             self._report(state)
             if self._timer is None or state.config.rate != old.config.rate:
@@ -264,12 +295,7 @@ class JointStatePublisher(Node):
     def _report(self, state: _State) -> None:
         """Say once what the parameters ask in excess of limits."""
         assert state.source is not None
-        written = self._file.values
-        places = {
-            key: place
-            for key, place in self._file.places.items()
-            if state.values.get(key) == written.get(key)
-        }
+        places = self._live.places(state.values)
         for problem in state.source.reports:
             if problem not in self._said:
                 self.get_logger().warning(problem.message(places))
@@ -295,13 +321,11 @@ class JointStatePublisher(Node):
         if known is not None and message.data == known.urdf:
             return
         try:
-            self._use(parse_description(message.data, "robot_description"))
-        except ConfigError as error:
-            if known is None:
-                raise
-            self._keep("the new robot description", error)
-        except OneBotError as error:
+            description = parse_description(message.data, "robot_description")
+        except DescriptionError as error:
             self._keep("the robot description", error)
+        else:
+            self._offer(description)
 
     def _on_source(self, topic: str, message: JointState) -> None:
         if self._state.source is None:
@@ -346,72 +370,72 @@ class JointStatePublisher(Node):
 
     # Files -----------------------------------------------------------------------------------
 
+    def _watched(self) -> list[Path]:
+        description = self._state.description
+        from_file = self._description_file or _is_path(self._state.values)
+        return [*self._live.files, *(description.files if description and from_file else ())]
+
     def _look(self) -> None:
         """Take up what was saved since the last look."""
         self._watch.watch(self._watched())
         saved = self._watch.saved()
-        if any(file in saved for file in self._files(self._state.values)):
+        if self._unread or any(file in saved for file in self._live.files):
+            self._unread = False
             self._reload_parameters()
-        known = self._state.description
-        if known is not None and any(file in saved for file in known.files):
+        if any(file not in self._live.files for file in saved):
             self._reload_description()
 
     def _reload_parameters(self) -> None:
         """Set every parameter as the files say; what they do not name goes back to its default."""
-        files = self._files(self._state.values)
-        names = ", ".join(str(file) for file in files)
-        node = self.get_fully_qualified_name()
+        names, before = self._live.names, self._live.file
         try:
-            file = read_files(files, node)
+            file = self._live.read()
+            overruled = self._live.overruled(file)
+            changes = self._live.changes(file, self._state.values)
+            self._live.file = file
+            self._set_all(changes, file.places)
         except OneBotError as error:
+            self._live.file = before
             self._keep(names, error)
             return
-        changes = self._changes(file)
-        self._places = file.places
-        before, self._file = self._file, file
+        mended = "mended, " if names in self._broken else ""
+        self._broken.discard(names)
+        said = f"applied, changed: {listing(changes)}" if changes else "applied, nothing changed"
+        self.get_logger().info(f"{names}: {mended}{said}")
+        for name in overruled:
+            self.get_logger().warning(f"{name} is set on the command line, which comes first")
+        if self._live.remark:
+            self.get_logger().warning(self._live.remark)
+
+    def _set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
+        """Set all parameters or none.
+
+        Raises:
+            OneBotError: they were refused.
+        """
+        if not changes:
+            return
+        self._places = places
         try:
-            result = self.set_parameters_atomically(changes) if changes else None
+            parameters = [_parameter(name, value) for name, value in changes.items()]
+            result = self.set_parameters_atomically(parameters)
         finally:
             self._places = {}
-        if result is not None and not result.successful:
-            self._file = before
-            self._keep(names, OneBotError(result.reason))
-            return
-        said = f"applied, changed: {listing(c.name for c in changes)}" if changes else "no change"
-        self.get_logger().info(f"{names}: {'mended, ' if self._broken else ''}{said}")
-        self._broken = False
-        remark = silence(file, files, node)
-        for text in [remark] if remark else []:
-            self.get_logger().warning(text)
-
-    def _changes(self, file: Parameters) -> list[Parameter]:
-        """What to set so that the parameters are as ``file`` and the command line say."""
-        current = self._state.values
-        wanted = {**DEFAULTS, **file.values, **self._pinned}
-        changes = [
-            _parameter(name, value)
-            for name, value in wanted.items()
-            if name not in current
-            or current[name] != value
-            or type(current[name]) is not type(value)
-        ]
-        gone = [n for n in current if n.split(".")[0] in GROUPS and n not in DEFAULTS]
-        changes += [_parameter(name, None) for name in gone if name not in wanted]
-        for name in self._pinned:
-            if file.values.get(name) != self._file.values.get(name):
-                self.get_logger().warning(f"{name} is set on the command line, which comes first")
-        return changes
+        if not result.successful:
+            raise OneBotError(result.reason)
 
     def _reload_description(self) -> None:
         path = self._description_file or self._state.values["robot_description"]
         try:
-            self._use(load_description(path))
-        except OneBotError as error:
+            description = load_description(path)
+        except DescriptionError as error:
             self._keep(str(path), error)
+        else:
+            self._offer(description)
 
     def _keep(self, what: str, error: OneBotError) -> None:
         """Say why something new was not taken up."""
-        self._broken = True
+        self._broken.add(what)
         self.get_logger().error(f"{what} not applied, the robot goes on as before:\n{error}")
 
 
@@ -445,8 +469,8 @@ def main(args: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("description", nargs="?", metavar="FILE", help="URDF or xacro file")
-    chosen = parser.parse_args(remove_ros_args(arguments)[1:])
     ros = ros_arguments(arguments)
+    chosen = parser.parse_args(ros.others)
     try:
         # rcl would refuse a broken file too, but say neither where nor what to write.
         read_files(ros.files, "/joint_state_publisher")

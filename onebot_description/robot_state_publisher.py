@@ -39,12 +39,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
-from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
+from onebot_description.joints.arguments import ros_arguments
 from onebot_description.model import RobotModel
 from onebot_description.ros import run_node
 from onebot_description.tf.messages import joint_state_arrays, to_message
@@ -204,7 +204,7 @@ def _parse(urdf: str) -> Description:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; returns the exit code."""
-    files = remove_ros_args(list(sys.argv if args is None else args))[1:]
+    files = ros_arguments(sys.argv if args is None else args).others[1:]
 
     def make_node() -> RobotStatePublisher:
         if len(files) > 1:

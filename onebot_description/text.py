@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterable
 
-_MOST_LISTED = 20
+_MOST_LISTED = 12
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -19,7 +19,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def listing(names: Iterable[str], most: int = _MOST_LISTED) -> str:
-    """Return ``names`` sorted and joined by commas, cut short after ``most`` of them."""
+    """Return ``names`` sorted and joined by commas; if there are many, the first ``most``."""
     known = sorted(set(names))
     if not known:
         return "none"
@@ -31,6 +31,7 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     """Return what to append to a message about an unknown ``name``.
 
     It reads for example `` (did you mean "link1"? known: base_link, link1)``, with a leading space.
+    Of many candidates only the most alike are listed.
 
     Args:
         name: what was written.
@@ -40,4 +41,9 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     known = list(candidates)
     guess = nearest(name, known)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
+    rest = len(set(known)) - _MOST_LISTED
+    if rest > 0:
+        # The likeliest first: an alphabet's beginning would help nobody.
+        alike = difflib.get_close_matches(name, set(known), n=_MOST_LISTED, cutoff=0.0)
+        return f" ({question}{what}: {', '.join(alike)}, and {rest} more)"
     return f" ({question}{what}: {listing(known)})"

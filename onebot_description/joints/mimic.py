@@ -1,0 +1,150 @@
+"""Joints that follow others: chains folded to one factor and offset on the joint that leads."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_description.description import JointSpec
+from onebot_description.joints.config import Dependent
+from onebot_description.joints.limits import FloatArray, Limits
+from onebot_description.joints.problems import ConfigError, Problem
+from onebot_description.text import did_you_mean
+
+Followers = Mapping[str, Dependent]
+
+
+@dataclass(frozen=True)
+class Following:
+    """Who leads whom: joint i stands at ``position[leader[i]] * factor[i] + offset[i]``.
+
+    A joint that follows none leads itself, with factor 1 and offset 0.
+
+    Attributes:
+        leader: (N,) index.
+        factor: (N,).
+        offset: (N,), rad or m.
+    """
+
+    leader: NDArray[np.intp]
+    factor: FloatArray
+    offset: FloatArray
+
+    @property
+    def follows(self) -> NDArray[np.bool_]:
+        """(N,), true for the joints that follow another."""
+        return np.asarray(self.leader != np.arange(len(self.leader)))
+
+
+def followers(
+    joints: Sequence[JointSpec], dependent: Followers, use_mimic_tags: bool
+) -> dict[str, Dependent]:
+    """Join the description's mimic tags and the ``dependent_joints``, which come first."""
+    tags = {
+        joint.name: Dependent(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
+        for joint in joints
+        if use_mimic_tags and joint.mimic is not None
+    }
+    return {**tags, **dependent}
+
+
+def resolve(
+    joints: Sequence[JointSpec], all_joints: Sequence[JointSpec], links: Followers
+) -> Following:
+    """Fold chains of followers.
+
+    Args:
+        joints: the N movable joints.
+        all_joints: of the robot, to say what is wrong with a name.
+        links: follower name to what it depends on.
+
+    Raises:
+        ConfigError: a joint follows one that is missing, cannot move, or follows it in turn.
+    """
+    index = {joint.name: number for number, joint in enumerate(joints)}
+    kinds = {joint.name: joint.kind for joint in all_joints}
+    problems = [
+        Problem("", text)
+        for name, link in links.items()
+        if name in index and (text := _blame(name, link.parent, index, kinds))
+    ]
+    if problems:
+        raise ConfigError(problems)
+    count = len(joints)
+    leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
+    for name, number in index.items():
+        root, factor[number], offset[number] = _fold(name, links)
+        leader[number] = index[root]
+    return Following(leader, factor, offset)
+
+
+def narrow(
+    joints: Sequence[JointSpec], limits: Limits, following: Following
+) -> tuple[Limits, list[Problem]]:
+    """Narrow each leader's limits so that all its followers stay within theirs.
+
+    Returns:
+        Limits of all joints, and remarks on the leaders whose range became smaller.
+
+    Raises:
+        ConfigError: no position of the leader keeps a follower within its limits.
+    """
+    narrowed, problems, notes = limits.copy(), [], []
+    for follower in np.flatnonzero(following.follows).tolist():
+        leader = int(following.leader[follower])
+        before = narrowed.lower[leader], narrowed.upper[leader]
+        _narrow_one(narrowed, limits, following, follower)
+        after = narrowed.lower[leader], narrowed.upper[leader]
+        text = (
+            f'joint "{joints[follower].name}", which follows "{joints[leader].name}" as its'
+            f" position * {following.factor[follower]:g} + {following.offset[follower]:g},"
+            f" has limits [{limits.lower[follower]:g}, {limits.upper[follower]:g}]"
+        )
+        if after[0] > after[1]:
+            remedy = "mend the limits or the mimic tag, or set use_mimic_tags to false"
+            problems.append(Problem("", f"{text}, and no position suits both; {remedy}"))
+            narrowed.lower[leader], narrowed.upper[leader] = before
+        elif max(after[0] - before[0], before[1] - after[1]) > 1e-6:
+            notes.append(Problem("", f"{text}, so both keep to [{after[0]:g}, {after[1]:g}]"))
+    if problems:
+        raise ConfigError(problems)
+    return narrowed, notes
+
+
+def _blame(
+    name: str, parent: str, index: Mapping[str, int], kinds: Mapping[str, str]
+) -> str | None:
+    if parent in index:
+        return None
+    wrong = f"is {kinds[parent]}" if parent in kinds else "does not exist"
+    hint = did_you_mean(parent, [joint for joint in index if joint != name], "joints that move")
+    return f'joint "{name}" follows "{parent}", which {wrong}{hint}'
+
+
+def _fold(name: str, links: Followers) -> tuple[str, float, float]:
+    """Return the leader at the end of the chain, and the whole chain's factor and offset."""
+    seen, factor, offset = [name], 1.0, 0.0
+    while seen[-1] in links:
+        link = links[seen[-1]]
+        offset += factor * link.offset
+        factor *= link.factor
+        if link.parent in seen:
+            circle = " -> ".join([*seen[seen.index(link.parent) :], link.parent])
+            raise ConfigError([Problem("", f"joints follow one another in a circle: {circle}")])
+        seen.append(link.parent)
+    return seen[-1], factor, offset
+
+
+def _narrow_one(narrowed: Limits, limits: Limits, following: Following, follower: int) -> None:
+    leader, factor = following.leader[follower], following.factor[follower]
+    ends = np.array([limits.lower[follower], limits.upper[follower]]) - following.offset[follower]
+    if factor == 0.0:
+        inside = ends[0] <= 0.0 <= ends[1]
+        ends = np.array([-np.inf, np.inf]) if inside else np.array([np.inf, -np.inf])
+    else:
+        ends = np.sort(ends / factor)
+        speed = limits.velocity[follower] / abs(factor)
+        narrowed.velocity[leader] = min(narrowed.velocity[leader], speed)
+    narrowed.lower[leader] = max(narrowed.lower[leader], ends[0])
+    narrowed.upper[leader] = min(narrowed.upper[leader], ends[1])

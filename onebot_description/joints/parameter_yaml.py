@@ -1,0 +1,201 @@
+"""Reading ROS 2 parameter YAML as rcl does, but remembering the line of every parameter.
+
+rcl reads the file only once, when the process starts, and its errors name neither the parameter nor
+the remedy. Reading it again, while the node runs, is ours.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml  # type: ignore[import-untyped, unused-ignore]
+
+from onebot_description.joints.problems import ConfigError, Problem
+
+_MARK = "ros__parameters"
+_TRUE = {"y", "Y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"}
+_FALSE = {"n", "N", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF"}
+_INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
+_DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
+_INT64 = range(-(2**63), 2**63)
+
+
+@dataclass
+class Parameters:
+    """Parameters of one node.
+
+    Attributes:
+        values: dotted name to value.
+        places: dotted name to where it was written, such as ``joints.yaml:7``.
+        shared: names written in a section for several nodes (one with a wildcard).
+        sections: the node names that the file has sections for.
+    """
+
+    values: dict[str, Any] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
+    shared: set[str] = field(default_factory=set)
+    sections: list[str] = field(default_factory=list)
+
+    def update(self, later: "Parameters") -> None:
+        """Add another file's, which come first where both name a parameter."""
+        self.values.update(later.values)
+        self.places.update(later.places)
+        self.shared = (self.shared - later.values.keys()) | later.shared
+        self.sections += later.sections
+
+
+def read_parameters(text: str, name: str, node: str) -> Parameters:
+    """Read the parameters a file holds for one node.
+
+    Args:
+        text: the YAML.
+        name: of the file, for errors and places.
+        node: full name of the node, such as ``/joint_state_publisher``.
+
+    Raises:
+        ConfigError: the YAML is broken, or not ROS 2 parameter YAML.
+    """
+    return _File(name).read(text, node)
+
+
+def section_matches(section: str, node: str) -> bool:
+    """Whether a file's section name is for ``node``; ``*`` is one name, ``**`` any number."""
+    pattern = "/" + section.strip("/")
+    expression = re.escape(pattern).replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"/\w+")
+    return re.fullmatch(expression, node) is not None
+
+
+class _File:
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def read(self, text: str, node: str) -> Parameters:
+        root = self._compose(text)
+        sections: dict[str, Parameters] = {}
+        if isinstance(root, yaml.MappingNode):
+            self._sections(root, "", sections)
+        elif root is not None:
+            self._fail(root, "no map of node names")
+        found = Parameters(sections=list(sections))
+        for section, parameters in sections.items():
+            if section_matches(section, node):
+                found.update(parameters)
+        return found
+
+    def _compose(self, text: str) -> yaml.Node | None:
+        try:
+            for event in yaml.parse(text, Loader=yaml.SafeLoader):
+                if isinstance(event, yaml.AliasEvent):
+                    self._fail(event, f"ROS parameters know no aliases such as *{event.anchor}")
+            return yaml.compose(text, Loader=yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            reason = " ".join(part for part in (error.context, error.problem) if part)
+            raise self._error(mark, f"no YAML: {reason}") from None
+        except yaml.YAMLError as error:
+            raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
+
+    def _sections(self, node: yaml.Node, path: str, found: dict[str, Parameters]) -> None:
+        """Gather the parameters of each section; those of one name are put together."""
+        for key, value in self._pairs(node):
+            if key.value == _MARK:
+                shared = "*" in path
+                parameters = Parameters()
+                self._parameters(value, "", parameters)
+                parameters.shared = set(parameters.values) if shared else set()
+                found.setdefault(path or "/", Parameters()).update(parameters)
+            elif isinstance(value, yaml.MappingNode):
+                self._sections(value, f"{path}/{key.value.strip('/')}", found)
+            else:
+                self._fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
+
+    def _parameters(self, node: yaml.Node, prefix: str, found: Parameters) -> None:
+        for key, value in self._pairs(node):
+            name = prefix + key.value
+            if isinstance(value, yaml.MappingNode):
+                self._parameters(value, name + ".", found)
+                continue
+            result = self._value(name, value)
+            if result is not None:
+                found.values[name] = result
+                found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
+
+    def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+        if not isinstance(node, yaml.MappingNode):
+            self._fail(node, f'"{node.value}" stands where a map belongs')
+        seen: dict[str, int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self._fail(key, "a name must be a plain word")
+            if key.value in seen:
+                self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
+            seen[key.value] = key.start_mark.line + 1
+        return list(node.value)
+
+    def _value(self, name: str, node: yaml.Node) -> Any:
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(name, node)
+        values = [
+            self._scalar(name, item)
+            if isinstance(item, yaml.ScalarNode)
+            else self._fail(item, f"{name}: a list holds plain values only")
+            for item in node.value
+        ]
+        kinds = {type(value) for value in values}
+        if len(kinds) > 1:
+            remedy = (
+                "write all its numbers with a decimal point, as in 1.0"
+                if kinds == {int, float}
+                else "put quotes around its texts"
+            )
+            self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
+        # rcl cannot tell what kind an empty list is of, and takes it as not given.
+        return values or None
+
+    def _scalar(self, name: str, node: yaml.ScalarNode) -> bool | int | float | str:
+        text: str = node.value
+        if node.style:  # quoted, or a block of text
+            return text
+        if not text:
+            self._fail(node, f"{name}: has no value")
+        return plain_value(text)
+
+    def _error(self, mark: Any, text: str) -> ConfigError:
+        place = f"{self._name}:{mark.line + 1}" if mark else self._name
+        return ConfigError([Problem("", f"{place}: {text}")])
+
+    def _fail(self, at: Any, text: str) -> Any:
+        raise self._error(at.start_mark, text)
+
+
+def plain_value(text: str) -> bool | int | float | str:
+    """Return what rcl takes an unquoted word for: a bool, an integer, a double or a string."""
+    if text in _TRUE or text in _FALSE:
+        return text in _TRUE
+    readings: tuple[Callable[[str], int | float | None], ...] = (_integer, _double)
+    for reading in readings:
+        value = reading(text)
+        if value is not None:
+            return value
+    return text
+
+
+def _integer(text: str) -> int | None:
+    if not _INTEGER.fullmatch(text):
+        return None
+    digits = text.lstrip("+-").lower()
+    octal = len(digits) > 1 and digits[0] == "0" and digits[1] != "x"
+    try:
+        value = int(text, 8 if octal else 0)
+    except ValueError:  # such as 09
+        return None
+    return value if value in _INT64 else None
+
+
+def _double(text: str) -> float | None:
+    word = _NOT_FINITE.fullmatch(text)
+    if word:
+        return float(word[1] + word[2])
+    return float(text) if _DOUBLE.fullmatch(text) else None

@@ -1,0 +1,482 @@
+"""onebot_description.joint_state_publisher: the node as a process, heard and steered over DDS."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from tests.support import wait_for
+
+JOINT = "base_link__link_01"
+
+
+def urdf(*joints: str) -> str:
+    """A robot of a base and one link on each joint given, as XML of <joint> after its links."""
+    links = "".join(f'<link name="link_{number}"/>' for number in range(len(joints)))
+    return f'<robot name="mrm"><link name="base_link"/>{links}{"".join(joints)}</robot>'
+
+
+def joint(number: int, name: str = JOINT, kind: str = "revolute", inside: str = "") -> str:
+    """One joint; what moves has MRM's limits."""
+    limit = '<limit lower="-3.14" upper="3.14" velocity="0.5" effort="1000"/>'
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="base_link"/>'
+        f'<child link="link_{number}"/><axis xyz="0 0 1"/>'
+        f"{'' if kind == 'fixed' else limit}{inside}</joint>"
+    )
+
+
+MRM = urdf(joint(0))
+
+
+def yaml(lines: str) -> str:
+    """Parameter YAML of the node."""
+    body = "".join(f"    {line}\n" for line in lines.splitlines())
+    return f"joint_state_publisher:\n  ros__parameters:\n{body}"
+
+
+class Process:
+    """The node under test, its output gathered line by line."""
+
+    def __init__(self, *arguments: str) -> None:
+        command = [sys.executable, "-u", "-m", "onebot_description.joint_state_publisher"]
+        self.process = subprocess.Popen(
+            [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        self.output = ""
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.output += line
+
+    def says(self, words: str) -> str:
+        """Wait until the node has said ``words``."""
+        wait_for(lambda: words in self.output or self.process.poll() is not None, f'"{words}"')
+        assert words in self.output, self.output
+        return self.output
+
+    def ends(self) -> int:
+        """Wait for the process to end and return its exit code."""
+        code = self.process.wait(60)
+        self._reader.join(60)
+        return code
+
+    def stop(self) -> int:
+        """Press Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+        return self.ends()
+
+
+class Listener:
+    """A node that hears joint states, publishes what a test wants and sets parameters."""
+
+    def __init__(self) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node: Node = rclpy.create_node("listener", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.states: list[JointState] = []
+        self.node.create_subscription(JointState, "joint_states", self.states.append, 10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.description = self.node.create_publisher(String, "robot_description", latched)
+        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self.thread.start()
+
+    def hears(self, fits: Callable[[JointState], Any], what: str) -> JointState:
+        """Wait for a message, from now on, that fits."""
+        begin = len(self.states)
+
+        def found() -> list[JointState]:
+            return [state for state in self.states[begin:] if fits(state)]
+
+        return wait_for(found, what)[0]
+
+    def set(self, name: str, value: object, node: str = "/joint_state_publisher") -> str:
+        """Set a parameter; returns the reason of a refusal, empty when it was set."""
+        client = self.node.create_client(SetParameters, f"{node}/set_parameters")
+        wait_for(client.service_is_ready, "the parameter service")
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        future = client.call_async(SetParameters.Request(parameters=[parameter]))
+        wait_for(future.done, f"the answer to setting {name}")
+        result = future.result().results[0]
+        assert result.successful == (not result.reason)
+        return str(result.reason)
+
+    def get(self, name: str) -> Any:
+        """Get a parameter."""
+        client = self.node.create_client(GetParameters, "/joint_state_publisher/get_parameters")
+        wait_for(client.service_is_ready, "the parameter service")
+        future = client.call_async(GetParameters.Request(names=[name]))
+        wait_for(future.done, f"the value of {name}")
+        message = future.result().values[0]
+        return rclpy.parameter.parameter_value_to_python(message)
+
+    def close(self) -> None:
+        """End spinning and leave the graph."""
+        self.executor.shutdown()
+        self.thread.join(60)
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+Start = Callable[..., Process]
+
+
+@pytest.fixture
+def start(ros_domain: int) -> Iterator[Start]:
+    """Starts nodes, and ends those still there."""
+    started: list[Process] = []
+
+    def start_one(*arguments: str) -> Process:
+        started.append(Process(*arguments))
+        return started[-1]
+
+    yield start_one
+    for process in started:
+        process.process.kill()
+        process.process.wait()
+
+
+@pytest.fixture
+def listener(ros_domain: int) -> Iterator[Listener]:
+    """A listener in the test's domain."""
+    one = Listener()
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def mrm(tmp_path: Path) -> str:
+    """MRM as a file."""
+    file = tmp_path / "mrm.urdf"
+    file.write_text(MRM)
+    return str(file)
+
+
+def seconds(state: JointState) -> float:
+    """The stamp."""
+    return float(state.header.stamp.sec) + state.header.stamp.nanosec * 1e-9
+
+
+def test_a_saved_file_moves_the_robot(
+    start: Start, listener: Listener, mrm: str, tmp_path: Path
+) -> None:
+    """Broken saves keep the last good motion and say why; the mended one is applied.
+
+    All the while no step between two messages is faster than 0.5 rad/s.
+    """
+    file = tmp_path / "joints.yaml"
+    file.write_text(yaml("rate: 50"))
+    node = start(mrm, "--ros-args", "--params-file", str(file))
+    still = listener.hears(lambda s: True, "the first message")
+    assert list(still.name) == [JOINT]
+    assert list(still.position) == [0.0]
+    assert list(still.velocity) == list(still.effort) == []
+
+    good = f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.3}}"
+    file.write_text(yaml(good))
+    moving = listener.hears(lambda s: len(s.velocity), "a velocity")
+    assert abs(moving.velocity[0]) <= 0.5
+    listener.hears(lambda s: s.position[0] == 0.3, "the position saved")
+
+    for bad, words in (
+        (good.replace("position: 0.3", "positon: -0.3"), f"{file}:5: motions.{JOINT}.positon: no"),
+        (good.replace("0.3", "[0.3"), f"{file}:5: no YAML"),
+        (good.replace("0.3", ".nan"), f"{file}:5: motions.{JOINT}.position: nan is not finite"),
+        (good.replace(JOINT, "elbow"), 'motions.elbow: the robot has no joint "elbow" (joints'),
+        (good.replace("rate", "rates"), f'{file}:3: rates: no such parameter (did you mean "rate"'),
+    ):
+        file.write_text(yaml(bad))
+        node.says(words)
+        assert listener.hears(lambda s: True, "a message").position[0] == 0.3
+
+    fresh = tmp_path / "joints.yaml~"
+    fresh.write_text(yaml(good.replace("0.3", "-0.2")))
+    fresh.replace(file)
+    node.says("mended, applied")
+    listener.hears(lambda s: s.position[0] == -0.2, "the position mended")
+    assert node.stop() == 0
+    assert "Traceback" not in node.output
+    for one, two in zip(listener.states, listener.states[1:], strict=False):
+        span = seconds(two) - seconds(one)
+        assert abs(two.position[0] - one.position[0]) <= 0.5 * span + 1e-6
+
+
+def test_removing_a_motion_from_the_file_ends_it(
+    start: Start, listener: Listener, mrm: str, tmp_path: Path
+) -> None:
+    """Also one set live: a save makes everything as the file says, but -p comes first."""
+    file = tmp_path / "joints.yaml"
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.1}}"))
+    start(mrm, "--ros-args", "--params-file", str(file), "-p", "rate:=40")
+    listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
+    assert listener.set(f"motions.{JOINT}.position", 0.2) == ""
+    listener.hears(lambda s: s.position[0] == 0.2, "the position set")
+    file.write_text(yaml("publish_default_efforts: true"))
+    rest = listener.hears(lambda s: s.position[0] == 0.0 and not len(s.velocity), "rest")
+    assert list(rest.effort) == [0.0]
+    assert listener.get("rate") == 40
+    assert listener.get(f"motions.{JOINT}.position") is None
+
+
+def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, mrm: str) -> None:
+    """Each set takes effect or is refused with the reason; motions can be built up key by key."""
+    start(mrm, "--ros-args", "-p", "rate:=50.0")
+    listener.hears(lambda s: True, "the first message")
+    assert "above 0" in listener.set("rate", 0)
+    assert 'no pose "up"' in listener.set("pose", "up")
+    assert 'no such parameter (did you mean "rate"?' in listener.set("rates", 5)
+    assert 'no joint "elbow"' in listener.set("poses.up.elbow", 0.1)
+    assert "write a number" in listener.set("rate", "fast")
+    assert listener.set("rate", 100) == ""
+    assert listener.set(f"poses.up.{JOINT}", 0.2) == ""
+    assert listener.set("pose", "up") == ""
+    listener.hears(lambda s: s.position[0] == 0.2, "the pose")
+    assert listener.set("pose", "") == ""
+    assert listener.set(f"motions.{JOINT}.type", "sine") == ""
+    assert listener.set(f"motions.{JOINT}.frequency", 0.1) == ""
+    assert listener.set(f"motions.{JOINT}.amplitude", 0.2) == ""
+    listener.hears(lambda s: s.position[0] < -0.1, "the sine below")
+    listener.hears(lambda s: s.position[0] > 0.1, "the sine above")
+    assert listener.set(f"motions.{JOINT}.type", "constant") == ""
+    listener.hears(lambda s: s.position[0] == 0.0, "the constant")
+    assert listener.set("robot_description", MRM.replace(JOINT, "other")) != ""
+    assert listener.get("rate") == 100
+
+
+def test_the_description_comes_from_the_topic(start: Start, listener: Listener) -> None:
+    """Waiting is said; a broken one too; a new one takes over while it runs."""
+    node = start()
+    node.says("waiting for the robot description on /robot_description")
+    listener.description.publish(String(data="<robot"))
+    node.says("not applied")
+    listener.description.publish(String(data=MRM))
+    assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
+    two = urdf(joint(0), joint(1, "fixed_one", "fixed"), joint(2, "another"))
+    listener.description.publish(String(data=two))
+    state = listener.hears(lambda s: len(s.name) == 2, "two joints")
+    assert list(state.name) == [JOINT, "another"]
+    assert node.stop() == 0
+
+
+def test_mimic_joints_follow(start: Start, listener: Listener, tmp_path: Path) -> None:
+    """In the order of the description, chains resolved, as in the standard node's own test."""
+    file = tmp_path / "chain.urdf"
+    file.write_text(
+        urdf(
+            joint(0, "c"),
+            joint(1, "b", inside='<mimic joint="c" offset="0.1"/>'),
+            joint(2, "a", inside='<mimic joint="b" multiplier="-1"/>'),
+        )
+    )
+    start(str(file))
+    state = listener.hears(lambda s: True, "a message")
+    assert list(state.name) == ["c", "b", "a"]
+    assert list(state.position) == pytest.approx([0.0, 0.1, -0.1])
+
+
+def test_sources_count_more(start: Start, listener: Listener, mrm: str) -> None:
+    """Their values are passed on; messages that make no sense are ignored with a warning."""
+    node = start(mrm, "--ros-args", "-p", "source_list:=[measured]", "-p", "rate:=50")
+    measured = listener.node.create_publisher(JointState, "measured", 10)
+    listener.hears(lambda s: s.position[0] == 0.0, "the default")
+    wait_for(measured.get_subscription_count, "the subscription")
+    measured.publish(JointState(name=[JOINT, "other"], position=[0.7]))
+    node.says("message on measured ignored: 2 names but 1 values of position")
+    measured.publish(JointState(name=[JOINT], position=[float("nan")], velocity=[0.1]))
+    heard = listener.hears(lambda s: len(s.velocity), "the velocity measured")
+    assert (heard.position[0], heard.velocity[0]) == (0.0, 0.1)
+    measured.publish(JointState(name=[JOINT], position=[0.7], effort=[3.0]))
+    heard = listener.hears(lambda s: s.position[0] == 0.7, "the position measured")
+    assert list(heard.effort) == [3.0]
+    assert "joint_states" in listener.set("source_list", ["joint_states"])
+
+
+def test_a_namespace_applies_to_file_and_topics(
+    start: Start, listener: Listener, mrm: str, tmp_path: Path
+) -> None:
+    """As rcl does it at the start, so does the node when the file is saved; wildcards too."""
+    file = tmp_path / "joints.yaml"
+    text = "/**:\n  ros__parameters: {unknown_to_us: 1, rate: 50}\n/left/joint_state_publisher:\n"
+    text += f"  ros__parameters:\n    motions:\n      {JOINT}: {{position: 0.1}}\n"
+    file.write_text(text)
+    states: list[JointState] = []
+    listener.node.create_subscription(JointState, "/left/joint_states", states.append, 10)
+    start(mrm, "--ros-args", "-r", "__ns:=/left", "--params-file", str(file))
+    wait_for(lambda: states and states[-1].position[0] == 0.1, "the position in the file")
+    file.write_text(text.replace("0.1", "0.2"))
+    wait_for(lambda: states[-1].position[0] == 0.2, "the position saved")
+
+
+def test_config_file_is_read_and_watched(
+    start: Start, listener: Listener, mrm: str, tmp_path: Path
+) -> None:
+    """The parameter config_file does what --params-file does."""
+    file = tmp_path / "joints.yaml"
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.1}}"))
+    start(mrm, "--ros-args", "-p", f"config_file:={file}")
+    listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.2}}"))
+    listener.hears(lambda s: s.position[0] == 0.2, "the position saved")
+    assert "cannot be read" in listener.set("config_file", str(tmp_path / "none.yaml"))
+    other = tmp_path / "other.yaml"
+    other.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.3}}"))
+    assert listener.set("config_file", str(other)) == ""
+    listener.hears(lambda s: s.position[0] == 0.3, "the position in the other file")
+    other.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.1}}"))
+    listener.hears(lambda s: s.position[0] == 0.1, "the position saved there")
+
+
+def test_a_saved_description_is_taken_up(start: Start, listener: Listener, mrm: str) -> None:
+    """The file given on the command line is watched as well."""
+    start(mrm, "--ros-args", "-p", "rate:=50")
+    listener.hears(lambda s: True, "a message")
+    Path(mrm).write_text(MRM.replace(JOINT, "renamed"))
+    listener.hears(lambda s: list(s.name) == ["renamed"], "the new name")
+
+
+@pytest.mark.parametrize("description_first", [True, False])
+def test_a_joint_can_be_renamed_in_both_files(
+    start: Start, listener: Listener, mrm: str, tmp_path: Path, description_first: bool
+) -> None:
+    """Whichever is saved first is refused, with the reason, until the other is saved too."""
+    file = tmp_path / "joints.yaml"
+    file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{position: 0.1}}"))
+    node = start(mrm, "--ros-args", "--params-file", str(file))
+    listener.hears(lambda s: s.position[0] == 0.1, "the position")
+    edits = [
+        lambda: Path(mrm).write_text(MRM.replace(JOINT, "elbow")),
+        lambda: file.write_text(yaml("rate: 50\nmotions:\n  elbow: {position: 0.2}")),
+    ]
+    first, second = edits if description_first else edits[::-1]
+    first()
+    node.says("not applied")
+    assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
+    second()
+    listener.hears(lambda s: list(s.name) == ["elbow"] and s.position[0] == 0.2, "the new joint")
+
+
+def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> None:
+    """Stamps and speed go by /clock."""
+    start(mrm, "--ros-args", "-p", "use_sim_time:=true", "-p", f"motions.{JOINT}.position:=3.0")
+    clock = listener.node.create_publisher(Clock, "/clock", 10)
+    wait_for(clock.get_subscription_count, "the node's clock")
+    now = 100.0
+
+    def tick() -> bool:
+        nonlocal now
+        now += 0.05
+        whole = int(now)
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = whole, int((now - whole) * 1e9)
+        clock.publish(message)
+        return len(listener.states) > 20
+
+    wait_for(tick, "twenty messages")
+    first, last = listener.states[0], listener.states[20]
+    assert 100.0 <= seconds(first) <= seconds(last) <= now + 0.1
+    expected = 0.5 * (seconds(last) - seconds(first))
+    assert last.position[0] - first.position[0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -> None:
+    """With file and line, and the remedy."""
+    file = tmp_path / "joints.yaml"
+    motion = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
+    file.write_text(yaml(motion))
+    node = start(mrm, "--ros-args", "--params-file", str(file))
+    node.says("lower frequency to 0.07957")
+    file.write_text(yaml(f"rate: 20\n{motion}"))
+    node.says("applied, changed: rate")
+    assert node.output.count("lower frequency") == 1
+    assert f"{file}:4: motions.{JOINT}: sine of amplitude 1 at 0.2 Hz peaks" in node.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-p", "rate:=0"], "rate: 0 Hz; write one above 0"),
+        (["-p", "motions.elbow.position:=0.1"], f'no joint "elbow" (joints that move: {JOINT})'),
+        (["-p", "pose:=home"], 'pose: no pose "home"'),
+        (["-p", "speed:=1"], "speed: no such parameter"),
+        (["--params-file", "none.yaml"], "none.yaml: cannot be read"),
+        (["-p", "source_list:=[joint_states]"], "the topic this node publishes"),
+        (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
+        (["-p", "config_file:=5"], "config_file: 5 is no text"),
+        (["-p", "nonsense"], "bad ROS arguments"),
+    ],
+)
+def test_mistakes_at_the_start_end_it(
+    start: Start, mrm: str, arguments: list[str], words: str
+) -> None:
+    """With exit code 1 and one clear error, no traceback."""
+    node = start(mrm, "--ros-args", *arguments)
+    assert node.ends() == 1
+    assert words in node.output
+    assert "Traceback" not in node.output
+
+
+def test_a_broken_file_at_the_start_is_told_with_its_line(
+    start: Start, mrm: str, tmp_path: Path
+) -> None:
+    """Before rcl says less about it."""
+    file = tmp_path / "joints.yaml"
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{times: [0, 1.0]}}"))
+    node = start(mrm, "--ros-args", "--params-file", str(file))
+    assert node.ends() == 1
+    assert f"{file}:4: motions.{JOINT}.times: a list holds values of one kind" in node.output
+
+
+def test_a_missing_description_file_ends_it(start: Start) -> None:
+    """By name."""
+    node = start("nothing.urdf")
+    assert node.ends() == 1
+    assert "nothing.urdf" in node.output
+    assert "Traceback" not in node.output
+
+
+def test_a_robot_that_cannot_move_publishes_nothing(
+    start: Start, listener: Listener, tmp_path: Path
+) -> None:
+    """It says so, and waits for another description."""
+    file = tmp_path / "fixed.urdf"
+    file.write_text(urdf(joint(0, "only", "fixed")))
+    node = start(str(file), "--ros-args", "-p", "rate:=100")
+    node.says("no joint moves")
+    file.write_text(MRM)
+    listener.hears(lambda s: True, "a message")
+    assert all(list(state.name) == [JOINT] for state in listener.states)
+
+
+def test_it_costs_next_to_nothing(start: Start, listener: Listener, mrm: str) -> None:
+    """Fifty messages take far less processor time than the second they last."""
+    node = start(mrm, "--ros-args", "-p", "rate:=50")
+    listener.hears(lambda s: True, "the first message")
+    clock = os.sysconf("SC_CLK_TCK")
+
+    def used() -> float:
+        fields = Path(f"/proc/{node.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / clock
+
+    before, count = used(), len(listener.states)
+    wait_for(lambda: len(listener.states) >= count + 100, "a hundred messages")
+    assert used() - before < 1.0

@@ -1,0 +1,175 @@
+"""onebot_description.joints.config and .motion_config: parameters checked and converted."""
+
+import math
+from typing import Any
+
+import pytest
+
+from onebot_description.joints import ConfigError, Constant, JointsConfig, Keyframes, Sine
+from onebot_description.joints.config import Dependent, Sequence
+
+
+def refused(parameters: dict[str, Any]) -> str:
+    """The message with which ``parameters`` are refused."""
+    with pytest.raises(ConfigError) as caught:
+        JointsConfig.from_parameters(parameters)
+    return str(caught.value)
+
+
+def test_defaults_are_those_of_the_standard_node() -> None:
+    """Without parameters everything is as in joint_state_publisher."""
+    config = JointsConfig.from_parameters({})
+    assert config.rate == 10.0
+    assert config.publish_default_positions
+    assert not config.publish_default_velocities
+    assert not config.publish_default_efforts
+    assert config.use_mimic_tags
+    assert config.use_smallest_joint_limits
+    assert config.source_list == ()
+    assert config.delta == 0.0
+    assert not config.moves
+
+
+@pytest.mark.parametrize("rate", [10, 10.0])
+def test_rate_may_be_written_either_way(rate: float) -> None:
+    """An integer and a double are the same rate."""
+    assert JointsConfig.from_parameters({"rate": rate}).rate == 10.0
+
+
+@pytest.mark.parametrize("rate", [0, -1, 0.0, 1e9, math.nan, math.inf, "fast", True])
+def test_impossible_rates_are_refused(rate: object) -> None:
+    """A rate that no timer can have is named in the error."""
+    assert refused({"rate": rate}).startswith("rate: ")
+
+
+def test_nested_and_dotted_names_are_the_same() -> None:
+    """YAML nested in maps reads as ROS's dotted names."""
+    nested = {"zeros": {"elbow": 0.5}, "dependent_joints": {"a": {"parent": "b", "factor": 2}}}
+    dotted = {
+        "zeros.elbow": 0.5,
+        "dependent_joints.a.parent": "b",
+        "dependent_joints.a.factor": 2,
+    }
+    config = JointsConfig.from_parameters(nested)
+    assert config == JointsConfig.from_parameters(dotted)
+    assert config.dependent_joints == {"a": Dependent("b", 2.0, 0.0)}
+
+
+def test_joint_names_may_hold_dots() -> None:
+    """The last word is the key, all before it the joint."""
+    config = JointsConfig.from_parameters({"motions.arm.elbow.position": 0.5})
+    assert config.motions == {"arm.elbow": Constant(0.5)}
+
+
+@pytest.mark.parametrize(
+    ("written", "motion"),
+    [
+        ({"type": "constant", "position": 1}, Constant(1.0)),
+        ({"position": 0.25}, Constant(0.25)),
+        ({"amplitude": 1.0, "frequency": 0.1}, Sine(1.0, 0.1)),
+        (
+            {"type": "sine", "amplitude": 1, "frequency": 2, "offset": 3, "phase": 4},
+            Sine(1, 2, 4, 3),
+        ),
+        ({"type": "pose", "pose": "up"}, Constant(0.75, "up")),
+        ({"times": [0, 1], "positions": [0, 0.5]}, Keyframes((0, 1), (0, 0.5))),
+        (
+            {"times": [0.0, 2.0], "poses": ["up", "down"], "blend": "minimum_jerk", "loop": False},
+            Keyframes((0, 2), (0.75, -0.75), "minimum_jerk", False),
+        ),
+    ],
+)
+def test_every_kind_of_motion_is_read(written: dict[str, Any], motion: object) -> None:
+    """Types, with the type said or told by the keys."""
+    poses = {"up": {"elbow": 0.75}, "down": {"elbow": -0.75}}
+    config = JointsConfig.from_parameters({"poses": poses, "motions": {"elbow": written}})
+    assert config.motions["elbow"] == motion
+    assert config.moves
+    assert config.notes == ()
+
+
+def test_sequence_is_read() -> None:
+    """A sequence blends with minimum jerk and loops unless it says otherwise."""
+    poses = {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}}
+    written = {"poses": ["a", "b"], "durations": [1.0, 2.0]}
+    config = JointsConfig.from_parameters({"poses": poses, "sequence": written})
+    assert config.sequence == Sequence(("a", "b"), (1.0, 2.0), "minimum_jerk", True)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"rates": 5}, 'rates: no such parameter (did you mean "rate"?'),
+        ({"motions": {"a": {"frequncy": 1.0}}}, 'did you mean "frequency"?'),
+        ({"motions": {"a": {"type": "sinus"}}}, 'motions.a.type: no motion "sinus"'),
+        ({"motions": {"a": 1.0}}, "motions.a: write a map"),
+        (
+            {"motions": {"a": {"type": "constant", "position": "x"}}},
+            '"x" is a text; write a number',
+        ),
+        ({"motions": {"a": {"position": math.inf}}}, "inf is not finite"),
+        ({"motions": {"a": {"times": [0.0, math.nan], "positions": [0, 1]}}}, "not finite"),
+        ({"motions": {"a": {"times": [0, 1], "positions": [0]}}}, "2 times but 1 positions"),
+        ({"motions": {"a": {"times": [1, 1], "positions": [0, 1]}}}, "must increase"),
+        ({"motions": {"a": {"times": [-1, 1], "positions": [0, 1]}}}, "must increase"),
+        ({"motions": {"a": {"times": [0, 1]}}}, "either positions or poses"),
+        ({"motions": {"a": {"times": 1.0, "positions": [0]}}}, "write a list of numbers"),
+        ({"motions": {"a": {"amplitude": 1, "frequency": -1}}}, "is negative"),
+        ({"motions": {"a": {"pose": "hme"}}, "poses": {"home": {"a": 0}}}, 'did you mean "home"?'),
+        ({"motions": {"a": {"pose": "home"}}, "poses": {"home": {"b": 0}}}, "add poses.home.a"),
+        ({"pose": "up", "poses": {"home": {"a": 0}}}, 'pose: no pose "up" (poses: home)'),
+        ({"poses": {"home": {"a": "x"}}}, "poses.home.a: "),
+        ({"poses": {"home": 1.0}}, "poses.home: write a map"),
+        ({"sequence": ["home"]}, "sequence: write a map"),
+        ({"sequence": {"pose": ["home"]}}, 'did you mean "poses"?'),
+        (
+            {"poses": {"h": {"a": 0}}, "sequence": {"poses": ["h"], "durations": [1, 2]}},
+            "1 poses but 2 durations",
+        ),
+        (
+            {"poses": {"h": {"a": 0}}, "sequence": {"poses": ["h"], "durations": [0]}},
+            "above 0 s",
+        ),
+        ({"dependent_joints": {"a": {"factor": 1.0}}}, "write its parent"),
+        ({"dependent_joints": {"a": {"parent": "b", "facter": 1.0}}}, 'did you mean "factor"?'),
+        ({"delta": -0.1}, "delta: "),
+        ({"use_mimic_tags": "no"}, "write true or false"),
+        ({"use_mimic_tags": 1}, "write true or false"),
+        ({"source_list": "topic"}, "write a list of texts"),
+        ({"pose": 5}, 'write a text, such as "5"'),
+        ({"zeros": {"a": math.nan}}, "zeros.a: nan is not finite"),
+    ],
+)
+def test_mistakes_are_refused_with_the_remedy(parameters: dict[str, Any], words: str) -> None:
+    """Each mistake is named, with what would be right."""
+    assert words in refused(parameters)
+
+
+def test_all_mistakes_are_told_at_once() -> None:
+    """One line each."""
+    assert len(refused({"rate": 0, "delta": -1, "pose": 3}).splitlines()) == 3
+
+
+def test_places_lead_the_message() -> None:
+    """Told where a parameter was written, the message begins with that, even for a whole group."""
+    with pytest.raises(ConfigError) as caught:
+        JointsConfig.from_parameters({"rate": 0, "motions": {"a": {"times": [0]}}})
+    places = {"rate": "joints.yaml:3", "motions.a.times": "joints.yaml:7"}
+    lines = str(caught.value.located(places)).splitlines()
+    assert lines[0].startswith("joints.yaml:3: rate: ")
+    assert lines[1].startswith("joints.yaml:7: motions.a: ")
+
+
+def test_leftovers_of_another_type_are_only_noted() -> None:
+    """Setting type alone on a running node must not be stopped by the keys of the type before."""
+    written = {"type": "sine", "position": 1.0, "amplitude": 1.0}
+    config = JointsConfig.from_parameters({"motions": {"a": written}})
+    assert [note.key for note in config.notes] == ["motions.a.position", "motions.a"]
+    assert "only by type constant" in config.notes[0].text
+    assert "frequency" in config.notes[1].text
+
+
+def test_parameters_of_the_node_itself_are_passed_over() -> None:
+    """They say nothing about joints."""
+    others = {"use_sim_time": True, "robot_description": "<robot/>", "qos_overrides.a.b": 1}
+    assert JointsConfig.from_parameters(others) == JointsConfig()

@@ -1,0 +1,153 @@
+"""onebot_description.joints.parameter_yaml, .parameter_files: as rcl reads, with line numbers."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from onebot_description.joints.parameter_files import read_files, silence
+from onebot_description.joints.parameter_yaml import plain_value, read_parameters, section_matches
+from onebot_description.joints.problems import ConfigError
+
+NODE = "/ns/jsp"
+FILE = """\
+/**:
+  ros__parameters: {everywhere: 1, twice: first}
+/*/jsp:
+  ros__parameters: {star: 1}
+/**/jsp:
+  ros__parameters: {stars: 1}
+jsp:
+  ros__parameters: {elsewhere: 1}
+/ns/jsp:
+  ros__parameters:
+    empty: []
+    double: 1e3
+    words: [yes, no]
+    nested: {deep: {er: -0x10}, "with.dot": 010}
+    quoted: "5"
+    not_finite: [.nan, -.inf, inf]
+    under: 1_000
+    big: 99999999999999999999
+    plus: +3
+    point: .5
+    y: n
+    void: ''
+ns:
+  jsp:
+    ros__parameters: {twice: second}
+  other:
+    ros__parameters: {elsewhere: 2}
+/*/*:
+  ros__parameters: {late: 1}
+"""
+
+
+def test_a_file_reads_as_rcl_reads_it(tmp_path: Path, ros_domain: int) -> None:
+    """Names, values and types are those that a node gets at its start."""
+    (tmp_path / "file.yaml").write_text(FILE)
+    script = (
+        "import rclpy, sys; from rclpy.node import Node; rclpy.init(args=sys.argv)\n"
+        "names = sys.argv[1].split(','); node = Node('jsp')\n"
+        "for name in names:\n"
+        "    from rcl_interfaces.msg import ParameterDescriptor\n"
+        "    node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))\n"
+        "    value = node.get_parameter(name).value\n"
+        "    if value is not None:\n"
+        "        print(name, repr(value if isinstance(value, (str, bool, int, float))"
+        " else list(value)))\n"
+    )
+    ours = read_parameters(FILE, "file.yaml", NODE).values
+    names = ",".join([*ours, "empty", "elsewhere"])
+    ros = ["--ros-args", "-r", "__ns:=/ns", "--params-file", str(tmp_path / "file.yaml")]
+    command = [sys.executable, "-c", script, names, *ros]
+    output = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+    assert output.splitlines() == [f"{name} {value!r}" for name, value in ours.items()]
+    assert ours["twice"] == "second"
+
+
+def test_places_are_the_lines() -> None:
+    """Each parameter knows where it stands."""
+    places = read_parameters(FILE, "file.yaml", NODE).places
+    assert places["nested.deep.er"] == "file.yaml:14"
+    assert places["twice"] == "file.yaml:25"
+
+
+def test_words_are_what_rcl_takes_them_for() -> None:
+    """The YAML 1.1 words for true and false, but no sexagesimals, dates or underscores."""
+    words = ("on", "No", "YeS", "09", "1:30", "2020-01-01", "null", "0b1", "1e400x")
+    expected = [True, False, "YeS", 9.0, "1:30", "2020-01-01", "null", "0b1", "1e400x"]
+    assert [plain_value(word) for word in words] == expected
+
+
+@pytest.mark.parametrize(
+    ("section", "node", "matches"),
+    [
+        ("jsp", "/jsp", True),
+        ("/jsp", "/ns/jsp", False),
+        ("/**", "/a/b/c", True),
+        ("/*", "/a", True),
+        ("/*", "/a/b", False),
+        ("/**/jsp", "/jsp", True),
+        ("/*/jsp", "/jsp", False),
+        ("/a/*/jsp", "/a/b/jsp", True),
+    ],
+)
+def test_sections(section: str, node: str, matches: bool) -> None:
+    """Wildcards stand for one name, or for any number."""
+    assert section_matches(section, node) is matches
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("jsp:\n  ros__parameters:\n    rate: [1, 2\n", "file.yaml:4: no YAML"),
+        ("jsp:\n  ros__parameters:\n\trate: 1\n", "file.yaml:3: no YAML"),
+        ("jsp:\n  ros__parameters:\n    rate: 1\n    rate: 2\n", ':4: "rate" is here twice'),
+        ("jsp:\n  ros__parameters:\n    a: [1, 2.0]\n", ":3: a: a list holds values of one kind"),
+        ("jsp:\n  ros__parameters:\n    a: [1, b]\n", "put quotes around"),
+        ("jsp:\n  ros__parameters:\n    a: [[1]]\n", ":3: a: a list holds plain values"),
+        ("jsp:\n  ros__parameters:\n    rate:\n", ":3: rate: has no value"),
+        ("jsp:\n  ros__parameters: {a: &x 1, b: *x}\n", "no aliases such as *x"),
+        ("jsp:\n  rate: 1\n", ':2: "rate" must hold a map with "ros__parameters:"'),
+        ("jsp:\n  ros__parameters: 5\n", "stands where a map belongs"),
+        ("[jsp]\n", "no map of node names"),
+    ],
+)
+def test_mistakes_name_file_and_line(text: str, words: str) -> None:
+    """And say what is wrong."""
+    with pytest.raises(ConfigError) as caught:
+        read_parameters(text, "file.yaml", "/jsp")
+    assert words in str(caught.value)
+
+
+def test_an_empty_file_says_nothing() -> None:
+    """Comments only, too."""
+    assert read_parameters("# nothing\n", "file.yaml", "/jsp").values == {}
+
+
+def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: Path) -> None:
+    """An unknown name in a section for all nodes is another node's; in ours it is a mistake."""
+    one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
+    one.write_text("/**:\n  ros__parameters: {rate: 5, publish_frequency: 1.0}\n")
+    two.write_text("/jsp:\n  ros__parameters: {rate: 6, rates: 7}\n")
+    found = read_files([one, two], "/jsp")
+    assert found.values == {"rate": 6, "rates": 7}
+    assert found.places["rate"] == f"{two}:2"
+
+
+def test_files_that_say_nothing_to_the_node_are_told(tmp_path: Path) -> None:
+    """With the nodes they speak to."""
+    file = tmp_path / "one.yaml"
+    file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")
+    node = "/joint_state_publisher"
+    remark = silence(read_files([file], node), [file], node)
+    assert remark is not None
+    assert "says nothing to /joint_state_publisher, only to /joint_state_publishr" in remark
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    """By name."""
+    with pytest.raises(ConfigError, match="nothing.yaml: cannot be read: No such file"):
+        read_files([tmp_path / "nothing.yaml"], "/jsp")

@@ -1,0 +1,356 @@
+"""onebot_description.joints.source and .plan: joints move as asked, within their limits."""
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onebot_description.joints import ConfigError, JointsConfig, JointStateSource
+from onebot_description.joints.source import wrapped
+from tests.onebot_description.joints_support import joint, mimic
+
+ROBOT = [
+    joint("base", "fixed"),
+    joint("elbow"),
+    joint("slide", "prismatic", lower=0.2, upper=0.6, velocity=0.1),
+    joint("wheel", "continuous", velocity=2.0),
+    joint("finger", lower=0.0, upper=0.65, velocity=0.3),
+    joint("thumb", lower=-0.6, upper=0.1, velocity=0.3, mimic=mimic("finger", -1.0, 0.05)),
+]
+NAMES = ["elbow", "slide", "wheel", "finger", "thumb"]
+LOWER = np.array([-1.0, 0.2, -math.pi, 0.0, -0.6])
+UPPER = np.array([1.0, 0.6, math.pi, 0.65, 0.1])
+SPEED = np.array([0.5, 0.1, 2.0, 0.3, 0.3])
+LEADERS = ["elbow", "slide", "wheel", "finger"]
+
+_number = st.floats(-10.0, 10.0)
+_seconds = st.floats(0.05, 5.0)
+
+
+def _keyframes(pieces: list[tuple[float, float]], blend: str, loop: bool) -> dict[str, Any]:
+    times = np.cumsum([duration for duration, _ in pieces]).tolist()
+    return {
+        "times": times,
+        "positions": [position for _, position in pieces],
+        "blend": blend,
+        "loop": loop,
+    }
+
+
+_blend = st.sampled_from(["linear", "minimum_jerk"])
+_motion = st.one_of(
+    st.builds(lambda p: {"position": p}, _number),
+    st.builds(
+        lambda a, f, p, o: {"amplitude": a, "frequency": f, "phase": p, "offset": o},
+        _number,
+        st.floats(0.0, 20.0),
+        _number,
+        _number,
+    ),
+    st.builds(
+        _keyframes,
+        st.lists(st.tuples(_seconds, _number), min_size=1, max_size=5),
+        _blend,
+        st.booleans(),
+    ),
+)
+_pose = st.dictionaries(st.sampled_from(LEADERS), _number, min_size=1)
+_parameters = st.fixed_dictionaries(
+    {
+        "motions": st.dictionaries(st.sampled_from(LEADERS), _motion),
+        "poses": st.fixed_dictionaries({"one": _pose, "two": _pose}),
+        "delta": st.sampled_from([0.0, 0.01, 1.0]),
+        "pose": st.sampled_from(["", "", "", "one", "two"]),
+        "zeros": st.dictionaries(st.sampled_from(LEADERS), _number),
+        "sequence": st.one_of(
+            st.just({}),
+            st.builds(
+                lambda a, b, blend, loop: {
+                    "poses": ["one", "two"],
+                    "durations": [a, b],
+                    "blend": blend,
+                    "loop": loop,
+                },
+                _seconds,
+                _seconds,
+                _blend,
+                st.booleans(),
+            ),
+        ),
+    }
+)
+_edits = st.lists(
+    st.tuples(_parameters, st.lists(st.floats(0.001, 3.0), min_size=1, max_size=20)),
+    min_size=1,
+    max_size=4,
+)
+
+
+@settings(deadline=None)
+@given(_edits)
+def test_limits_are_never_exceeded_and_velocities_integrate(edits: list) -> None:
+    """Whatever the motions, the edits and the times between samples.
+
+    Positions and velocities are within limits, each position is the one before plus velocity times
+    time (whole turns of the wheel apart), and the thumb follows the finger.
+    """
+    source = JointStateSource(ROBOT, JointsConfig.from_parameters(edits[0][0]))
+    now = 0.0
+    before, velocities = source.sample(now)
+    assert not velocities.any()
+    for parameters, steps in edits:
+        source.configure(JointsConfig.from_parameters(parameters))
+        for step in steps:
+            now += step
+            positions, velocities = source.sample(now)
+            assert (positions >= LOWER - 1e-9).all()
+            assert (positions <= UPPER + 1e-9).all()
+            assert (np.abs(velocities) <= SPEED + 1e-12).all()
+            error = positions - before - velocities * step
+            error[2] = wrapped(error[2:3])[0]
+            assert np.abs(error).max() < 1e-7
+            assert positions[4] == pytest.approx(0.05 - positions[3], abs=1e-9)
+            before = positions
+
+
+@given(_parameters)
+def test_one_configuration_gives_one_course(parameters: dict[str, Any]) -> None:
+    """Two sources given the same say the same."""
+    config = JointsConfig.from_parameters(parameters)
+    one, two = JointStateSource(ROBOT, config), JointStateSource(ROBOT, config)
+    for moment in np.arange(0.0, 2.0, 0.1):
+        assert np.array_equal(one.sample(moment), two.sample(moment))
+
+
+def source_of(parameters: dict[str, Any]) -> JointStateSource:
+    """The robot above, so configured."""
+    return JointStateSource(ROBOT, JointsConfig.from_parameters(parameters))
+
+
+def settled(source: JointStateSource, at: float = 1000.0) -> dict[str, float]:
+    """Positions by name, long after."""
+    source.sample(0.0)
+    return dict(zip(source.names, source.sample(at)[0].tolist(), strict=True))
+
+
+def test_names_are_those_that_move_in_order() -> None:
+    """Fixed joints are left out."""
+    assert list(source_of({}).names) == NAMES
+
+
+def test_joints_start_at_zero_or_mid_range() -> None:
+    """The slide's range leaves 0 out."""
+    positions, velocities = source_of({}).sample(5.0)
+    assert positions == pytest.approx([0.0, 0.4, 0.0, 0.0, 0.05])
+    assert not velocities.any()
+
+
+def test_zeros_say_where_joints_rest() -> None:
+    """Beyond limits they are held and reported; unknown names are reported."""
+    source = source_of({"zeros": {"elbow": 0.25, "slide": 9.0, "elbw": 1.0}})
+    assert source.sample(0.0)[0][:2] == pytest.approx([0.25, 0.6])
+    assert {report.key for report in source.reports} >= {"zeros.slide", "zeros.elbw"}
+
+
+def test_a_slow_sine_is_followed_exactly() -> None:
+    """Within its limits the motion is what was asked."""
+    source = source_of({"motions": {"elbow": {"amplitude": 0.5, "frequency": 0.1}}})
+    for moment in np.arange(0.0, 20.0, 0.02):
+        positions, _ = source.sample(moment)
+        assert positions[0] == pytest.approx(0.5 * math.sin(0.2 * math.pi * moment), abs=1e-9)
+    assert source.reports == ()
+
+
+def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
+    """And each only for the joints it names."""
+    parameters = {
+        "poses": {
+            "one": {"elbow": 0.9},
+            "all": {"elbow": 0.5, "slide": 0.5, "wheel": 0.5},
+        },
+        "pose": "one",
+        "motions": {"elbow": {"position": 0.1}, "slide": {"position": 0.3}},
+        "sequence": {"poses": ["all"], "durations": [1.0], "loop": False},
+    }
+    reached = settled(source_of(parameters))
+    assert (reached["elbow"], reached["slide"], reached["wheel"]) == (0.9, 0.3, 0.5)
+    reached = settled(source_of({**parameters, "pose": ""}))
+    assert reached["elbow"] == 0.1
+
+
+def test_sequence_reaches_its_poses_in_time() -> None:
+    """From where the robot stands; a pose that leaves a joint out leaves it where it is."""
+    source = source_of(
+        {
+            "poses": {"a": {"elbow": 0.2}, "b": {"wheel": 0.4}},
+            "sequence": {"poses": ["a", "b"], "durations": [1.0, 2.0], "blend": "linear"},
+        }
+    )
+    course = {t: source.sample(t)[0] for t in np.arange(0.0, 7.01, 0.5).round(2)}
+    assert course[0.5][0] == pytest.approx(0.1)
+    assert course[1.0][0] == pytest.approx(0.2)
+    assert course[3.0][0] == pytest.approx(0.2)
+    assert course[3.0][2] == pytest.approx(0.4)
+    assert course[6.0][2] == pytest.approx(0.4)
+    assert source.reports == ()
+
+
+def test_poses_beyond_limits_are_told_once_each() -> None:
+    """Whether in use or not."""
+    source = source_of({"poses": {"far": {"elbow": 5.0}}, "pose": "far"})
+    assert [report.key for report in source.reports] == ["poses.far.elbow"]
+    assert settled(source)["elbow"] == 1.0
+
+
+def test_poses_may_hold_followers() -> None:
+    """As a pose noted from joint_states does; it is said that they have no effect."""
+    source = source_of({"poses": {"noted": {"finger": 0.2, "thumb": 0.3}}, "pose": "noted"})
+    assert settled(source)["thumb"] == pytest.approx(-0.15)
+    assert [report.key for report in source.reports] == ["poses.noted.thumb"]
+
+
+def test_delta_sweeps_what_nothing_else_moves() -> None:
+    """At delta times rate, as far as the velocity limit allows; wheels turn on."""
+    source = source_of({"delta": 0.01, "rate": 10})
+    source.sample(0.0)
+    positions, velocities = source.sample(1.0)
+    assert positions == pytest.approx([0.1, 0.5, 0.1, 0.1, -0.05])
+    assert velocities == pytest.approx([0.1, 0.1, 0.1, 0.1, -0.1])
+    course = [source.sample(t)[0][2] for t in np.arange(1.0, 200.0, 0.5)]
+    assert max(course) == pytest.approx(math.pi, abs=0.06)
+    assert min(course) == pytest.approx(-math.pi, abs=0.06)
+
+
+def test_the_wheel_takes_the_short_way() -> None:
+    """An edit after many turns does not unwind them."""
+    turning = {"times": [0.0, 4.0], "positions": [0.0, 2.0 * math.pi]}
+    source = source_of({"motions": {"wheel": turning}})
+    for moment in np.arange(0.0, 101.0, 0.1):
+        _, velocities = source.sample(moment)
+    assert velocities[2] == pytest.approx(math.pi / 2.0)
+    source.configure(JointsConfig.from_parameters({"motions": {"wheel": {"position": -3.0}}}))
+    stops = [t for t in np.arange(101.0, 110.0, 0.1) if source.sample(t)[0][2] == -3.0]
+    assert stops[0] < 103.0
+
+
+def test_an_edit_leaves_the_other_motions_alone() -> None:
+    """What did not change goes on as it was; what did begins anew."""
+    sine = {"amplitude": 0.1, "frequency": 0.1}
+    edited = source_of({"motions": {"elbow": sine}})
+    plain = source_of({"motions": {"elbow": sine}})
+    for moment in np.arange(0.0, 10.0, 0.1):
+        if moment > 3.0:
+            once = {"times": [0.0, 1.0], "positions": [0.4, 0.41], "loop": False}
+            edited.configure(
+                JointsConfig.from_parameters({"motions": {"elbow": sine, "slide": once}})
+            )
+        assert edited.sample(moment)[0][0] == plain.sample(moment)[0][0]
+    assert edited.sample(11.0)[0][1] == 0.41
+
+
+def test_a_refused_edit_changes_nothing() -> None:
+    """The last good motion goes on, and the message lists the joints there are."""
+    source = source_of({"motions": {"elbow": {"position": 0.5}}})
+    with pytest.raises(ConfigError, match="joints that move: elbow, finger, slide, thumb, wheel"):
+        source.configure(JointsConfig.from_parameters({"motions": {"elbo": {"position": 0.1}}}))
+    with pytest.raises(ConfigError, match='joint "base" is fixed'):
+        source.configure(JointsConfig.from_parameters({"poses": {"p": {"base": 0.1}}}))
+    assert settled(source)["elbow"] == 0.5
+
+
+def test_a_clock_that_goes_back_stops_nothing() -> None:
+    """The joints stay where they are for that sample, and go on from there."""
+    source = source_of({"motions": {"elbow": {"position": 1.0}}})
+    source.sample(100.0)
+    before, _ = source.sample(101.0)
+    after, velocities = source.sample(5.0)
+    assert np.array_equal(before, after)
+    assert not velocities.any()
+    assert source.sample(5.5)[0][0] == pytest.approx(before[0] + 0.25)
+
+
+def test_the_same_moment_again_gives_the_same() -> None:
+    """Without dividing by nothing."""
+    source = source_of({"motions": {"elbow": {"position": 1.0}}})
+    source.sample(0.0)
+    assert np.array_equal(source.sample(1.0), source.sample(1.0))
+
+
+def test_a_new_description_goes_on_from_where_the_robot_was() -> None:
+    """Joints of the same name keep position and motion; new ones rest."""
+    config = JointsConfig.from_parameters(
+        {"motions": {"elbow": {"amplitude": 0.5, "frequency": 0.1}}}
+    )
+    old = JointStateSource(ROBOT, config)
+    for moment in np.arange(0.0, 3.0, 0.1):
+        before, _ = old.sample(moment)
+    new = JointStateSource([joint("extra"), joint("elbow")], config, previous=old)
+    positions, _ = new.sample(3.0)
+    assert abs(positions[1] - before[0]) < 0.05
+    assert positions[0] == 0.0
+    assert positions[1] == old.sample(3.0)[0][0]
+
+
+def test_soft_limits_count_unless_told_otherwise() -> None:
+    """use_smallest_joint_limits says so."""
+    far = {"motions": {"elbow": {"position": 1.0}}}
+    for use, reached in ((True, 0.5), (False, 1.0)):
+        config = JointsConfig.from_parameters({**far, "use_smallest_joint_limits": use})
+        source = JointStateSource(ROBOT, config, soft={"elbow": (-0.5, 0.5)})
+        assert settled(source)["elbow"] == reached
+
+
+def test_a_joint_without_velocity_limit_jumps() -> None:
+    """There is nothing to hold it."""
+    config = JointsConfig.from_parameters({"motions": {"a": {"position": 1.0}}})
+    source = JointStateSource([joint("a", velocity=None)], config)
+    source.sample(0.0)
+    positions, velocities = source.sample(0.01)
+    assert positions[0] == 1.0
+    assert velocities[0] == pytest.approx(100.0)
+
+
+def test_a_robot_that_does_not_move() -> None:
+    """Has neither positions nor velocities."""
+    positions, velocities = JointStateSource([joint("base", "fixed")]).sample(1.0)
+    assert positions.shape == velocities.shape == (0,)
+
+
+def test_feedback_counts_more_than_motions() -> None:
+    """Followers go with it; what is not finite, or of a joint that follows, does not count."""
+    source = source_of({"motions": {"elbow": {"position": 1.0}}})
+    source.sample(0.0)
+    nothing = source.feedback.hear(
+        ["finger", "elbow", "thumb", "other"],
+        [0.5, math.nan, 0.3, 1.0],
+        [0.1, 0.2, 0.3, 0.4],
+        [1.0, 2.0, 3.0, 4.0],
+    )
+    assert nothing is None
+    positions, velocities = source.sample(1.0)
+    assert positions == pytest.approx([0.5, 0.4, 0.0, 0.5, -0.45])
+    assert velocities == pytest.approx([0.2, 0.0, 0.0, 0.1, -0.1])
+    assert source.efforts() == pytest.approx([2.0, 0.0, 0.0, 1.0, 1.0])
+
+
+def test_feedback_of_unequal_lengths_is_ignored() -> None:
+    """Whole, and with the reason."""
+    source = source_of({})
+    reason = source.feedback.hear(["elbow", "slide"], [0.5], [], [])
+    assert reason == "2 names but 1 values of position"
+    assert not source.feedback.any
+
+
+def test_a_thousand_joints_are_cheap() -> None:
+    """A hundred samples take far less than the second they stand for."""
+    joints = [joint(f"j{number}") for number in range(1000)]
+    motions = {j.name: {"amplitude": 0.5, "frequency": 0.1} for j in joints}
+    source = JointStateSource(joints, JointsConfig.from_parameters({"motions": motions}))
+    begin = time.perf_counter()
+    for number in range(100):
+        source.sample(number * 0.01)
+    assert time.perf_counter() - begin < 0.5

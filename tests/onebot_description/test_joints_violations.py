@@ -1,0 +1,96 @@
+"""onebot_description.joints.violations: what is beyond limits, and the remedy."""
+
+import dataclasses
+import math
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_description.joints.motions import Constant, Keyframes, Motion, Sine, Sweep
+from onebot_description.joints.violations import Allowed, violations
+
+MRM = Allowed(-3.14, 3.14, 0.5)
+
+
+def test_the_sine_of_the_readme() -> None:
+    """Joint speed, limit and remedy, in figures."""
+    assert violations(Sine(1.0, 0.2), MRM) == [
+        "sine of amplitude 1 at 0.2 Hz peaks at 1.257 rad/s, over its limit 0.5 rad/s:"
+        " lower frequency to 0.07957"
+    ]
+
+
+@given(
+    amplitude=st.floats(0.01, 3.0),
+    frequency=st.floats(0.001, 100.0),
+    limit=st.floats(0.01, 10.0),
+)
+def test_the_remedy_for_a_sine_is_right(amplitude: float, frequency: float, limit: float) -> None:
+    """Following the advice leaves nothing to report."""
+    allowed = dataclasses.replace(MRM, velocity=limit)
+    for text in violations(Sine(amplitude, frequency), allowed):
+        advice = float(re.search(r"frequency to (\S+)", text)[1])
+        assert violations(Sine(amplitude, advice), allowed) == []
+
+
+@given(amplitude=st.floats(0.01, 100.0), offset=st.floats(-3.0, 3.0))
+def test_the_remedy_for_an_amplitude_is_right(amplitude: float, offset: float) -> None:
+    """Following the advice leaves nothing to report."""
+    for text in violations(Sine(amplitude, 0.0, 0.0, offset), MRM):
+        advice = float(re.search(r"amplitude to (\S+)", text)[1])
+        assert violations(Sine(advice, 0.0, 0.0, offset), MRM) == []
+
+
+@given(way=st.floats(0.01, 3.0), blend=st.sampled_from(["linear", "minimum_jerk"]))
+def test_the_remedy_for_keyframes_is_right(way: float, blend: str) -> None:
+    """Given the time advised, the joint arrives within its velocity limit."""
+    quick = Keyframes((0.0, 0.01), (0.0, way), blend, False)
+    for text in violations(quick, MRM):
+        advice = float(re.search(r"give it (\S+) s", text)[1])
+        assert violations(dataclasses.replace(quick, times=(0.0, advice)), MRM) == []
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (Constant(4.0), "position 4 rad is beyond its limits [-3.14, 3.14] rad: held at 3.14"),
+        (Constant(-4.0, "home"), 'pose "home" -4 rad is beyond'),
+        (Sine(1.0, 0.01, 0.0, 4.0), "bring offset to 0"),
+        (Keyframes((0.0, 9.0), (0.0, 4.0), loop=False), "keyframe 2 at 4 rad is beyond"),
+        (Keyframes((0.0, 9.0), (0.0, 1.0)), "the loop jumps from 1 to 0 rad"),
+        (Sweep(1.0, 0.0, -3.14, 3.14), "delta times rate asks 1 rad/s"),
+    ],
+)
+def test_everything_beyond_limits_is_told(motion: Motion, words: str) -> None:
+    """Each kind of motion, with what to write instead."""
+    assert any(words in text for text in violations(motion, MRM))
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        Constant(3.14),
+        Sine(3.14, 0.025),
+        Keyframes((0.0, 10.0, 20.0), (0.0, 1.0, 0.0)),
+        Keyframes((0.0, 10.0), (0.0, 1.0), loop=False),
+        Sweep(0.5, 0.0, -3.14, 3.14),
+    ],
+)
+def test_what_is_within_limits_is_not_told(motion: Motion) -> None:
+    """A limit reached exactly is within it."""
+    assert violations(motion, MRM) == []
+
+
+def test_a_joint_without_end_may_loop_over_whole_turns() -> None:
+    """The loop does not jump, as the ends are the same angle."""
+    endless = Allowed(-math.inf, math.inf, 1.0, endless=True)
+    assert violations(Keyframes((0.0, 10.0), (0.0, 2.0 * math.pi)), endless) == []
+
+
+def test_a_joint_that_cannot_move_is_told() -> None:
+    """A velocity limit of 0 leaves no time that would do."""
+    still = Allowed(-1.0, 1.0, 0.0)
+    motion = Keyframes((0.0, 1.0), (0.0, 1.0), loop=False)
+    assert "cannot move" in violations(motion, still)[0]
