@@ -58,7 +58,6 @@ from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import DescriptionError, OneBotError
-from onebot_description.joints.arguments import RosArguments, ros_arguments
 from onebot_description.joints.config import DEFAULTS, JointsConfig
 from onebot_description.joints.live_parameters import LiveParameters
 from onebot_description.joints.parameter_files import read_files
@@ -67,6 +66,7 @@ from onebot_description.joints.problems import ConfigError, Problem
 from onebot_description.joints.source import JointStateSource
 from onebot_description.joints.watch import FileWatch
 from onebot_description.ros import run_node
+from onebot_description.ros_arguments import RosArguments, ros_arguments
 from onebot_description.text import listing
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

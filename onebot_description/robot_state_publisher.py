@@ -44,9 +44,9 @@ from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
-from onebot_description.joints.arguments import ros_arguments
 from onebot_description.model import RobotModel
 from onebot_description.ros import run_node
+from onebot_description.ros_arguments import ros_arguments
 from onebot_description.tf.messages import joint_state_arrays, to_message
 from onebot_description.tf.state_converter import StateConverter
 from onebot_description.tf.tf_message import TFMessage
@@ -204,7 +204,7 @@ def _parse(urdf: str) -> Description:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; returns the exit code."""
-    files = ros_arguments(sys.argv if args is None else args).others[1:]
+    files = ros_arguments(sys.argv if args is None else args).others
 
     def make_node() -> RobotStatePublisher:
         if len(files) > 1:

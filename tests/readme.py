@@ -1,7 +1,7 @@
 """Runs the commands that README.md shows, as a reader would; only the standard library.
 
-``python tests/readme.py run N`` runs the N-th shell block to its end; ``until-up N`` runs it until the
-robot it brings up is up, then presses Ctrl-C.
+``python tests/readme.py run N`` runs the N-th shell block to its end; ``until-up N`` runs it until
+the robot it brings up is up, then presses Ctrl-C.
 """
 
 import os

@@ -1,0 +1,170 @@
+"""A robot description as a tree for the terminal."""
+
+import math
+from pathlib import PurePath
+from xml.etree import ElementTree
+
+from onebot_description.description.reading import shown_path
+from onebot_description.description.spec import Description, JointSpec, Triple
+
+_HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
+_Row = tuple[str, ...]
+
+
+def describe(description: Description) -> str:
+    """Return a table of links as a tree, with the joint that moves each; then the warnings.
+
+    Angles are shown in degrees, everything else in SI units.
+    """
+    links = {link.get("name", ""): link for link in _robot(description).findall("link")}
+    rows: list[_Row] = [_HEADINGS]
+    for branch, name, joint in _walk(description):
+        link = links[name]
+        rows.append((branch + name, *_joint_cells(joint), _mass_cell(link), _shape_cell(link)))
+    lines = [_title(description, links), "", *_table(rows)]
+    if description.warnings:
+        count = len(description.warnings)
+        lines += ["", f"{_count(count, 'warning')}:"]
+        lines += [f"  ! {warning}" for warning in description.warnings]
+    return "\n".join(lines)
+
+
+def _robot(description: Description) -> ElementTree.Element:
+    return ElementTree.fromstring(description.urdf)
+
+
+def _title(description: Description, links: dict[str, ElementTree.Element]) -> str:
+    joints = description.joints
+    movable = [joint for joint in joints if joint.kind != "fixed"]
+    driven = sum(joint.mimic is not None for joint in movable)
+    follow = f", {driven} following" if driven else ""
+    meshes = {
+        mesh.get("filename") for link in links.values() for mesh in link.findall(".//geometry/mesh")
+    }
+    mass = math.fsum(_mass(link) or 0.0 for link in links.values())
+    facts = [
+        _count(len(links), "link"),
+        f"{_count(len(joints), 'joint')} ({len(movable)} movable{follow})",
+        *([f"{mass:.4g} kg"] if mass else []),
+        *([_count(len(meshes), "mesh", "meshes")] if meshes else []),
+    ]
+    source = description.source
+    where = shown_path(source) if description.files else source
+    return f"{description.robot_name}  ({where})\n{' · '.join(facts)}"
+
+
+def _walk(description: Description) -> list[tuple[str, str, JointSpec | None]]:
+    """Each link with the box drawing before it and the joint above it, depth first."""
+    below: dict[str, list[JointSpec]] = {}
+    for joint in description.joints:
+        below.setdefault(joint.parent, []).append(joint)
+    result = []
+    # Link, its joint, drawing before itself, drawing before its children.
+    waiting: list[tuple[str, JointSpec | None, str, str]] = [(description.root_link, None, "", "")]
+    while waiting:
+        link, above, branch, inner = waiting.pop()
+        result.append((branch, link, above))
+        children = below.get(link, [])
+        for joint in reversed(children):
+            last = joint is children[-1]
+            mark, rest = ("└─ ", "   ") if last else ("├─ ", "│  ")
+            waiting.append((joint.child, joint, inner + mark, inner + rest))
+    return result
+
+
+def _joint_cells(joint: JointSpec | None) -> _Row:
+    """Name, kind, axis, range, and greatest speed and effort."""
+    if joint is None:
+        return ("", "", "", "", "")
+    has_axis = joint.kind not in ("fixed", "floating")
+    return (
+        joint.name,
+        joint.kind,
+        _axis(joint.axis) if has_axis else "",
+        _range(joint),
+        _most(joint),
+    )
+
+
+def _axis(axis: Triple) -> str:
+    """``z`` or ``-z`` for an axis of the frame, else three numbers."""
+    for index, letter in enumerate("xyz"):
+        if abs(abs(axis[index]) - 1) < 1e-9:
+            return letter if axis[index] > 0 else f"-{letter}"
+    return " ".join(f"{value:.3g}" for value in axis)
+
+
+def _position(value: float, kind: str) -> str:
+    return f"{value:.4g} m" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
+
+
+def _range(joint: JointSpec) -> str:
+    text = ""
+    if joint.lower is not None and joint.upper is not None:
+        text = f"{_position(joint.lower, joint.kind)} … {_position(joint.upper, joint.kind)}"
+    elif joint.kind == "continuous":
+        text = "endless"
+    if joint.mimic is None:
+        return text
+    factor = "" if joint.mimic.multiplier == 1 else f"{joint.mimic.multiplier:.4g} × "
+    offset = joint.mimic.offset
+    shift = f" {'+' if offset > 0 else '-'} {_position(abs(offset), joint.kind)}" if offset else ""
+    return f"{text} = {factor}{joint.mimic.joint}{shift}".strip()
+
+
+def _most(joint: JointSpec) -> str:
+    linear = joint.kind == "prismatic"
+    parts = []
+    if joint.velocity is not None:
+        parts.append(f"{joint.velocity:.4g} {'m/s' if linear else 'rad/s'}")
+    if joint.effort is not None:
+        parts.append(f"{joint.effort:.4g} {'N' if linear else 'Nm'}")
+    return ", ".join(parts)
+
+
+def _mass(link: ElementTree.Element) -> float | None:
+    mass = link.find("inertial/mass")
+    return None if mass is None else float(mass.get("value", "0"))
+
+
+def _mass_cell(link: ElementTree.Element) -> str:
+    mass = _mass(link)
+    return "" if mass is None else f"{mass:.4g} kg"
+
+
+def _shape_cell(link: ElementTree.Element) -> str:
+    """The shapes seen, or, if there are none, those that collide."""
+    seen = link.findall("visual/geometry/*")
+    collide = link.findall("collision/geometry/*")
+    if seen:
+        return ", ".join(map(_shape, seen)) + ("" if collide else " (no collision)")
+    return ", ".join(map(_shape, collide)) + (" (collision only)" if collide else "")
+
+
+def _shape(shape: ElementTree.Element) -> str:
+    if shape.tag == "mesh":
+        return PurePath(shape.get("filename", "")).name
+    if shape.tag == "box":
+        return "box " + "×".join(_short(word) for word in shape.get("size", "").split())
+    radius = f"{shape.tag} r {_short(shape.get('radius', '0'))}"
+    return radius if shape.tag == "sphere" else f"{radius} l {_short(shape.get('length', '0'))}"
+
+
+def _short(number: str) -> str:
+    return f"{float(number):.4g}"
+
+
+def _count(number: int, one: str, many: str | None = None) -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def _table(rows: list[_Row]) -> list[str]:
+    """The rows with their columns aligned; columns that say nothing are left out."""
+    columns = [
+        column for column in zip(*rows, strict=True) if column[0] == "link" or any(column[1:])
+    ]
+    widths = [max(map(len, column)) for column in columns]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in zip(*columns, strict=True)
+    ]
