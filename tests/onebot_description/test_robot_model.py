@@ -58,8 +58,8 @@ def test_link_poses_are_the_chain_of_transforms(urdf, data):
     poses = _matrices(model.link_poses(batch.reshape(3, size)))
     steps = _matrices(model.moving.transforms(batch.reshape(3, size)))
     fixed = np.broadcast_to(_matrices(model.fixed.constant), (3, len(model.fixed.children), 4, 4))
-    edges = [*zip(model.moving.parents, model.moving.children, np.moveaxis(steps, 1, 0), strict=True)]
-    edges += [*zip(model.fixed.parents, model.fixed.children, np.moveaxis(fixed, 1, 0), strict=True)]
+    edges = [*zip(model.moving.parents, model.moving.children, steps.swapaxes(0, 1), strict=True)]
+    edges += [*zip(model.fixed.parents, model.fixed.children, fixed.swapaxes(0, 1), strict=True)]
     assert len(edges) == len(model.links) - 1
     for parent, child, step in edges:
         expected = poses[:, model.links.index(parent)] @ step
