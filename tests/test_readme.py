@@ -52,3 +52,13 @@ def test_shown_files_are_the_real_ones():
     assert quoted
     for name, text in quoted:
         assert text in Path(CHECKOUT / name).read_text(), name
+
+
+def test_python_example_runs(monkeypatch):
+    """The notebook example gives arrays of the shapes it says."""
+    [code] = re.findall(r"<!-- python -->\n```python\n(.*?)```", TEXT, re.DOTALL)
+    monkeypatch.chdir(CHECKOUT)
+    names: dict = {}
+    exec(code, names)
+    assert names["translations"].shape == (1, 3) and names["rotations"].shape == (1, 4)
+    assert names["poses"].shape == (2, 7)

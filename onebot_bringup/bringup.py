@@ -1,0 +1,163 @@
+"""Brings up a robot's description: joint states, transforms and the viewer, a process each."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from onebot_bringup.bringup_arguments import checked_values, description_arguments
+from onebot_bringup.bringup_nodes import NodeFactory
+from onebot_bringup.bringup_text import Robot, help_text, summary_text
+from onebot_bringup.launcher import Launcher, Node
+from onebot_bringup.launcher.arguments import (
+    Argument,
+    Arguments,
+    UsageError,
+    refuse_positional,
+    split,
+    unknown,
+)
+from onebot_bringup.launcher.console import wants_colour
+from onebot_bringup.xacro_arguments import XacroArguments, xacro_arguments
+from onebot_description.description import Description, load_description
+from onebot_description.errors import OneBotError
+from onebot_description.joints.config import JointsConfig
+from onebot_description.joints.parameter_files import read_files, silence
+from onebot_description.joints.problems import ConfigError
+from onebot_description.text import did_you_mean
+
+__all__ = ["Robot", "bring_up"]
+
+
+def bring_up(robot: Robot, argv: Sequence[str]) -> int:
+    """Bring ``robot`` up, with the launch arguments in ``argv``, until Ctrl-C.
+
+    Nothing is started before the description and all arguments have been found right.
+
+    Returns:
+        The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
+
+    Raises:
+        UsageError: the command line is wrong.
+        OneBotError: a file is.
+    """
+    arguments = split(argv)
+    given = _with_model(robot, arguments)
+    declared = description_arguments(robot.model, robot.joints, robot.view)
+    model = given.get("model", robot.model)
+    of_model = _not_hidden(xacro_arguments(model), declared)
+    if arguments.help or arguments.show:
+        print(help_text(robot, declared, of_model.arguments, complete=arguments.help))
+        return 0
+    if not model:
+        raise UsageError(f"{robot.program} needs a file, a URDF or xacro")
+    own, for_xacro = _divide(given, declared, of_model)
+    values = checked_values(declared, own)
+    _check_files(values)
+    description = load_description(model, for_xacro)
+    os.environ.update(environment(values, forced="discovery" in own))
+    return _launch(robot, values, for_xacro, description, arguments.ros_args)
+
+
+def _launch(
+    robot: Robot,
+    values: Mapping[str, str],
+    for_xacro: Mapping[str, str],
+    description: Description,
+    ros_args: Sequence[str],
+) -> int:
+    with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
+        make = NodeFactory(Path(folder), values, description, for_xacro, ros_args)
+        nodes: list[Node] = [make.robot_state_publisher()]
+        if values["joint_states"] == "true":
+            nodes.append(make.joint_state_publisher())
+        if values["reload"] == "true":
+            nodes.append(make.description_watcher())
+        if values["viewer"] != "none" or values["save"]:
+            nodes.append(make.rerun_viewer())
+        summary = summary_text(description, values)
+        return Launcher(
+            nodes, name=robot.program, started_message=summary, temporary=[Path(folder)]
+        ).run()
+
+
+def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
+    """Return the variables that all nodes get, in addition to this process's own.
+
+    Args:
+        values: of the launch arguments.
+        forced: ``discovery`` was given, and so goes before the environment's setting.
+    """
+    variables = {}
+    if forced or not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = values["discovery"].upper()
+    if values["domain_id"]:
+        variables["ROS_DOMAIN_ID"] = values["domain_id"]
+    if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
+        # The launcher puts the node's name in front of each line.
+        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
+    if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
+        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
+    return variables
+
+
+def _with_model(robot: Robot, arguments: Arguments) -> dict[str, str]:
+    """Return the arguments given, the command's file among them as ``model``."""
+    if not robot.takes_file:
+        refuse_positional(arguments.positional)
+        return dict(arguments.given)
+    refuse_positional(arguments.positional[1:])
+    if arguments.positional and "model" in arguments.given:
+        raise UsageError(f"write the file or model:=, not both, for {robot.program}")
+    return {**dict(zip(["model"], arguments.positional, strict=False)), **arguments.given}
+
+
+def _not_hidden(of_model: XacroArguments, declared: list[Argument]) -> XacroArguments:
+    """Leave out what the model declares under the name of a launch argument."""
+    names = {argument.name for argument in declared}
+    visible = (argument for argument in of_model.arguments if argument.name not in names)
+    return replace(of_model, arguments=tuple(visible))
+
+
+def _divide(
+    given: Mapping[str, str], declared: list[Argument], of_model: XacroArguments
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Sort the arguments given into those of the launcher and those of the model's xacro."""
+    ours = {argument.name for argument in declared}
+    known = [*ours, *(argument.name for argument in of_model.arguments)]
+    problems = [unknown(name, known) for name in given if name not in known]
+    if problems and of_model.complete:  # else expanding it tells whether they exist
+        raise UsageError("\n".join(problems))
+    own = {name: value for name, value in given.items() if name in ours}
+    return own, {name: value for name, value in given.items() if name not in ours}
+
+
+def _check_files(values: Mapping[str, str]) -> None:
+    """Complain about files that do not exist before anything starts."""
+    for name in ("joints", "view"):
+        path = Path(values[name])
+        if values[name] and not path.is_file():
+            there = [entry.name for entry in path.parent.glob("*.y*ml")]
+            raise OneBotError(
+                f"{name}:={path}: no such file{did_you_mean(path.name, there, 'there')}"
+            )
+    if values["joints"]:
+        _check_joints(Path(values["joints"]), values["namespace"].strip("/"))
+    folder = Path(values["save"]).absolute().parent
+    if values["save"] and not folder.is_dir():
+        raise OneBotError(f"save:={values['save']}: the folder {folder} does not exist")
+
+
+def _check_joints(file: Path, namespace: str) -> None:
+    node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
+    parameters = read_files([file], node)
+    try:
+        JointsConfig.from_parameters(parameters.values)
+    except ConfigError as error:
+        raise error.located(parameters.places) from None
+    remark = silence(parameters, [file], node)
+    if remark:
+        remedy = "; write /**/joint_state_publisher: for any namespace" if namespace else ""
+        print(f"warning: {remark}{remedy}", file=sys.stderr)

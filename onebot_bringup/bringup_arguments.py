@@ -1,0 +1,67 @@
+"""The arguments of every command that brings up a robot's description."""
+
+import re
+from collections.abc import Mapping
+
+from onebot_bringup.launcher.arguments import Argument, UsageError, complete, switch
+
+_LEVELS = ("debug", "info", "warn", "error", "fatal")
+_NAMESPACE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
+_MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
+_MAX_FREQUENCY = 1000.0  # Hz
+
+
+def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
+    """Return the arguments; those three are the robot's own defaults."""
+    return [
+        Argument("model", model, "the robot, a URDF or xacro file"),
+        Argument("joints", joints, "parameters of joint_state_publisher, a YAML file"),
+        switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
+        Argument("viewer", "web", "where to see it", ("web", "native", "none")),
+        Argument("view", view, "what the viewer shows and from where, a YAML file"),
+        Argument("fixed_frame", "", "the frame that stands still; empty: the viewer chooses"),
+        Argument("save", "", "record what the viewer gets to this .rrd file"),
+        switch("reload", True, "take up edits of the model while running"),
+        Argument("namespace", "", "the namespace of all nodes"),
+        Argument("frame_prefix", "", "prepended to every frame of the robot"),
+        Argument("publish_frequency", "0.0", "the most often a transform is sent, Hz; 0: always"),
+        switch("ignore_timestamp", False, "send transforms whatever the joint states' stamps say"),
+        switch("use_sim_time", False, "take the time from /clock"),
+        Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
+        Argument("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's"),
+        Argument(
+            "discovery",
+            "localhost",
+            "who sees the nodes; ROS_AUTOMATIC_DISCOVERY_RANGE goes before this default",
+            ("localhost", "subnet"),
+        ),
+    ]
+
+
+def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:
+    """Return a value for each argument.
+
+    Raises:
+        UsageError: a name or a value that is not possible.
+    """
+    values = complete(declared, given)
+    _check_number("publish_frequency", values["publish_frequency"], _MAX_FREQUENCY, whole=False)
+    if values["domain_id"]:
+        _check_number("domain_id", values["domain_id"], _MAX_DOMAIN, whole=True)
+    namespace = values["namespace"]
+    if namespace.strip("/") and not _NAMESPACE.fullmatch(namespace):
+        raise UsageError(
+            f"namespace:={namespace} is no ROS name; write words of letters, digits and _ that do"
+            " not start with a digit, joined by /"
+        )
+    return values
+
+
+def _check_number(name: str, text: str, most: float, *, whole: bool) -> None:
+    try:
+        number = int(text) if whole else float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number <= most:  # also refuses nan
+        kind = "a whole number" if whole else "a number"
+        raise UsageError(f"{name}:={text} is not possible; write {kind} from 0 to {most:g}")

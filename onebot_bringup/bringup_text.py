@@ -1,0 +1,78 @@
+"""What a bringup command tells its user."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from onebot_bringup.launcher.arguments import Argument, table
+from onebot_description.description import Description
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What a bringup command brings up unless its arguments say otherwise.
+
+    Attributes:
+        program: the command's name.
+        summary: what it does, for ``--help``.
+        model: its URDF or xacro file.
+        joints: parameters of joint_state_publisher; empty: every joint swings within its limits.
+        view: the viewer's settings; empty: the viewer's own.
+        takes_file: the model is the command's first word instead.
+    """
+
+    program: str
+    summary: str
+    model: str = ""
+    joints: str = ""
+    view: str = ""
+    takes_file: bool = False
+
+
+def help_text(
+    robot: Robot, declared: list[Argument], of_model: Sequence[Argument], *, complete: bool
+) -> str:
+    """Return the answer to ``--show-args``, or (``complete``) to ``--help``."""
+    parts = []
+    if complete:
+        file = " FILE" if robot.takes_file else ""
+        parts.append(f"usage: {robot.program}{file} [name:=value ...] [--ros-args ...]")
+        parts.append(robot.summary)
+    parts.append(f"Arguments and their defaults:\n{table(declared)}")
+    if of_model:
+        parts.append(f"Arguments of the model:\n{table(of_model)}")
+    if complete:
+        parts.append(
+            "An argument given twice: the last one counts. --ros-args goes to every node.\n"
+            "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
+            "node failed, 2 the command line is wrong."
+        )
+    return "\n\n".join(parts)
+
+
+def summary_text(description: Description, values: Mapping[str, str]) -> str:
+    """Return what is running, where to look for it and how to stop it."""
+    moving = [joint for joint in description.joints if joint.kind != "fixed"]
+    space = f"/{values['namespace'].strip('/')}".rstrip("/")
+    lines = [
+        f'Robot "{description.robot_name}": {len(description.links)} links, '
+        f"{len(moving)} of {len(description.joints)} joints can move",
+        f"  model    {values['model']}",
+        f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
+    ]
+    if values["joint_states"] == "true":
+        lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
+    else:
+        lines.append(f"  joints   wait for {space}/joint_states")
+    lines.append(f"  viewer   {_viewer_hint(values)}")
+    lines.append("  Ctrl-C stops everything")
+    return "\n".join(lines)
+
+
+def _viewer_hint(values: Mapping[str, str]) -> str:
+    hints = {
+        "web": "in the browser; rerun_viewer prints its address",
+        "native": "in a window of its own",
+        "none": "none",
+    }
+    saved = f"; recorded to {values['save']}" if values["save"] else ""
+    return hints[values["viewer"]] + saved

@@ -1,0 +1,39 @@
+"""``onebot check``: is this robot description right, and what is in it?"""
+
+import sys
+from collections.abc import Sequence
+
+from onebot_bringup.launcher.arguments import UsageError, split, table
+from onebot_bringup.xacro_arguments import xacro_arguments
+
+HELP = """\
+usage: onebot check FILE [name:=value ...]
+
+Checks a URDF or xacro file. Prints all problems (exit code 1), or the tree of links and joints
+(exit code 0). name:=value are arguments that the xacro file declares; --show-args lists them."""
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: the description has problems, or the command line is wrong.
+    """
+    arguments = split(argv)
+    if arguments.help:
+        print(HELP)
+        return 0
+    if len(arguments.positional) != 1:
+        raise UsageError(f"onebot check takes one file, not {len(arguments.positional)}")
+    file = arguments.positional[0]
+    if arguments.show:
+        print(table(xacro_arguments(file).arguments) or f"{file} declares no arguments")
+        return 0
+
+    from onebot_description.description import describe, load_description  # slower to import
+
+    description = load_description(file, arguments.given)
+    print(describe(description))
+    for warning in description.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    return 0

@@ -1,0 +1,81 @@
+"""``onebot <verb> ...``: the table of verbs; each is a module that is imported only when used."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+
+from onebot_bringup.cli.run import run_command
+from onebot_bringup.launcher.arguments import UsageError
+from onebot_description.text import did_you_mean
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A subcommand.
+
+    Attributes:
+        summary: one line for ``onebot --help``.
+        module: has ``run(argv) -> int``; ``argv`` holds what follows the verb, ``--help`` too.
+        interrupted: the exit code after Ctrl-C.
+    """
+
+    summary: str
+    module: str
+    interrupted: int = 130
+
+
+VERBS: dict[str, Verb] = {
+    "check": Verb("check a URDF or xacro file and show its tree", "onebot_bringup.cli.check"),
+    "view": Verb("bring up any robot from its file and move it", "onebot_bringup.cli.view", 0),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run ``onebot`` with ``argv`` (default: the command line's) and return the exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    verb = VERBS.get(words[0]) if words else None
+    see = f"onebot {words[0]} --help" if verb else "onebot --help"
+    return run_command(lambda: _run(words), see, verb.interrupted if verb else 130)
+
+
+def _run(words: list[str]) -> int:
+    if not words:
+        print(usage(), file=sys.stderr)
+        return 2
+    first, *rest = words
+    if first == "help" and rest:
+        first, rest = rest[0], ["--help"]
+    if first in ("-h", "--help", "help"):
+        print(usage())
+        return 0
+    if first in ("-V", "--version"):
+        print(f"onebot {version()}")
+        return 0
+    if first not in VERBS:
+        raise UsageError(f'onebot has no command "{first}"{did_you_mean(first, VERBS, "commands")}')
+    return int(importlib.import_module(VERBS[first].module).run(rest))
+
+
+def usage() -> str:
+    """Return what ``onebot --help`` prints."""
+    width = max(map(len, VERBS))
+    verbs = "\n".join(f"  {name:{width}}  {verb.summary}" for name, verb in VERBS.items())
+    return (
+        "usage: onebot COMMAND ...\n\nCommands:\n"
+        f"{verbs}\n\n"
+        "onebot COMMAND --help says more on each; onebot --version says which this is."
+    )
+
+
+def version() -> str:
+    """Return the version that is installed."""
+    try:
+        return metadata.version("onebot")
+    except metadata.PackageNotFoundError:
+        return "(not installed: run from a checkout)"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

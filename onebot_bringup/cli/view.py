@@ -1,0 +1,19 @@
+"""``onebot view``: bring up any robot from its file."""
+
+from collections.abc import Sequence
+
+from onebot_bringup.bringup import Robot, bring_up
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: the description has problems, or the command line is wrong.
+    """
+    robot = Robot(
+        program="onebot view",
+        summary="Brings up any robot from its URDF or xacro file, with its joints moving.",
+        takes_file=True,
+    )
+    return bring_up(robot, argv)

@@ -1,0 +1,14 @@
+"""Starts nodes as processes, shows what they print, and stops them all together.
+
+    from onebot_bringup.launcher import Launcher, python_node
+
+    nodes = [python_node("robot_state_publisher", "onebot_description.robot_state_publisher")]
+    exit_code = Launcher(nodes).run()
+
+Standard library only: no ROS, no threads.
+"""
+
+from onebot_bringup.launcher.launcher import Grace, Launcher
+from onebot_bringup.launcher.node import Node, OnExit, Restart, python_node
+
+__all__ = ["Grace", "Launcher", "Node", "OnExit", "Restart", "python_node"]

@@ -1,0 +1,118 @@
+"""The launcher's output: whole lines, prefixed with who wrote them, never blocking.
+
+A paused terminal or a reader that stalls must not stop the robot: what cannot be written now waits
+in a buffer, and when that is full, further lines are counted and dropped.
+"""
+
+import os
+import select
+import time
+from collections.abc import Sequence
+from typing import TextIO
+
+_CHUNK = 4096  # bytes; poll() promises room for this much in a pipe (PIPE_BUF)
+_BUFFER = 1_000_000  # bytes
+_COLOURS = ("36", "32", "33", "35", "34", "96", "92", "93", "95", "94")  # ANSI foregrounds
+
+
+class OutputStream:
+    """One file descriptor, written to without ever blocking.
+
+    Attributes:
+        broken: the reader is gone; everything written from now on is discarded.
+        colour: whether to colour what is written.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        """Write to the descriptor of ``stream`` (``None``: it is closed)."""
+        self._descriptor = -1 if stream is None else stream.fileno()
+        self._buffer = bytearray()
+        self._dropped = 0
+        self.broken = stream is None
+        self.colour = not self.broken and wants_colour(self._descriptor)
+
+    @property
+    def pending(self) -> bool:
+        """Whether something still waits to be written."""
+        return bool(self._buffer)
+
+    def write(self, line: bytes) -> None:
+        """Write ``line``, which ends with a newline, or keep it for later."""
+        if self.broken:
+            return
+        if len(self._buffer) > _BUFFER:
+            self._dropped += 1
+            return
+        self._buffer += line
+        self.pump()
+
+    def pump(self) -> None:
+        """Write as much of what waits as can be written without blocking."""
+        while self._buffer and self._writable():
+            try:
+                written = os.write(self._descriptor, self._buffer[:_CHUNK])
+            except OSError:  # the reader or the terminal is gone, or the disk is full
+                self.broken = True
+                self._buffer.clear()
+                return
+            del self._buffer[:written]
+        if self._dropped and not self._buffer:
+            self._buffer += f"({self._dropped} lines were not shown: output stalled)\n".encode()
+            self._dropped = 0
+
+    def _writable(self) -> bool:
+        poll = select.poll()
+        poll.register(self._descriptor, select.POLLOUT)
+        return bool(poll.poll(0))
+
+
+class Console:
+    """Standard output and error, shared by the nodes and the launcher."""
+
+    def __init__(self, out: TextIO | None, err: TextIO | None, names: Sequence[str]) -> None:
+        """Write to ``out`` and ``err``; each of ``names`` gets its own colour."""
+        self.out = OutputStream(out)
+        self.err = OutputStream(err)
+        self._colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
+
+    @property
+    def pending(self) -> bool:
+        """Whether something still waits to be written."""
+        return self.out.pending or self.err.pending
+
+    def line(self, name: str, text: bytes, stream: OutputStream) -> None:
+        """Write one line of the node called ``name``; ``text`` comes without its newline."""
+        prefix = f"[{name}]"
+        if stream.colour:
+            prefix = f"\x1b[{self._colours.get(name, '1')}m{prefix}\x1b[0m"
+        stream.write(prefix.encode() + b" " + text.rstrip(b"\r") + b"\n")
+
+    def say(self, text: str) -> None:
+        """Write a message of the launcher's own."""
+        for line in text.splitlines():
+            self.out.write(line.encode() + b"\n")
+
+    def warn(self, text: str) -> None:
+        """Write a message of the launcher's own on something that went wrong."""
+        start, end = ("\x1b[1;31m", "\x1b[0m") if self.err.colour else ("", "")
+        for line in text.splitlines():
+            self.err.write(f"{start}{line}{end}\n".encode())
+
+    def pump(self) -> None:
+        """Write what waits, as far as possible without blocking."""
+        self.out.pump()
+        self.err.pump()
+
+    def flush(self, timeout: float) -> None:
+        """Write what waits, for at most ``timeout`` seconds."""
+        deadline = time.monotonic() + timeout
+        while self.pending and time.monotonic() < deadline:
+            self.pump()
+            time.sleep(0.005)
+
+
+def wants_colour(descriptor: int) -> bool:
+    """Return whether to colour what goes to ``descriptor``: a terminal, and NO_COLOR not set."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    return os.isatty(descriptor)

@@ -1,0 +1,195 @@
+"""MRM from the command that users type to transforms in another process, and back to nothing."""
+
+import os
+import signal
+import sys
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from onebot_description.ament import package_share
+from tests.onebot_bringup.bringup_support import MARK, Transforms, marked, stop, wait_for_robot
+from tests.onebot_bringup.launcher_support import RunningCommand
+from tests.support import wait_for
+
+Start = Callable[..., RunningCommand]
+
+JOINTS = """/**/joint_state_publisher:
+  ros__parameters:
+    rate: 50.0
+    motions:
+      base_link__link_01: {{type: constant, position: {position}}}
+"""
+
+
+@pytest.fixture
+def mark(monkeypatch: pytest.MonkeyPatch) -> str:
+    """Mark all processes that the test starts, at whatever remove."""
+    text = f"{MARK}={uuid.uuid4()}"
+    monkeypatch.setenv(*text.split("="))
+    return text
+
+
+@pytest.fixture
+def transforms(ros_domain: int) -> Iterator[Transforms]:
+    """Listen to /tf in the test's own ROS domain."""
+    listener = Transforms(ros_domain)
+    yield listener
+    listener.close()
+
+
+@pytest.fixture
+def start(tmp_path: Path, ros_domain: int, mark: str) -> Iterator[Start]:
+    """Start ``mrm_bringup`` with arguments; without a viewer unless they say otherwise."""
+    started: list[RunningCommand] = []
+
+    def make(*arguments: str) -> RunningCommand:
+        command = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
+        started.append(RunningCommand(tmp_path, [*command, *arguments]))
+        return started[-1]
+
+    yield make
+    for running in started:
+        running.close()
+    assert marked(mark) == []
+
+
+def write_joints(folder: Path, position: float) -> str:
+    """Write a joint file that holds MRM's joint at ``position`` rad, and return its path."""
+    path = folder / "joints.yaml"
+    path.write_text(JOINTS.format(position=position))
+    return str(path)
+
+
+def test_the_command_alone_moves_mrm(start: Start, transforms: Transforms) -> None:
+    """Without arguments the joint moves, /tf says so elsewhere, and Ctrl-C leaves nothing."""
+    running = start()
+    first = wait_for_robot(running, transforms, "link1")
+    assert abs(first[0] - 0.5) < 1e-9  # m, the top of the base
+    wait_for(lambda: transforms.of("link1") != first, "a movement")
+    assert 'Robot "mrm"' in running.out and "Ctrl-C stops everything" in running.out
+    stop(running)
+
+
+def test_editing_the_joints_moves_the_robot(
+    start: Start, transforms: Transforms, tmp_path: Path
+) -> None:
+    """The YAML file is the robot's remote control, while it runs."""
+    running = start(f"joints:={write_joints(tmp_path, 0.25)}")
+    wait_for(transforms.turned_to(0.25, "link1"), "the first position")
+    write_joints(tmp_path, -0.5)
+    wait_for(transforms.turned_to(-0.5, "link1"), "the edited position")
+    stop(running)
+
+
+def test_editing_the_xacro_changes_the_robot(
+    start: Start, transforms: Transforms, tmp_path: Path
+) -> None:
+    """An edit of the model takes effect at once; a broken one is reported and changes nothing."""
+    model = tmp_path / "my_mrm.xacro"
+    good = (package_share("mrm_description") / "urdf/mrm.xacro").read_text()
+    model.write_text(good)
+    running = start(f"model:={model}", f"joints:={write_joints(tmp_path, 0.25)}")
+    wait_for(transforms.turned_to(0.25, "link1"), "the robot")
+    taller = good.replace('name="base_side" value="1.0"', 'name="base_side" value="2.0"')
+    assert taller != good
+
+    def height() -> float:
+        found = transforms.of("link1")
+        return found[0] if found else 0.0
+
+    model.write_text(taller)
+    wait_for(lambda: abs(height() - 1.0) < 1e-9, "the taller base")
+    model.write_text(taller.replace("</robot>", ""))
+    wait_for(lambda: "stays as it was" in running.err, "the report of the broken file")
+    assert "my_mrm.xacro" in running.err
+    transforms.latest.clear()
+    wait_for(lambda: abs(height() - 1.0) < 1e-9, "the robot as it was")
+    model.write_text(good)
+    wait_for(lambda: abs(height() - 0.5) < 1e-9, "the mended robot")
+    stop(running)
+
+
+def test_namespace_and_frame_prefix(start: Start, transforms: Transforms, tmp_path: Path) -> None:
+    """Two robots can share a network: topics get the namespace, frames the prefix."""
+    running = start(
+        "namespace:=left", "frame_prefix:=left/", f"joints:={write_joints(tmp_path, 0.5)}"
+    )
+    wait_for(transforms.turned_to(0.5, "left/link1"), "the prefixed frame")
+    assert "/left/joint_states" in running.out
+    stop(running)
+
+
+def test_a_joints_file_for_another_namespace_is_noticed(start: Start, tmp_path: Path) -> None:
+    """A file that would leave the robot at rest is remarked on, with what to write."""
+    path = Path(write_joints(tmp_path, 0.5))
+    path.write_text(path.read_text().replace("/**/", ""))
+    running = start("namespace:=left", f"joints:={path}")
+    running.wait_for_out("starting")
+    assert "says nothing to /left/joint_state_publisher" in running.err
+    assert "/**/joint_state_publisher:" in running.err
+    stop(running)
+
+
+def test_the_end_of_a_node_that_matters_ends_all(
+    start: Start, transforms: Transforms, mark: str, tmp_path: Path
+) -> None:
+    """Without robot_state_publisher there is no robot: exit code 1, the reason, nothing left."""
+    running = start(f"joints:={write_joints(tmp_path, 0.5)}")
+    wait_for_robot(running, transforms, "link1")
+    for pid in marked(mark, "robot_state_publisher.yaml"):
+        os.kill(pid, signal.SIGKILL)
+    assert running.wait() == 1
+    assert "robot_state_publisher ended by itself: ended by SIGKILL" in running.err
+
+
+def test_the_end_of_the_viewer_ends_nothing(
+    start: Start, transforms: Transforms, mark: str, tmp_path: Path
+) -> None:
+    """The viewer can crash; the robot goes on."""
+    recording = tmp_path / "mrm.rrd"
+    running = start(f"save:={recording}", f"joints:={write_joints(tmp_path, 0.5)}")
+    wait_for_robot(running, transforms, "link1")
+    wait_for(lambda: recording.is_file() and recording.stat().st_size, "the recording")
+    for pid in marked(mark, "onebot_bringup.rerun_viewer"):
+        os.kill(pid, signal.SIGKILL)
+    wait_for(lambda: "going on without rerun_viewer" in running.err, "the report")
+    transforms.latest.clear()
+    wait_for(lambda: transforms.of("link1"), "more transforms")
+    stop(running)
+
+
+def test_interrupt_during_the_start_is_clean(start: Start) -> None:
+    """Ctrl-C right after the start, while the nodes are importing, is as clean as later."""
+    running = start()
+    running.wait_for_out("starting")
+    stop(running)
+
+
+@pytest.mark.parametrize(
+    ("text", "answer"),
+    [("a: [", "joints.yaml"), ("joint_state_publisher:\n  ros__parameters: {rat: 1}", '"rate"')],
+)
+def test_a_bad_joints_file_starts_nothing(
+    start: Start, tmp_path: Path, text: str, answer: str
+) -> None:
+    """A mistake in the YAML is told before anything starts, with exit code 1."""
+    (tmp_path / "joints.yaml").write_text(text)
+    running = start(f"joints:={tmp_path / 'joints.yaml'}")
+    assert running.wait() == 1
+    assert answer in running.err and "Traceback" not in running.err
+    assert "starting" not in running.out
+
+
+def test_a_killed_command_leaves_nothing(start: Start, transforms: Transforms, mark: str) -> None:
+    """Even after SIGKILL of the command itself no process of it stays."""
+    running = start()
+    wait_for_robot(running, transforms, "link1")
+    command = Path(f"/proc/{marked(mark, 'robot_state_publisher.yaml')[0]}/cmdline").read_text()
+    parameters = Path(next(word for word in command.split("\0") if word.endswith(".yaml")))
+    assert parameters.is_file()
+    running.process.kill()
+    wait_for(lambda: not marked(mark), "the end of all nodes", timeout=15.0)
+    assert not parameters.parent.exists()

@@ -1,0 +1,100 @@
+"""Listens to a bringup as another program would, and finds every process that it started."""
+
+import math
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from onebot_description.ament import use_environment_prefix
+from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_bringup.launcher_support import RunningCommand
+from tests.support import wait_for
+
+MARK = "ONEBOT_TEST_MARK"
+
+
+class Transforms:
+    """What a program of the user's own hears on /tf and /tf_static."""
+
+    def __init__(self, domain: int) -> None:
+        """Listen in ROS domain ``domain``."""
+        use_environment_prefix()
+        self.latest: dict[str, tuple[float, float]] = {}
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self._node = rclpy.create_node("listener", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._node.create_subscription(TFMessage, "/tf", self._on_tf, 10)
+        self._node.create_subscription(TFMessage, "/tf_static", self._on_tf, latched)
+
+    def _on_tf(self, message: TFMessage) -> None:
+        for stamped in message.transforms:
+            transform = stamped.transform
+            self.latest[stamped.child_frame_id] = (transform.translation.z, transform.rotation.z)
+
+    def of(self, frame: str) -> tuple[float, float] | None:
+        """Return the latest height (m) and rotation.z of ``frame``, None if never heard."""
+        self._executor.spin_once(timeout_sec=0.01)
+        return self.latest.get(frame)
+
+    def turned_to(self, angle: float, frame: str) -> Callable[[], bool]:
+        """Return a condition: ``frame`` stands at ``angle`` rad about z."""
+
+        def condition() -> bool:
+            found = self.of(frame)
+            return found is not None and abs(found[1] - math.sin(angle / 2)) < 1e-3
+
+        return condition
+
+    def close(self) -> None:
+        """Leave the ROS graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+
+def marked(mark: str, word: str = "") -> list[int]:
+    """Return the running processes with the mark, and ``word`` in their command line."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            # A zombie has an empty command line.
+            command = (folder / "cmdline").read_bytes()
+            if command and word.encode() in command:
+                if mark.encode() in (folder / "environ").read_bytes():
+                    found.append(int(folder.name))
+        except OSError:
+            continue
+    return [pid for pid in found if pid != os.getpid()]
+
+
+def wait_for_robot(
+    running: RunningCommand, transforms: Transforms, frame: str
+) -> tuple[float, float]:
+    """Wait for the first transform, but not if the command has given up."""
+
+    def condition() -> tuple[float, float] | None:
+        assert running.process.poll() is None, running.err
+        return transforms.of(frame)
+
+    found = wait_for(condition, "the first transform")
+    assert found is not None
+    return found
+
+
+def stop(running: RunningCommand) -> None:
+    """Press Ctrl-C and check that the end is what was promised."""
+    begin = time.monotonic()
+    running.send(signal.SIGINT)
+    assert running.wait() == 0
+    assert time.monotonic() - begin < 5.0
+    assert "Traceback" not in running.out + running.err
+    assert "has not stopped yet" not in running.err

@@ -1,0 +1,96 @@
+"""Starts a real launcher in a process of its own, on small scripts, for the launcher's tests."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.support import wait_for
+
+DRIVER = """
+import sys
+from onebot_bringup.launcher import Grace, Launcher, Node, Restart, python_node
+
+def script(name, path, on_exit="shutdown", **more):
+    return Node(name, (sys.executable, "-u", path), on_exit, **more)
+
+sys.exit(Launcher({nodes}, name="test").run())
+"""
+
+
+class RunningCommand:
+    """A process whose output goes to files that can be read at any time."""
+
+    def __init__(
+        self, folder: Path, command: list[str], environment: dict[str, str] | None = None
+    ) -> None:
+        """Run ``command`` in ``folder``."""
+        self._out, self._err = folder / "stdout", folder / "stderr"
+        with self._out.open("wb") as out, self._err.open("wb") as err:
+            self.process = subprocess.Popen(
+                command,
+                stdout=out,
+                stderr=err,
+                cwd=folder,
+                env={**os.environ, **(environment or {})},
+                start_new_session=True,
+            )
+
+    @property
+    def out(self) -> str:
+        """What it wrote to standard output so far."""
+        return self._out.read_text()
+
+    @property
+    def err(self) -> str:
+        """What it wrote to standard error so far."""
+        return self._err.read_text()
+
+    def wait_for_out(self, text: str) -> None:
+        """Wait until ``text`` is on standard output."""
+
+        def condition() -> bool:
+            ended = self.process.poll() is not None
+            found = text in self.out
+            assert found or not ended, self.err
+            return found
+
+        wait_for(condition, f"{text!r} in the output")
+
+    def send(self, number: int) -> None:
+        """Send a signal to the launcher alone."""
+        self.process.send_signal(number)
+
+    def wait(self, timeout: float = 60.0) -> int:
+        """Wait for its end and return the exit code."""
+        return self.process.wait(timeout)
+
+    def close(self) -> None:
+        """Kill it if it still runs."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+            self.process.wait(30)
+
+
+class RunningLauncher(RunningCommand):
+    """A launcher in a process of its own."""
+
+    def __init__(self, folder: Path, nodes: str) -> None:
+        """Run the nodes that the Python expression ``nodes`` lists."""
+        super().__init__(folder, [sys.executable, "-c", DRIVER.format(nodes=nodes)])
+
+
+def alive(pid: int) -> bool:
+    """Return whether a process runs; a zombie does not."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return stat.rpartition(")")[2].split()[0] not in "ZX"
+
+
+def number_in(path: Path) -> int:
+    """Wait for a script to write a whole number and a newline to ``path``, and return it."""
+    wait_for(lambda: path.is_file() and path.read_text().endswith("\n"), f"a number in {path.name}")
+    return int(path.read_text())

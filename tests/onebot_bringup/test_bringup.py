@@ -1,0 +1,155 @@
+"""Bringing up any robot with ``onebot view``."""
+
+import os
+import sys
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from onebot_bringup.bringup import environment
+from onebot_bringup.description_files import digest_of, published_urdf, signature_of
+from onebot_description.description import load_description
+from tests.onebot_bringup.bringup_support import MARK, Transforms, marked, stop, wait_for_robot
+from tests.onebot_bringup.launcher_support import RunningCommand
+from tests.support import wait_for
+
+ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="height" default="1.0"/>
+  <link name="base"/>
+  <link name="tip"><visual><geometry><mesh filename="tip.stl"/></geometry></visual></link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="tip"/><origin xyz="0 0 $(arg height)"/><axis xyz="0 0 1"/>
+    <limit lower="0.5" upper="1.0" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+STL = """solid tip
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 1 0
+endloop
+endfacet
+endsolid tip
+"""
+Start = Callable[..., RunningCommand]
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """A small robot with a xacro argument, and a mesh beside its file."""
+    (tmp_path / "arm.xacro").write_text(ARM)
+    (tmp_path / "tip.stl").write_text(STL)
+    return tmp_path / "arm.xacro"
+
+
+@pytest.fixture
+def transforms(ros_domain: int) -> Iterator[Transforms]:
+    """Listen to /tf in the test's own ROS domain."""
+    listener = Transforms(ros_domain)
+    yield listener
+    listener.close()
+
+
+@pytest.fixture
+def start(
+    tmp_path: Path, ros_domain: int, arm: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Start]:
+    """Start ``onebot view`` on the arm; nothing may be left of it after the test."""
+    started: list[RunningCommand] = []
+    mark = str(uuid.uuid4())
+    monkeypatch.setenv(MARK, mark)
+
+    def make(*arguments: str) -> RunningCommand:
+        command = [sys.executable, "-m", "onebot_bringup.cli.main", "view", arm.name]
+        started.append(RunningCommand(tmp_path, [*command, "viewer:=none", *arguments]))
+        return started[-1]
+
+    yield make
+    for running in started:
+        running.close()
+    assert marked(f"{MARK}={mark}") == []
+
+
+def test_any_robot_moves_within_its_limits(start: Start, transforms: Transforms) -> None:
+    """Without a joint file the joint swings; its xacro argument stands among the launcher's."""
+    running = start("height:=2.5")
+    first = wait_for_robot(running, transforms, "tip")
+    assert abs(first[0] - 2.5) < 1e-9
+    seen: list[float] = []
+
+    def moved() -> bool:
+        found = transforms.of("tip")
+        assert found is not None
+        seen.append(found[1])
+        return max(seen) - min(seen) > 0.02
+
+    wait_for(moved, "a movement")
+    low, high = 0.2474, 0.4795  # sin(0.5 / 2), sin(1.0 / 2)
+    assert low <= min(seen) and max(seen) <= high
+    stop(running)
+
+
+def test_a_real_robot_can_be_shown(start: Start, transforms: Transforms) -> None:
+    """``joint_states:=false`` leaves the joint states to someone else; nothing is published."""
+    running = start("joint_states:=false", "reload:=false")
+    running.wait_for_out("Ctrl-C")
+    assert "starting robot_state_publisher\n" in running.out
+    assert "wait for /joint_states" in running.out
+    stop(running)
+
+
+def test_ros_arguments_reach_the_nodes(start: Start, transforms: Transforms) -> None:
+    """``--ros-args -r`` remaps in every node, so both ends of a topic still meet."""
+    running = start("--ros-args", "-r", "joint_states:=arm_states")
+    wait_for_robot(running, transforms, "tip")
+    stop(running)
+
+
+def test_relative_meshes_get_a_path_that_holds_anywhere(arm: Path) -> None:
+    """The text on robot_description has no folder that a relative path could start from."""
+    urdf = published_urdf(load_description(arm))
+    assert str(arm.parent / "tip.stl") in urdf
+
+
+def test_a_description_without_relative_paths_is_published_as_it_is(arm: Path) -> None:
+    """Nothing is changed without need; package:// stays as it is."""
+    arm.write_text(ARM.replace("tip.stl", str(arm.parent / "tip.stl")))
+    description = load_description(arm)
+    assert published_urdf(description) == description.urdf
+
+
+def test_signatures_tell_edits(tmp_path: Path) -> None:
+    """A file edited, replaced or removed has another signature; one left alone has not."""
+    file = tmp_path / "a"
+    absent = signature_of([file])
+    file.write_text("1")
+    first = signature_of([file])
+    assert first == signature_of([file]) != absent
+    (tmp_path / "b").write_text("1")
+    (tmp_path / "b").replace(file)
+    assert signature_of([file]) != first
+    assert digest_of("a") != digest_of("b")
+
+
+VALUES = {"discovery": "localhost", "domain_id": ""}
+
+
+def test_nodes_are_seen_on_this_computer_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless the user has said otherwise, discovery stays on this host."""
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
+    found = environment(VALUES, forced=False)
+    assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST" and "ROS_DOMAIN_ID" not in found
+
+
+def test_the_users_environment_counts_unless_an_argument_is_given(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The environment goes before the default, an argument before the environment."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in environment(VALUES, forced=False)
+    found = environment({"discovery": "localhost", "domain_id": "7"}, forced=True)
+    assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST" and found["ROS_DOMAIN_ID"] == "7"
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"

@@ -1,0 +1,184 @@
+"""The ``onebot`` command, run as its users run it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="reach" default="1.0"/>
+  <link name="base"/><link name="tip"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="tip"/><origin xyz="$(arg reach) 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+
+def onebot(
+    *words: str, program: str = "onebot_bringup.cli.main"
+) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run(
+        [sys.executable, "-m", program, *words], capture_output=True, text=True, timeout=60
+    )
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> str:
+    """A small robot with one xacro argument."""
+    (tmp_path / "arm.xacro").write_text(ARM)
+    return str(tmp_path / "arm.xacro")
+
+
+@pytest.mark.parametrize("words", [["--help"], ["-h"], ["help"]])
+def test_help_lists_the_commands(words: list[str]) -> None:
+    """Help goes to standard output, with exit code 0."""
+    done = onebot(*words)
+    assert done.returncode == 0 and "check" in done.stdout and "view" in done.stdout
+
+
+@pytest.mark.parametrize("words", [["check", "--help"], ["help", "check"], ["view", "-h"]])
+def test_each_command_has_help(words: list[str]) -> None:
+    """``onebot <verb> --help`` shows its usage."""
+    done = onebot(*words)
+    assert done.returncode == 0 and done.stdout.startswith("usage: onebot ")
+
+
+def test_no_command_is_a_usage_error() -> None:
+    """Without a command the usage goes to standard error, with exit code 2."""
+    done = onebot()
+    assert done.returncode == 2 and "usage: onebot" in done.stderr and not done.stdout
+
+
+def test_version() -> None:
+    """``--version`` is one line."""
+    done = onebot("--version")
+    assert done.returncode == 0 and done.stdout.startswith("onebot ")
+
+
+def test_an_unknown_command_is_answered_with_the_nearest() -> None:
+    """A misspelt command: one error, exit code 2."""
+    done = onebot("chekc")
+    assert done.returncode == 2
+    assert 'onebot has no command "chekc" (did you mean "check"?' in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_check_shows_a_good_robot(arm: str) -> None:
+    """A good description: its links and joints, exit code 0, nothing on standard error."""
+    done = onebot("check", arm, "reach:=2.5")
+    assert done.returncode == 0, done.stderr
+    for name in ("arm", "base", "tip", "shoulder"):
+        assert name in done.stdout
+    assert done.stderr == ""
+
+
+def test_check_reports_a_bad_robot(tmp_path: Path) -> None:
+    """Problems: a line each on standard error, exit code 1, no traceback."""
+    (tmp_path / "bad.urdf").write_text('<robot name="r"><link name="a"/><link name="b"/></robot>')
+    done = onebot("check", str(tmp_path / "bad.urdf"))
+    assert done.returncode == 1 and done.stderr.startswith("error: ")
+    assert "Traceback" not in done.stderr and done.stdout == ""
+
+
+def test_check_of_a_file_that_does_not_exist() -> None:
+    """A missing file is one clear line."""
+    done = onebot("check", "/no/such/robot.urdf")
+    assert done.returncode == 1 and "/no/such/robot.urdf" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_check_refuses_arguments_the_file_does_not_declare(arm: str) -> None:
+    """Xacro would ignore them in silence."""
+    done = onebot("check", arm, "raech:=2")
+    assert done.returncode == 1 and 'did you mean "reach"?' in done.stderr
+
+
+def test_check_lists_the_arguments_of_a_file(arm: str) -> None:
+    """``--show-args`` names what the xacro declares, with its default."""
+    done = onebot("check", arm, "--show-args")
+    assert done.returncode == 0 and "reach:=1.0" in done.stdout
+
+
+@pytest.mark.parametrize("words", [["check"], ["check", "a", "b"], ["check", "--all", "a"]])
+def test_wrong_usage_of_check(words: list[str]) -> None:
+    """Exit code 2, and where to read more."""
+    done = onebot(*words)
+    assert done.returncode == 2 and "see: onebot check --help" in done.stderr
+
+
+def test_check_starts_quickly(arm: str) -> None:
+    """It needs neither ROS nor the viewer, and so must not spend a second importing them."""
+    code = (
+        "import sys; from onebot_bringup.cli.main import main; main(['check', sys.argv[1]]);"
+        "print([m for m in ('rclpy', 'rerun', 'pybullet', 'yourdfpy') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, arm], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_reader_that_leaves_is_no_error(arm: str) -> None:
+    """``onebot check x | head -0`` prints no traceback."""
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "onebot_bringup.cli.main", "check", arm],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        timeout=60,
+    )
+    os.close(write)
+    assert done.returncode == 141 and done.stderr == b""
+
+
+def test_view_lists_launch_and_xacro_arguments(arm: str) -> None:
+    """``onebot view FILE --show-args`` lists both kinds, with defaults."""
+    done = onebot("view", arm, "--show-args")
+    assert done.returncode == 0
+    assert "viewer:=web" in done.stdout and "reach:=1.0" in done.stdout
+
+
+def test_view_finds_the_nearest_among_both_kinds(arm: str) -> None:
+    """Unknown arguments are looked for among the launcher's and the xacro's names."""
+    done = onebot("view", arm, "raech:=2", "veiwer:=none")
+    assert done.returncode == 2
+    assert 'did you mean "reach"?' in done.stderr and 'did you mean "viewer"?' in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("word", "answer"),
+    [
+        ("viewer:=rviz", "web, native, none"),
+        ("reload:=maybe", "true, 1, false, 0"),
+        ("publish_frequency:=fast", "a number from 0 to 1000"),
+        ("publish_frequency:=nan", "a number from 0 to 1000"),
+        ("domain_id:=233", "a whole number from 0 to 232"),
+        ("namespace:=1st", "no ROS name"),
+        ("viewer=none", "written viewer:=none"),
+    ],
+)
+def test_impossible_values_are_explained(arm: str, word: str, answer: str) -> None:
+    """Exit code 2 and what would be right, before anything starts."""
+    done = onebot("view", arm, word)
+    assert done.returncode == 2 and answer in done.stderr and "starting" not in done.stdout
+
+
+@pytest.mark.parametrize("word", ["joints:=absent.yaml", "view:=absent.yaml", "save:=/no/x.rrd"])
+def test_missing_files_are_reported_before_anything_starts(arm: str, word: str) -> None:
+    """A file or folder that does not exist: exit code 1."""
+    done = onebot("view", arm, word)
+    assert done.returncode == 1 and "starting" not in done.stdout
+    assert done.stderr.startswith("error: ") and "Traceback" not in done.stderr
+
+
+def test_a_bad_robot_starts_nothing(tmp_path: Path) -> None:
+    """The description is checked once, up front."""
+    (tmp_path / "bad.urdf").write_text("<robot")
+    done = onebot("view", str(tmp_path / "bad.urdf"))
+    assert done.returncode == 1 and "starting" not in done.stdout
+    assert "bad.urdf" in done.stderr and "Traceback" not in done.stderr

@@ -1,0 +1,37 @@
+"""Parameter files mean to YAML what was meant."""
+
+from pathlib import Path
+
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from onebot_bringup.launcher.parameter_files import write_parameters
+
+Text = st.text(st.characters(blacklist_categories=("Cs",)))
+Name = st.text(st.characters(blacklist_categories=("Cs",)), max_size=50)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.dictionaries(Name, Text | st.booleans() | st.integers(-(2**31), 2**31), max_size=5))
+def test_values_come_back_with_their_type(tmp_path: Path, values: dict[str, object]) -> None:
+    """Any text (emoji, quotes, "1.0", "true"), boolean or whole number is read back unchanged."""
+    path = write_parameters(tmp_path, "node", values)
+    loaded = yaml.safe_load(path.read_text())["/node"]["ros__parameters"] or {}
+    assert loaded == values
+    assert {name: type(value) for name, value in loaded.items()} == {
+        name: type(value) for name, value in values.items()
+    }
+
+
+def test_doubles_keep_their_point(tmp_path: Path) -> None:
+    """ROS would take 10 for an integer, and 1e-05 for a text."""
+    path = write_parameters(tmp_path, "node", {"rate": 10.0, "small": 1e-5})
+    assert "10.000" in path.read_text() and "0.00001" in path.read_text()
+
+
+def test_namespace_and_nesting(tmp_path: Path) -> None:
+    """The key is the node's full name, and maps nest."""
+    path = write_parameters(tmp_path, "node", {"a": {"b.c": {"d": 1}}}, "left/arm")
+    loaded = yaml.safe_load(path.read_text())
+    assert loaded == {"/left/arm/node": {"ros__parameters": {"a": {"b.c": {"d": 1}}}}}

@@ -1,0 +1,147 @@
+"""What the launcher does when a node ends by itself, and how it reports it."""
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from onebot_bringup.launcher import Node, Restart
+from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.launcher.process import describe_exit
+from tests.onebot_bringup.launcher_support import RunningLauncher, alive, number_in
+from tests.support import wait_for
+
+Start = Callable[[str], RunningLauncher]
+
+RUNS = """
+import os, signal
+from pathlib import Path
+Path("runs.pid").write_text(f"{os.getpid()}\\n")
+print("ready")
+signal.pause()
+"""
+FAILS = """
+import sys
+print("about to fail")
+print("the reason", file=sys.stderr)
+sys.exit(3)
+"""
+FAST = "Restart(limit=2, first_wait=0.05)"
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Start launchers in ``tmp_path``, where the scripts lie; end them after the test."""
+    (tmp_path / "runs.py").write_text(RUNS)
+    (tmp_path / "fails.py").write_text(FAILS)
+    started: list[RunningLauncher] = []
+
+    def make(nodes: str) -> RunningLauncher:
+        started.append(RunningLauncher(tmp_path, nodes))
+        return started[-1]
+
+    yield make
+    for launcher in started:
+        launcher.close()
+
+
+def test_shutdown_brings_all_down_and_says_why(start: Start, tmp_path: Path) -> None:
+    """A node that matters ends: its last words come before the report, and the exit code is 1."""
+    launcher = start("[script('other', 'runs.py'), script('bad', 'fails.py')]")
+    assert launcher.wait() == 1
+    assert "[bad] about to fail" in launcher.out
+    words, report = (
+        launcher.err.index("[bad] the reason"),
+        launcher.err.index("bad ended by itself"),
+    )
+    assert words < report
+    assert "exit code 3" in launcher.err and "stopping the others" in launcher.err
+    pid = tmp_path / "runs.pid"
+    assert not pid.is_file() or not alive(number_in(pid))
+
+
+def test_a_signal_that_ends_a_node_is_named(start: Start, tmp_path: Path) -> None:
+    """A crash is reported by the name of its signal."""
+    launcher = start("[script('runner', 'runs.py')]")
+    launcher.wait_for_out("ready")
+    os.kill(number_in(tmp_path / "runs.pid"), signal.SIGSEGV)
+    assert launcher.wait() == 1
+    assert "runner ended by itself: ended by SIGSEGV, a crash in compiled code" in launcher.err
+
+
+def test_ignore_goes_on_without_the_node(start: Start, tmp_path: Path) -> None:
+    """The end of a viewer does not touch the rest."""
+    launcher = start("[script('runner', 'runs.py'), script('viewer', 'fails.py', 'ignore')]")
+    wait_for(lambda: "going on without viewer" in launcher.err, "the report")
+    launcher.wait_for_out("ready")
+    assert launcher.process.poll() is None and alive(number_in(tmp_path / "runs.pid"))
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 0
+
+
+def test_the_launcher_ends_when_nothing_is_left(start: Start) -> None:
+    """With every node gone there is nothing to wait for, and nothing failed that matters."""
+    launcher = start("[script('viewer', 'fails.py', 'ignore')]")
+    assert launcher.wait() == 0
+    assert "no node is left to run" in launcher.out
+
+
+def test_restart_tries_again_up_to_the_limit(start: Start) -> None:
+    """A node that keeps failing runs limit + 1 times; then the launcher gives up with code 1."""
+    launcher = start(f"[script('bad', 'fails.py', 'restart', restart={FAST})]")
+    assert launcher.wait() == 1
+    assert launcher.out.count("[bad] about to fail") == 3
+    assert "attempt 2 of 2" in launcher.err and "giving up" in launcher.err
+
+
+def test_a_restarted_node_runs_on(start: Start, tmp_path: Path) -> None:
+    """A node that is killed comes back as a new process, and Ctrl-C stops that one too."""
+    launcher = start(f"[script('runner', 'runs.py', 'restart', restart={FAST})]")
+    launcher.wait_for_out("ready")
+    first = number_in(tmp_path / "runs.pid")
+    os.kill(first, signal.SIGKILL)
+    wait_for(lambda: launcher.out.count("[runner] ready") == 2, "the second start")
+    second = number_in(tmp_path / "runs.pid")
+    assert second != first and alive(second)
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 0
+    assert not alive(second)
+
+
+def test_ctrl_c_cancels_a_planned_restart(start: Start) -> None:
+    """Nothing is started any more once the launcher was told to stop."""
+    launcher = start("[script('bad', 'fails.py', 'restart', restart=Restart(first_wait=60.0))]")
+    wait_for(lambda: "again in" in launcher.err, "the plan")
+    launcher.send(signal.SIGINT)
+    assert launcher.wait(10.0) == 0
+    assert launcher.out.count("about to fail") == 1
+
+
+def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
+    """A command that cannot be run is one line, not a traceback."""
+    launcher = start("[Node('ghost', ('/no/such/program',))]")
+    assert launcher.wait() == 1
+    assert "ghost cannot be started" in launcher.err and "Traceback" not in launcher.err
+
+
+def test_waits_double_up_to_a_cap() -> None:
+    """The waits before restarts grow geometrically and are bounded."""
+    restart = Restart(first_wait=1.0, longest_wait=5.0)
+    assert [restart.wait(i) for i in range(5)] == [1.0, 2.0, 4.0, 5.0, 5.0]
+
+
+def test_two_nodes_of_one_name_are_refused() -> None:
+    """Output could not be told apart otherwise."""
+    with pytest.raises(ValueError, match="same name"):
+        Launcher([Node("a", ("true",)), Node("a", ("true",))])
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [(0, "finished"), (1, "exit code 1"), (-9, "SIGKILL"), (-11, "SIGSEGV"), (-99, "signal 99")],
+)
+def test_exit_codes_in_words(code: int, words: str) -> None:
+    """Each kind of end has its words, even a signal without a name."""
+    assert words in describe_exit(code)

@@ -1,0 +1,177 @@
+"""How the launcher stops: everything, in time, and with nothing left behind."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.onebot_bringup.launcher_support import RunningLauncher, alive, number_in
+from tests.support import wait_for
+
+Start = Callable[..., RunningLauncher]
+
+REPORT_PID = """
+import os, signal, subprocess, sys, time
+from pathlib import Path
+def report(name):
+    Path(name).write_text(f"{os.getpid()}\\n")
+"""
+POLITE = (
+    REPORT_PID
+    + """
+def stop(number, frame):
+    print("goodbye")
+    sys.exit(0)
+signal.signal(signal.SIGINT, stop)
+report("polite.pid")
+print("ready")
+while True:
+    signal.pause()
+"""
+)
+STUBBORN = (
+    REPORT_PID
+    + """
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+report("stubborn.pid")
+print("ready")
+while True:
+    signal.pause()
+"""
+)
+PARENT = (
+    REPORT_PID
+    + """
+child = subprocess.Popen([sys.executable, "stubborn.py"], stdout=subprocess.DEVNULL)
+while not Path("stubborn.pid").is_file():
+    time.sleep(0.01)
+report("parent.pid")
+print("ready")
+signal.pause()
+"""
+)
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Start launchers in ``tmp_path``, where the scripts lie; end them after the test."""
+    for name, text in {"polite": POLITE, "stubborn": STUBBORN, "parent": PARENT}.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    started: list[RunningLauncher] = []
+
+    def make(nodes: str) -> RunningLauncher:
+        started.append(RunningLauncher(tmp_path, nodes))
+        return started[-1]
+
+    yield make
+    for launcher in started:
+        launcher.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_all_nodes_with_exit_code_zero(
+    start: Start, tmp_path: Path, number: int
+) -> None:
+    """Whatever way the launcher is told to stop, nodes get SIGINT, and their last line is shown."""
+    launcher = start("[script('a', 'polite.py'), script('b', 'polite.py')]")
+    wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
+    launcher.send(number)
+    assert launcher.wait() == 0
+    assert "[a] goodbye" in launcher.out and "[b] goodbye" in launcher.out
+    assert launcher.err == ""
+    assert not alive(number_in(tmp_path / "polite.pid"))
+
+
+def test_a_node_that_ignores_all_signals_is_gone_within_five_seconds(
+    start: Start, tmp_path: Path
+) -> None:
+    """Ctrl-C ends even a node that ignores SIGINT and SIGTERM, in 5 s and with exit code 0."""
+    launcher = start("[script('mule', 'stubborn.py'), script('a', 'polite.py')]")
+    wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
+    begin = time.monotonic()
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 0
+    assert time.monotonic() - begin < 5.0
+    assert not alive(number_in(tmp_path / "stubborn.pid"))
+    assert "mule has not stopped yet: SIGTERM" in launcher.err
+    assert "mule has not stopped yet: SIGKILL" in launcher.err
+
+
+def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:
+    """Who presses Ctrl-C again does not wait for the grace period."""
+    launcher = start("[script('mule', 'stubborn.py')]")
+    launcher.wait_for_out("ready")
+    begin = time.monotonic()
+    launcher.send(signal.SIGINT)
+    wait_for(lambda: time.monotonic() - begin > 0.5, "a second key press")
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 0
+    assert time.monotonic() - begin < 2.4
+    assert not alive(number_in(tmp_path / "stubborn.pid"))
+
+
+def test_what_a_node_started_is_stopped_too(start: Start, tmp_path: Path) -> None:
+    """A grandchild that ignores every signal but SIGKILL is gone when the launcher returns."""
+    launcher = start("[script('parent', 'parent.py')]")
+    launcher.wait_for_out("ready")
+    grandchild = number_in(tmp_path / "stubborn.pid")
+    assert alive(grandchild)
+    begin = time.monotonic()
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 0
+    assert time.monotonic() - begin < 5.0
+    assert not alive(grandchild)
+
+
+def test_what_a_dead_node_started_is_killed(start: Start, tmp_path: Path) -> None:
+    """When a node dies, what it started goes with it, though the launcher runs on."""
+    launcher = start("[script('parent', 'parent.py', 'ignore'), script('a', 'polite.py')]")
+    wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
+    os.kill(number_in(tmp_path / "parent.pid"), signal.SIGKILL)
+    grandchild = number_in(tmp_path / "stubborn.pid")
+    wait_for(lambda: not alive(grandchild), "the end of the grandchild")
+    assert alive(number_in(tmp_path / "polite.pid"))
+
+
+def test_a_killed_launcher_leaves_no_orphan(start: Start, tmp_path: Path) -> None:
+    """After SIGKILL of the launcher nodes and grandchildren end, even those that ignore SIGTERM."""
+    launcher = start("[script('parent', 'parent.py'), script('a', 'polite.py')]")
+    wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
+    pids = [number_in(tmp_path / f"{name}.pid") for name in ("parent", "stubborn", "polite")]
+    launcher.process.kill()
+    wait_for(lambda: not any(alive(pid) for pid in pids), "the end of all of them", timeout=15.0)
+
+
+def test_interrupt_while_a_module_is_importing_shows_no_traceback(
+    start: Start, tmp_path: Path
+) -> None:
+    """Ctrl-C in the first moment ends a node silently, not with KeyboardInterrupt in an import."""
+    (tmp_path / "slow_import.py").write_text(
+        "from pathlib import Path\nimport os, time\n"
+        "Path('slow.pid').write_text(f'{os.getpid()}\\n')\ntime.sleep(60)\n"
+    )
+    launcher = start("[python_node('slow', 'slow_import')]")
+    pid = number_in(tmp_path / "slow.pid")
+    launcher.send(signal.SIGINT)
+    assert launcher.wait(4.0) == 0
+    assert launcher.err == "" and not alive(pid)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.01, 0.03, 0.1, 0.2])
+def test_interrupt_at_any_time_of_the_start_is_clean(
+    start: Start, tmp_path: Path, delay: float
+) -> None:
+    """However early Ctrl-C comes, the end is quick, silent and has exit code 0."""
+    imports = "import asyncio, http.server, signal, unittest.mock, xml.dom.minidom\n"
+    (tmp_path / "importer.py").write_text(imports + "signal.pause()\n")
+    launcher = start("[python_node('a', 'importer'), python_node('b', 'importer')]")
+    launcher.wait_for_out("starting")
+    begin = time.monotonic()
+    wait_for(lambda: time.monotonic() - begin >= delay, "the moment to interrupt")
+    launcher.send(signal.SIGINT)
+    assert launcher.wait(4.0) == 0
+    assert launcher.err == ""
