@@ -115,10 +115,9 @@ class RobotModel:
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
         self.joints = tuple(joint.name for joint in moving)
         self.moving, self.fixed = _arrays(moving), _arrays(fixed)
-        bounded = [joint.kind != "continuous" for joint in moving]
-        self.lower = _limits((joint.lower for joint in moving), bounded, -np.inf)
-        self.upper = _limits((joint.upper for joint in moving), bounded, np.inf)
-        self.velocity = _limits((joint.velocity for joint in moving), [True] * len(moving), np.inf)
+        self.lower = _limits(moving, "lower", -np.inf)
+        self.upper = _limits(moving, "upper", np.inf)
+        self.velocity = _limits(moving, "velocity", np.inf)
         self._rows = {name: row for row, name in enumerate(self.joints)}
         self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
         self._order = [*moving, *fixed]
@@ -171,8 +170,8 @@ class RobotModel:
         """
         for name in given:
             self.row(name)
-        everything = {**dict.fromkeys((n for n in self.joints if n not in self._mimics), 0.0)}
-        everything.update(given)
+        free = (name for name in self.joints if name not in self._mimics)
+        everything = {**dict.fromkeys(free, 0.0), **given}
         result = np.zeros(len(self.joints))
         for row, name in enumerate(self.joints):
             follower = self.follower(name, everything)
@@ -264,11 +263,10 @@ def _arrays(joints: Sequence["JointSpec"]) -> JointArrays:
     )
 
 
-def _limits(values: "Sequence[float | None] | object", bounded: list[bool], none: float) -> Floats:
-    return np.array(
-        [
-            none if value is None or not applies else value
-            for value, applies in zip(values, bounded, strict=True)  # type: ignore[call-overload]
-        ],
-        float,
-    )
+def _limits(joints: Sequence["JointSpec"], limit: str, none: float) -> Floats:
+    """One limit of each joint, ``none`` where there is none; continuous joints know only speed."""
+    values = [
+        None if joint.kind == "continuous" and limit != "velocity" else getattr(joint, limit)
+        for joint in joints
+    ]
+    return np.array([none if value is None else value for value in values], np.float64)
