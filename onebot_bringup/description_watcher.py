@@ -29,7 +29,7 @@ _LOOK_EVERY = 0.1  # seconds; an edit is loaded when two looks in a row agree
 _PUBLISHER = "robot_state_publisher"
 
 
-class DescriptionWatcher(Node):  # type: ignore[misc]
+class DescriptionWatcher(Node):
     """See the module's docstring."""
 
     def __init__(self, model: str, arguments: dict[str, str], digest: str) -> None:
