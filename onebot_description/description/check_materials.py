@@ -45,7 +45,9 @@ def _note_inline(
 ) -> None:
     """Take up a material defined inside a visual, which other visuals may use too."""
     name = material.get("name")
-    if look == (None, None):
+    if name is None:
+        report.problem(material, 'has no name; write <material name="...">, if need be name=""')
+    elif look == (None, None):
         if not name:
             report.warning(material, "has neither a name nor a <color>, so it does nothing")
     elif name and shared.get(name, local.get(name, look)) != look:

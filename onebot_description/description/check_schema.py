@@ -100,13 +100,13 @@ def _check_attributes(
 
 
 def _check_repeats(report: Report, element: Element) -> None:
-    """Warn of second elements where the first one counts."""
+    """Refuse second elements where only one makes sense; readers differ in which they take."""
     if element.tag not in _SCHEMA or element.tag == "robot":
         return
     for tag, count in Counter(child.tag for child in element).items():
         if tag in _SINGLE and count > 1:
             second = element.findall(tag)[1]
-            report.warning(second, f"stands {count} times in {report.label(element)}; one counts")
+            report.problem(second, f"stands {count} times in {report.label(element)}; leave one")
 
 
 def named(report: Report, tag: str) -> dict[str, Element]:

@@ -111,7 +111,8 @@ class _Run:
             raise DescriptionError(
                 [f"{place}: the macros expand to more than {_MOST_ELEMENTS} elements"]
             )
-        self._copy_places.call = node.getUserData("places") or ()
+        if node.tagName.startswith("xacro:"):
+            self._copy_places.call = node.getUserData("places") or ()
         return bool(self._handle_macro_call(node, macros, symbols))
 
     def find(self, package: str) -> str:

@@ -151,6 +151,8 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
         )
 
     def declare(prefix: str | None, uri: str | None) -> None:
+        if "}" in (uri or ""):  # which is what the parsers after this one put behind a namespace
+            raise DescriptionError([f'{place()}: the namespace "{uri}" holds a }}'])
         namespaces.add(uri or "")
 
     parser.StartElementHandler = start

@@ -1,0 +1,203 @@
+"""Loading: values read, xacro arguments, files watched, repeated and parallel calls."""
+
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+import xacro
+
+from onebot_description.description import (
+    DescriptionError,
+    JointSpec,
+    MimicSpec,
+    load_description,
+    parse_description,
+)
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+
+
+def joints(name: str, **arguments: str) -> dict[str, JointSpec]:
+    """Return the joints of a test robot by name."""
+    return {joint.name: joint for joint in load_description(ROBOTS / name, arguments).joints}
+
+
+def test_every_kind_of_joint_is_read() -> None:
+    """Kind, origin, axis and limits come out as written, in the order of the XML."""
+    found = joints("good_all_kinds.urdf")
+    assert list(found) == ["fixed", "revolute", "continuous", "prismatic", "floating", "planar"]
+    assert all(joint.kind == name for name, joint in found.items())
+    assert all(joint.xyz == (0.1, -0.2, 0.3) for joint in found.values())
+    assert all(joint.rpy == (0, 0.5, -1) for joint in found.values())
+    assert found["revolute"] == JointSpec(
+        name="revolute",
+        kind="revolute",
+        parent="base",
+        child="on_revolute",
+        xyz=(0.1, -0.2, 0.3),
+        rpy=(0.0, 0.5, -1.0),
+        axis=(0.0, 0.0, 1.0),
+        lower=-1.5,
+        upper=1.5,
+        velocity=2.0,
+        effort=10.0,
+        mimic=None,
+    )
+    assert (found["prismatic"].lower, found["prismatic"].upper) == (0.0, 0.4)
+    assert (found["continuous"].lower, found["continuous"].velocity) == (None, 20.0)
+    assert found["fixed"].axis == (1.0, 0.0, 0.0)
+    assert found["floating"].velocity is None
+
+
+def test_mimic_chain_is_read() -> None:
+    """A joint may follow one that follows another; multiplier 1 and offset 0 are the defaults."""
+    found = joints("good_mimic_chain.urdf")
+    assert found["a"].mimic is None
+    assert found["b"].mimic == MimicSpec("a", 2.0, 0.1)
+    assert found["c"].mimic == MimicSpec("b", -0.5, 0.0)
+
+
+def test_axis_becomes_a_unit_vector_in_the_text_too() -> None:
+    """Readers of the URDF text see the same unit axis as the JointSpec has."""
+    description = load_description(ROBOTS / "warn_long_axis.urdf")
+    assert description.joints[0].axis == pytest.approx((0, 0.6, 0.8), abs=1e-15)
+    assert parse_description(description.urdf).joints[0].axis == description.joints[0].axis
+    assert parse_description(description.urdf).warnings == ()
+
+
+@pytest.mark.parametrize("axis", ["1e300 1e300 0", "1e-310 1e-310 0", "1e-200 1e-200 1e-250"])
+def test_extreme_axes_stay_finite(axis: str) -> None:
+    """Axes of any length point where they should."""
+    text = (ROBOTS / "warn_long_axis.urdf").read_text().replace("0 3 4", axis)
+    found = parse_description(text).joints[0].axis
+    assert found == pytest.approx((0.5**0.5, 0.5**0.5, 0), abs=1e-9)
+
+
+def test_xacro_arguments_includes_and_yaml() -> None:
+    """Arguments take effect, and every file read is listed, the loaded one first."""
+    assert joints("good_arguments.xacro")["left"].xyz == (0.0, 0.2, 0.0)
+    assert joints("good_arguments.xacro", sides="4")["left"].xyz == (0.0, 0.1, 0.0)
+    assert "mast" in joints("good_arguments.xacro", extra="true")
+    names = ("good_arguments.xacro", "xacro_part_wheel.xacro", "xacro_sizes.yaml")
+    files = load_description(ROBOTS / "good_arguments.xacro").files
+    assert files == tuple(ROBOTS / name for name in names)
+
+
+def test_unknown_argument_is_refused() -> None:
+    """A misspelt argument is an error that lists those there are, not silently ignored."""
+    with pytest.raises(
+        DescriptionError, match=r'"sids" \(did you mean "sides"\? declared: extra, '
+    ):
+        load_description(ROBOTS / "good_arguments.xacro", {"sids": "3"})
+    with pytest.raises(DescriptionError, match="plain URDF and takes no arguments.*sides"):
+        load_description(ROBOTS / "good_all_kinds.urdf", {"sides": "3"})
+
+
+def test_argument_used_but_not_declared_may_be_given(tmp_path: Path) -> None:
+    """``$(arg x)`` without a declaration takes its value from the caller, as in xacro."""
+    text = (ROBOTS / "xacro_argument_without_value.xacro").read_text()
+    path = tmp_path / "robot.xacro"
+    path.write_text(text)
+    assert load_description(path, {"sied": "left"}).links == ("left_wheel",)
+
+
+def test_argument_values_are_not_kept() -> None:
+    """Calls do not influence each other, nor the mapping they are given."""
+    given = {"sides": "4"}
+    load_description(ROBOTS / "good_arguments.xacro", given)
+    assert given == {"sides": "4"}
+    assert joints("good_arguments.xacro")["left"].xyz == (0.0, 0.2, 0.0)
+
+
+def test_xacro_is_left_as_it_was(capfd: pytest.CaptureFixture[str]) -> None:
+    """A failed run leaves no trace in xacro's globals, and prints nothing."""
+    before = dict(vars(xacro))
+    for name in ("xacro_unknown_property", "xacro_endless_macro", "xacro_missing_include"):
+        with pytest.raises(DescriptionError):
+            load_description(ROBOTS / f"{name}.xacro")
+    assert {name: vars(xacro)[name] for name in before} == before
+    assert capfd.readouterr() == ("", "")
+    assert load_description(ROBOTS / "good_arguments.xacro").robot_name == "good_arguments"
+
+
+def test_threads_may_load_at_once() -> None:
+    """Loads in parallel threads each get their own arguments."""
+    with ThreadPoolExecutor(4) as pool:
+        found = pool.map(lambda n: joints("good_arguments.xacro", sides=str(n)), range(1, 9))
+        assert [joint["left"].xyz[1] for joint in found] == [0.4 / n for n in range(1, 9)]
+
+
+def test_xacro_warnings_are_collected(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """What xacro would print becomes a warning with the file's name."""
+    path = tmp_path / "robot.xacro"
+    path.write_text(
+        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
+        "<xacro:include filename=\"parts/*.xacro\"/>${xacro.warning('wheels are small')}</robot>"
+    )
+    warnings = load_description(path).warnings
+    assert any("matched no files" in text for text in warnings)
+    assert any("robot.xacro: xacro: wheels are small" in text for text in warnings)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_optional_include_may_be_missing(tmp_path: Path) -> None:
+    """``optional="true"`` works as in xacro."""
+    path = tmp_path / "robot.xacro"
+    path.write_text(
+        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
+        '<xacro:include filename="none.xacro" optional="true"/></robot>'
+    )
+    assert load_description(path).links == ("base",)
+
+
+def test_edit_is_seen(tmp_path: Path) -> None:
+    """Loading again reads the files again."""
+    for name in ("good_arguments.xacro", "xacro_part_wheel.xacro", "xacro_sizes.yaml"):
+        shutil.copy(ROBOTS / name, tmp_path)
+    path = tmp_path / "good_arguments.xacro"
+    assert load_description(path).joints[0].xyz[1] == 0.2
+    (tmp_path / "xacro_sizes.yaml").write_text("radius: 0.1\nwidth: 1.0\n")
+    assert load_description(path).joints[0].xyz[1] == 0.5
+
+
+def test_package_beside_the_file_is_found(tmp_path: Path) -> None:
+    """$(find p) and package://p work in the source folder of a package that is not installed."""
+    package = tmp_path / "my_robot"
+    (package / "urdf").mkdir(parents=True)
+    (package / "package.xml").write_text("<package/>")
+    shutil.copy(ROBOTS / "meshes" / "cube.stl", package / "cube.stl")
+    path = package / "urdf" / "robot.xacro"
+    path.write_text(
+        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:include filename="$(find my_robot)/urdf/part.xacro"/></robot>'
+    )
+    (package / "urdf" / "part.xacro").write_text(
+        '<robot><link name="base"><visual><geometry><mesh filename="package://my_robot/cube.stl"/>'
+        "</geometry></visual></link></robot>"
+    )
+    assert load_description(path).links == ("base",)
+
+
+def test_namespace_and_encoding_do_not_reach_other_readers() -> None:
+    """A default namespace and an encoding are gone from the text, which lxml then takes."""
+    from lxml import etree
+
+    urdf = load_description(ROBOTS / "good_default_namespace.urdf").urdf
+    root = etree.fromstring(urdf)
+    assert root.tag == "robot" and root[0].tag == "link"
+
+
+def test_extensions_of_other_programs_stay() -> None:
+    """Transmissions, Gazebo's and ros2_control's elements are kept, whatever they hold."""
+    urdf = load_description(ROBOTS / "good_extensions.urdf").urdf
+    for part in ("<transmission ", "<ros2_control ", "<text>${kept}</text>", "/dev/ttyUSB0"):
+        assert part in urdf
+
+
+def test_parsed_text_names_itself() -> None:
+    """Text has the name given as its source, and no files to watch."""
+    text = '<robot name="a"><link name="base"/></robot>'
+    description = parse_description(text, "parameter robot_description")
+    assert (description.source, description.files) == ("parameter robot_description", ())
+    assert (description.robot_name, description.root_link) == ("a", "base")
