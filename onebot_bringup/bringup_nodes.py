@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from onebot_bringup.description_files import digest_of, published_urdf
+from onebot_bringup.description_files import digest_of
 from onebot_bringup.joint_sweep import sweep_parameters
 from onebot_bringup.launcher import Node, OnExit, python_node
 from onebot_bringup.launcher.parameter_files import write_parameters
-from onebot_description.description import Description
+from onebot_description.description import Description, published_urdf
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,6 @@
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree import ElementTree
-
-from onebot_description.description import Description, with_absolute_meshes
 
 FileSignature = tuple[int, int, int]
 Signature = tuple[FileSignature | None, ...]
@@ -27,18 +24,3 @@ def _signature(file: Path) -> FileSignature | None:
 def digest_of(urdf: str) -> str:
     """Return a short name for a URDF text that no other text has."""
     return hashlib.sha256(urdf.encode()).hexdigest()
-
-
-def published_urdf(description: Description) -> str:
-    """Return the URDF text to hand to robot_state_publisher.
-
-    A text has no folder that the relative path of a mesh could start from, so such become absolute.
-    """
-    meshes = ElementTree.fromstring(description.urdf).iter("mesh")
-    if any(_is_relative(mesh.get("filename", "")) for mesh in meshes):
-        return with_absolute_meshes(description)
-    return description.urdf
-
-
-def _is_relative(uri: str) -> bool:
-    return ":" not in uri and not uri.startswith("/")

@@ -18,10 +18,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
-from onebot_bringup.description_files import Signature, digest_of, published_urdf, signature_of
+from onebot_bringup.description_files import Signature, digest_of, signature_of
 from onebot_bringup.launcher.arguments import split
 from onebot_bringup.xacro_arguments import included_files
-from onebot_description.description import load_description
+from onebot_description.description import load_description, published_urdf
 from onebot_description.errors import OneBotError
 from onebot_description.ros import run_node
 

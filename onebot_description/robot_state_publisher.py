@@ -42,7 +42,12 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import (
+    Description,
+    load_description,
+    parse_description,
+    published_urdf,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.ros import run_node
@@ -94,7 +99,7 @@ class RobotStatePublisher(Node):
     def _declare(self, description: Description | None) -> None:
         self.declare_parameter(
             "robot_description",
-            "" if description is None else description.urdf,
+            "" if description is None else published_urdf(description),
             ParameterDescriptor(
                 type=ParameterType.PARAMETER_STRING, description="The robot's URDF."
             ),
@@ -139,7 +144,7 @@ class RobotStatePublisher(Node):
     def _publish_description(self, description: Description) -> None:
         for warning in description.warnings:
             self.get_logger().warning(warning)
-        self._description.publish(String(data=description.urdf))
+        self._description.publish(String(data=published_urdf(description)))
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         for parameter in parameters:
