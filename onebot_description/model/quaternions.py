@@ -58,6 +58,8 @@ def rotate(rotation: Floats, vector: Floats) -> Floats:
 
 
 def to_matrix(rotation: Floats) -> Floats:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) of any length; 0 gives identity."""
+    length = np.linalg.norm(rotation, axis=-1, keepdims=True)
+    rotation = rotation / np.where(length > 0.0, length, 1.0)
     columns = [rotate(rotation, unit) for unit in np.eye(3)]
     return np.stack(columns, axis=-1)

@@ -8,6 +8,7 @@ import pytest
 import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
@@ -92,6 +93,17 @@ def test_quaternions_form_a_group(first, second):
     matrices = [quaternions.to_matrix(q) for q in (a, b, product)]
     np.testing.assert_allclose(matrices[0] @ matrices[1], matrices[2], atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(product), 1.0, atol=1e-12)
+
+
+@given(st.tuples(*[st.floats(-3.2, 3.2)] * 3))
+def test_rpy_is_the_urdf_convention(rpy):
+    """Roll, pitch, yaw turn about the fixed axes, as scipy's extrinsic xyz."""
+    expected = Rotation.from_euler("xyz", rpy)
+    quaternion = quaternions.from_rpy(rpy)
+    np.testing.assert_allclose(
+        quaternions.to_matrix(3.0 * quaternion), expected.as_matrix(), atol=1e-12
+    )
+    assert (Rotation.from_quat(quaternion) * expected.inv()).magnitude() < 1e-9
 
 
 def test_mimics_follow_through_chains():

@@ -1,0 +1,238 @@
+#!/usr/bin/env python3
+"""Shows any robot in Rerun, in the place of RViz: in a browser, a window or a recording.
+
+Subscribes:
+    robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
+    /tf, /tf_static (tf2_msgs/TFMessage): where every frame stands; nothing is computed here.
+    joint_states (sensor_msgs/JointState): plotted.
+
+Parameters:
+    viewer (string, "web"): web, native (a window) or none.
+    save (string, ""): a .rrd file to write the recording to, alone or beside the viewer.
+    fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
+        frame above the robot's root link (odom, say, where there is one; else the root link).
+    view (string, ""): a saved view: .yaml (see viewer/view_config.py), or .rbl saved in the viewer.
+    frame_prefix (string, ""): as robot_state_publisher's parameter of that name.
+    grpc_port (int, 9876), web_port (int, 9090): on 127.0.0.1; another if it is in use, 0 for any.
+    open_browser (bool, true): open the page, if there is a display.
+    memory_limit (string, "256MB"): what is kept for viewers that join later.
+"""
+
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from onebot_bringup.viewer.display import Display
+from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.view_config import ViewConfig, load_view
+from onebot_description.errors import OneBotError
+from onebot_description.ros import run_node
+from onebot_description.text import did_you_mean
+from onebot_description.tf.tf_message import TFMessage
+from onebot_description.tf.wire import (
+    JointStateArrays,
+    TfArrays,
+    WireError,
+    decode_joint_state,
+    decode_tf,
+)
+
+VIEWERS = ("web", "native", "none")
+FLUSH_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# Best effort matches every publisher, and never makes one wait for us.
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+_PARAMETERS: dict[str, tuple[str | int | bool, str]] = {
+    "viewer": ("web", "web, native or none"),
+    "save": ("", "a .rrd file to write the recording to"),
+    "fixed_frame": ("", 'the frame to show everything in; "" for the one above all others'),
+    "view": ("", "a saved view, .yaml or .rbl"),
+    "frame_prefix": ("", "put before link names, as robot_state_publisher does"),
+    "grpc_port": (9876, "port on 127.0.0.1 for viewers; 0 for any"),
+    "web_port": (9090, "port on 127.0.0.1 for the page; 0 for any"),
+    "open_browser": (True, "open the page, if there is a display"),
+    "memory_limit": ("256MB", "what is kept for viewers that join later"),
+}
+
+
+class RerunViewer(Node):
+    """The node; see the module's docstring."""
+
+    def __init__(self) -> None:
+        """Open the recording and the viewer, then subscribe.
+
+        Raises:
+            OneBotError: a parameter is wrong.
+        """
+        super().__init__("rerun_viewer")
+        for name, (default, meaning) in _PARAMETERS.items():
+            descriptor = ParameterDescriptor(description=meaning, read_only=True)
+            self.declare_parameter(name, default, descriptor)
+        self._display: Display | None = None
+        self._live: LiveView
+        viewer = self._one_of("viewer", VIEWERS)
+        save = self._path("save")
+        if viewer == "none" and save is None:
+            self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
+            return
+        config, blueprint = self._view()
+        self._display = self._open(viewer, save)
+        self._live = LiveView(
+            self._display.stream,
+            config,
+            blueprint=blueprint,
+            frame_prefix=self._text("frame_prefix"),
+        )
+        self._subscribe()
+
+    # --- parameters -----------------------------------------------------------------------------
+
+    def _text(self, name: str) -> str:
+        return str(self.get_parameter(name).value)
+
+    def _number(self, name: str) -> int:
+        return int(self.get_parameter(name).value)
+
+    def _one_of(self, name: str, choices: tuple[str, ...]) -> str:
+        value = self._text(name)
+        if value not in choices:
+            known = did_you_mean(value, choices, "choices")
+            raise OneBotError(f"{name}:={value}: there is no such {name}{known}")
+        return value
+
+    def _path(self, name: str) -> Path | None:
+        text = self._text(name)
+        return Path(text).expanduser().absolute() if text else None
+
+    def _memory_limit(self) -> str:
+        text = self._text("memory_limit")
+        if not re.fullmatch(r"\d+(\.\d+)?\s*(%|[kMGT]i?B|B)", text):
+            raise OneBotError(f"memory_limit:={text}: write a size such as 256MB, 1GiB or 10%")
+        return text
+
+    def _view(self) -> tuple[ViewConfig, Path | None]:
+        path, fixed = self._path("view"), self._text("fixed_frame")
+        config, blueprint = ViewConfig(), None
+        if path is not None and path.suffix == ".rbl":
+            if not path.is_file():
+                raise OneBotError(f"view:={path}: there is no such file")
+            blueprint = path
+        elif path is not None:
+            config = load_view(path)
+        return (replace(config, fixed_frame=fixed) if fixed else config), blueprint
+
+    def _open(self, viewer: str, save: Path | None) -> Display:
+        return Display(
+            viewer,
+            save,
+            grpc_port=self._number("grpc_port"),
+            web_port=self._number("web_port"),
+            memory_limit=self._memory_limit(),
+            open_browser=bool(self.get_parameter("open_browser").value),
+            log=self.get_logger(),
+        )
+
+    # --- topics ---------------------------------------------------------------------------------
+
+    def _subscribe(self) -> None:
+        listen = self.create_subscription
+        listen(String, "robot_description", self._on_description, LATCHED)
+        listen(TFMessage, "/tf", self._on_tf, 100, raw=True)
+        listen(TFMessage, "/tf_static", self._on_tf_static, STATIC_TF, raw=True)
+        listen(JointState, "joint_states", self._on_joints, SENSOR, raw=True)
+        assert self._display is not None
+        # Not ROS time: it may stand still or run fast.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(FLUSH_PERIOD, self._tick, clock=steady)
+        self.create_timer(0.25, self._display.watch, clock=steady)
+
+    def _tick(self) -> None:
+        for message in self._live.tick(self.get_clock().now().nanoseconds):
+            self.get_logger().warning(message)
+
+    def _on_description(self, message: String) -> None:
+        try:
+            problems = self._live.set_description(message.data)
+        except OneBotError as error:
+            self.get_logger().warning(f"keeping the robot shown so far: {error}")
+            return
+        for problem in problems:
+            self.get_logger().warning(problem)
+        robot = self._live.robot
+        assert robot is not None
+        self.get_logger().info(f'showing "{robot.name}" ({len(robot.links)} links)')
+
+    def _on_tf(self, data: bytes) -> None:
+        self._guard(lambda: self._live.add_transforms(_tf(data)))
+
+    def _on_tf_static(self, data: bytes) -> None:
+        self._guard(lambda: self._live.add_transforms(_tf(data), static=True))
+
+    def _on_joints(self, data: bytes) -> None:
+        state = _joint_state(data)
+        stamp = state.stamp_ns or self.get_clock().now().nanoseconds
+        self._live.add_joints(stamp, state.names, state.positions, state.velocities)
+
+    def _guard(self, action: Callable[[], None]) -> None:
+        """A strange message must not end the viewer."""
+        try:
+            action()
+        except (ValueError, IndexError) as error:
+            self.get_logger().warning(f"ignored a message: {error}", throttle_duration_sec=5.0)
+
+    def destroy_node(self) -> None:
+        """Write out the recording, end the viewers and the node."""
+        if self._display is not None:
+            self._display.close()
+        super().destroy_node()
+
+
+def _tf(data: bytes) -> TfArrays:
+    """Decode quickly; whatever is not plain CDR, as rclpy does."""
+    try:
+        return decode_tf(data)
+    except WireError:
+        transforms = deserialize_message(data, TFMessage).transforms
+    stamps = [t.header.stamp.sec * 10**9 + t.header.stamp.nanosec for t in transforms]
+    shifts = [t.transform.translation for t in transforms]
+    turns = [t.transform.rotation for t in transforms]
+    return TfArrays(
+        [t.header.frame_id for t in transforms],
+        [t.child_frame_id for t in transforms],
+        np.array(stamps, np.int64),
+        np.array([(v.x, v.y, v.z) for v in shifts], float).reshape(-1, 3),
+        np.array([(q.x, q.y, q.z, q.w) for q in turns], float).reshape(-1, 4),
+    )
+
+
+def _joint_state(data: bytes) -> JointStateArrays:
+    try:
+        return decode_joint_state(data)
+    except WireError:
+        state = deserialize_message(data, JointState)
+    stamp = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
+    values = (np.array(field) for field in (state.position, state.velocity, state.effort))
+    return JointStateArrays(stamp, state.header.frame_id, tuple(state.name), *values)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until Ctrl-C."""
+    return run_node(RerunViewer, args, events=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,10 @@
+"""What RViz did, with Rerun: a robot's scene, its frames and joints, served, saved and drawn.
+
+Nothing here imports rclpy, so all of it works from a notebook or a script. The node that feeds
+it is ``onebot_bringup.rerun_viewer``.
+"""
+
+import os
+
+# A recording without a footer is our choice (recording.py); Rerun would warn at every start.
+os.environ.setdefault("RUST_LOG", "warn,re_log_encoding::rrd::file_sink=error")

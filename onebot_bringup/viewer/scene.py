@@ -1,0 +1,198 @@
+"""The robot in a Rerun recording: its shapes, each in the TF frame of its link.
+
+Entities: ``robot/visual/<link>/<n>``, ``robot/collision/<link>/<n>`` (a subtree of its own, so that
+one click shows or hides it) and ``frames/<frame>`` (axes and name). All are static: a viewer that
+joins late, or opens the file later, has them. Where a frame stands comes from /tf only.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import trimesh
+
+from onebot_bringup.viewer.geometry import (
+    Box,
+    Capsule,
+    Cylinder,
+    Geometry,
+    Mesh,
+    Rgba,
+    Robot,
+    Sphere,
+)
+from onebot_bringup.viewer.meshes import load_mesh, resolve, shade
+from onebot_description.errors import OneBotError
+
+ROBOT_ENTITY = "robot"
+VISUAL_ENTITY = "robot/visual"
+COLLISION_ENTITY = "robot/collision"
+FRAMES_ENTITY = "frames"
+
+# RViz paints what has no colour red (its "RVIZ/ShadedRed"), so that it is noticed.
+DEFAULT_COLOR: Rgba = (255, 0, 0, 255)
+COLLISION_COLOR: Rgba = (255, 170, 0, 110)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What lies on an entity now, to log again only what has changed."""
+
+    what: object
+    archetype: type
+
+
+class Scene:
+    """Keeps a recording's static part equal to the robot's description and its frames."""
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        *,
+        axes_length: float = 0.5,
+        axes_names: bool = True,
+        frame_prefix: str = "",
+    ) -> None:
+        """Draw into ``recording``.
+
+        Args:
+            recording: where to log.
+            axes_length: length of every frame's axes, metres.
+            axes_names: write the frames' names beside them.
+            frame_prefix: put before link names, as robot_state_publisher's parameter of that name.
+        """
+        self._recording = recording
+        self._axes_length = axes_length
+        self._axes_names = axes_names
+        self._prefix = frame_prefix
+        self._drawn: dict[str, _Drawn] = {}
+        self._frames: set[str] = set()
+
+    def frame_of(self, link: str) -> str:
+        """Return the TF frame of ``link``."""
+        return self._prefix + link
+
+    def set_robot(self, robot: Robot) -> list[str]:
+        """Show ``robot`` and nothing else; what did not change is left alone.
+
+        Returns:
+            What could not be drawn, a sentence each.
+        """
+        problems = list(robot.warnings)
+        wanted: set[str] = set()
+        for geometry in robot.geometries:
+            path = _path(ROBOT_ENTITY, geometry.kind, geometry.link, str(geometry.index))
+            try:
+                self._draw(path, geometry)
+            except OneBotError as error:
+                problems.append(f'link "{geometry.link}": {error}; not drawn')
+                continue
+            wanted.add(path)
+        home = self.frame_of(robot.root)
+        for path in set(self._drawn) - wanted:
+            self._erase(path, self._drawn.pop(path).archetype, home)
+        self.show_frames(map(self.frame_of, robot.links))
+        return problems
+
+    def show_frames(self, frames: Iterable[str]) -> None:
+        """Draw axes and names of ``frames`` not drawn so far."""
+        for frame in set(frames) - self._frames:
+            self._frames.add(frame)
+            self._draw_axes(frame)
+
+    def set_axes_length(self, length: float) -> None:
+        """Draw all axes anew, ``length`` metres long."""
+        if length != self._axes_length:
+            self._axes_length = length
+            for frame in self._frames:
+                self._draw_axes(frame)
+
+    def _draw_axes(self, frame: str) -> None:
+        axes = rr.TransformAxes3D(self._axes_length, show_frame=self._axes_names)
+        path = _path(FRAMES_ENTITY, frame)
+        self._recording.log(path, rr.CoordinateFrame(frame), axes, static=True)
+
+    def hide_frames(self, frames: Iterable[str], home: str) -> None:
+        """Draw ``frames`` no more; their entities go to the frame ``home``, which exists."""
+        for frame in set(frames) & self._frames:
+            self._frames.discard(frame)
+            self._erase(_path(FRAMES_ENTITY, frame), rr.TransformAxes3D, home)
+
+    def _draw(self, path: str, geometry: Geometry) -> None:
+        what = (geometry, _modified(geometry))
+        old = self._drawn.get(path)
+        if old is not None and old.what == what:
+            return
+        shape = _archetype(geometry)
+        poses = rr.InstancePoses3D(
+            translations=[geometry.translation],
+            quaternions=[rr.Quaternion(xyzw=geometry.rotation)],
+            scales=[geometry.shape.scale if isinstance(geometry.shape, Mesh) else (1.0, 1.0, 1.0)],
+        )
+        frame = rr.CoordinateFrame(self.frame_of(geometry.link))
+        if old is not None and old.archetype is not type(shape):
+            self._erase(path, old.archetype, self.frame_of(geometry.link))
+        self._recording.log(path, frame, poses, shape, static=True)
+        self._drawn[path] = _Drawn(what, type(shape))
+
+    def _erase(self, path: str, archetype: Any, home: str) -> None:
+        """Empty an entity. Static data cannot be cleared by rr.Clear, only be overwritten.
+
+        The entity moves to the frame ``home``: one whose frame is gone would be reported forever.
+        """
+        self._recording.log(path, rr.CoordinateFrame(home), archetype.cleared(), static=True)
+
+
+def _path(*parts: str) -> str:
+    return rr.new_entity_path(list(parts)).lstrip("/")
+
+
+def _modified(geometry: Geometry) -> int:
+    """When a mesh file was written, because the same URDF may mean a new mesh."""
+    if not isinstance(geometry.shape, Mesh):
+        return 0
+    try:
+        return resolve(geometry.shape.uri).stat().st_mtime_ns
+    except OSError as error:
+        raise OneBotError(f'mesh "{geometry.shape.uri}": {error.strerror}') from error
+
+
+def _archetype(geometry: Geometry) -> Any:
+    """Return what Rerun draws for ``geometry``, solid, centred on its own origin."""
+    shape = geometry.shape
+    color = geometry.color or DEFAULT_COLOR
+    if geometry.kind == "collision":
+        color = COLLISION_COLOR
+    if isinstance(shape, Box):
+        half = np.array(shape.size) / 2
+        return rr.Boxes3D(half_sizes=[half], colors=[color], fill_mode="solid")
+    if isinstance(shape, Mesh):
+        return _asset(shape, color, geometry.kind == "collision")
+    # Meshes of our own: Rerun's cylinders and spheres show their facets.
+    return _mesh(_tessellated(shape), color)
+
+
+def _asset(mesh: Mesh, color: Rgba, force: bool) -> rr.Asset3D:
+    asset = load_mesh(resolve(mesh.uri))
+    factor = None if asset.colored and not force else color
+    return rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=factor)
+
+
+def _tessellated(shape: Cylinder | Sphere | Capsule) -> trimesh.Trimesh:
+    if isinstance(shape, Sphere):
+        return trimesh.creation.icosphere(subdivisions=4, radius=shape.radius)
+    if isinstance(shape, Capsule):
+        # trimesh's capsule, like ours, is centred and its height counts without the ends.
+        return trimesh.creation.capsule(radius=shape.radius, height=shape.length, count=(48, 48))
+    return shade(trimesh.creation.cylinder(radius=shape.radius, height=shape.length, sections=72))
+
+
+def _mesh(mesh: trimesh.Trimesh, color: Rgba) -> rr.Mesh3D:
+    return rr.Mesh3D(
+        vertex_positions=mesh.vertices,
+        vertex_normals=mesh.vertex_normals,
+        triangle_indices=mesh.faces,
+        albedo_factor=color,
+    )

@@ -1,0 +1,220 @@
+"""The rerun_viewer node, fed over real DDS."""
+
+import re
+import signal
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, String
+
+from onebot_bringup.viewer.picture import headless_viewer, render, still
+from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.support import wait_for
+from tests.support_rendering import center, colored, pixels, require_renderer
+
+MODULE = "onebot_bringup.rerun_viewer"
+
+
+def _viewer(tmp_path: Path, check: bool = True, **parameters: object) -> NodeProcess:
+    """The node with any free ports, and the view of the tests."""
+    (tmp_path / "view.yaml").write_text(VIEW)
+    defaults = {
+        "grpc_port": 0,
+        "web_port": 0,
+        "open_browser": "false",
+        "view": tmp_path / "view.yaml",
+    }
+    return NodeProcess(MODULE, *ros_args(**{**defaults, **parameters}), check=check)
+
+
+def _edge(parent: str, child: str, y: float, seconds: int) -> TFMessage:
+    edge = TransformStamped(
+        header=Header(stamp=Time(sec=seconds), frame_id=parent),
+        child_frame_id=child,
+        transform=Transform(translation=Vector3(y=y)),
+    )
+    return TFMessage(transforms=[edge])
+
+
+class Robot:
+    """Publishes the arm's topics as the other nodes would."""
+
+    def __init__(self, peer: Peer, urdf: str = ARM) -> None:
+        self.seconds = 1000
+        self._description = peer.publisher(String, "robot_description", LATCHED)
+        self._tf = peer.publisher(TFMessage, "tf")
+        reliable = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+        self._joints = peer.publisher(JointState, "joint_states", reliable)
+        self.describe(urdf)
+
+    def describe(self, urdf: str) -> None:
+        self._description.publish(String(data=urdf))
+
+    def move(self, y: float = 1.0, child: str = "tip") -> None:
+        self.seconds += 1
+        self._tf.publish(_edge("base", child, y, self.seconds))
+        header = Header(stamp=Time(sec=self.seconds))
+        self._joints.publish(
+            JointState(header=header, name=["slide"], position=[y], velocity=[0.5])
+        )
+
+
+def _uri(node: NodeProcess) -> str:
+    """Where viewers connect, found among what the node listens on."""
+    with urllib.request.urlopen(_page(node), timeout=30) as response:
+        port = re.search(r"url=rerun%2Bhttp://127\.0\.0\.1:(\d+)/proxy", response.url)
+    return f"rerun+http://127.0.0.1:{port[1]}/proxy"
+
+
+def _page(node: NodeProcess) -> str:
+    return wait_for(lambda: re.search(r"open (http://127\.0\.0\.1:\d+)", node.output), "the page")[
+        1
+    ]
+
+
+def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
+    """A viewer joining later, and the file opened after the end, show link by link what moved."""
+    require_renderer()
+    file = tmp_path / "run.rrd"
+    with _viewer(tmp_path, save=file) as node, Peer(ros_domain) as peer:
+        robot = Robot(peer)
+        wait_for(lambda: 'showing "arm" (2 links)' in node.output, "the robot")
+        robot.move(0.2)
+        robot.move(1.0)
+        uri = _uri(node)
+
+        with headless_viewer(uri, 640, 480) as client:
+
+            def moved():
+                robot.move(1.0)
+                image = pixels(still(client))
+                blue, orange = colored(image, BLUE), colored(image, ORANGE)
+                return blue.any() and orange.any() and center(blue)[0] < 0.5 < center(orange)[0]
+
+            wait_for(moved, "the tip on the right of the base")
+            graph = client.get_transform_graph(frame_filter="named")
+            assert [(e["parent"], e["child"]) for e in graph["edges"]] == [("base", "tip")]
+            assert [view.reports for view in client.get_state().views] == [[]]
+        started = time.monotonic()
+        assert node.interrupt() == 0
+        assert time.monotonic() - started < 5.0
+    render(file, tmp_path / "run.png", 640, 480)
+    image = pixels(tmp_path / "run.png")
+    blue, orange = colored(image, BLUE), colored(image, ORANGE)
+    assert center(blue)[0] < 0.45 and center(orange)[0] > 0.55
+
+
+def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(ros_domain, tmp_path):
+    """The node says what it shows; broken text keeps the robot and is named."""
+    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
+        with Peer(ros_domain) as peer:
+            robot = Robot(peer)
+            wait_for(lambda: 'showing "arm"' in node.output, "the robot")
+            robot.describe(ARM[:-9])
+            wait_for(lambda: "keeping the robot shown so far" in node.output, "the warning")
+            robot.describe(ARM.replace('name="arm"', 'name="longer"'))
+            wait_for(lambda: 'showing "longer"' in node.output, "the new robot")
+
+
+def test_everything_listens_on_loopback_only(ros_domain, tmp_path):
+    """Neither the node nor its page can be reached from another host."""
+    with _viewer(tmp_path) as node:
+        _page(node)
+        process = psutil.Process(node.process.pid)
+        addresses = [
+            connection.laddr.ip
+            for member in (process, *process.children(recursive=True))
+            for connection in member.net_connections("tcp")
+            if connection.status == psutil.CONN_LISTEN
+        ]
+        assert len(addresses) >= 3 and set(addresses) == {"127.0.0.1"}
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_outlives_the_node(ros_domain, tmp_path, end):
+    """Whatever ends it, its page's server ends, too."""
+    with _viewer(tmp_path, check=False) as node:
+        _page(node)
+        children = psutil.Process(node.process.pid).children(recursive=True)
+        assert children
+        node.process.send_signal(end)
+        assert node.wait(5.0) == (-9 if end == signal.SIGKILL else 0)
+        wait_for(lambda: not any(child.is_running() for child in children), "its children's end")
+
+
+def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
+    """Two viewers can run at once."""
+    with _viewer(tmp_path) as first:
+        port = int(_page(first).rpartition(":")[2])
+        with _viewer(tmp_path, web_port=port) as second:
+            assert int(_page(second).rpartition(":")[2]) != port
+            assert f"web_port {port} is in use; using" in second.output
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"viewer": "rviz"}, "viewer:=rviz: there is no such viewer"),
+        ({"save": "x.txt", "viewer": "none"}, "must end in .rrd"),
+        ({"view": "/nowhere/view.yaml"}, "/nowhere/view.yaml: No such file"),
+        ({"view": "/nowhere/view.rbl"}, "/nowhere/view.rbl: there is no such file"),
+        ({"memory_limit": "lots"}, "write a size such as 256MB"),
+        ({"web_port": 100000}, "100000 is no port"),
+        ({"web_port": "many"}, "web_port"),
+    ],
+)
+def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, said):
+    """One line on stderr, exit code 1, no traceback."""
+    with _viewer(tmp_path, check=False, **parameters) as node:
+        assert node.wait(30.0) == 1
+        assert said in node.output and "Traceback" not in node.output
+
+
+def test_native_without_a_display_is_a_clear_error(ros_domain, tmp_path, monkeypatch):
+    """It names what to use in its place."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with _viewer(tmp_path, check=False, viewer="native") as node:
+        assert node.wait(30.0) == 1
+        assert "error: viewer:=native needs a display" in node.output
+
+
+def test_waiting_is_said(ros_domain, tmp_path):
+    """With no robot there, the node says after two seconds what it waits for."""
+    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
+        wait_for(lambda: "waiting for the robot's description" in node.output, "the hint")
+
+
+def test_nothing_to_show_is_said(ros_domain, tmp_path):
+    """With viewer:=none and no file the node lives on, so that a launch file need not differ."""
+    with _viewer(tmp_path, viewer="none") as node:
+        wait_for(lambda: "nothing will be shown" in node.output, "the warning")
+
+
+def test_strange_messages_do_not_end_the_viewer(ros_domain, tmp_path):
+    """NaN, empty and mismatched messages are survived; the next good one is recorded."""
+    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
+        with Peer(ros_domain) as peer:
+            robot = Robot(peer)
+            wait_for(lambda: 'showing "arm"' in node.output, "the robot")
+            robot._tf.publish(TFMessage())
+            robot._tf.publish(_edge("", "", float("nan"), 5))
+            robot._joints.publish(JointState(name=["a", "b"], position=[1.0]))
+            robot._joints.publish(JointState(position=[np.inf]))
+            before = (tmp_path / "x.rrd").stat().st_size
+
+            def recorded():
+                robot.move()
+                return (tmp_path / "x.rrd").stat().st_size > before + 2000
+
+            wait_for(recorded, "the good messages in the file")

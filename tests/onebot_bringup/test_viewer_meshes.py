@@ -1,0 +1,112 @@
+import io
+
+import numpy as np
+import pytest
+import trimesh
+
+from onebot_bringup.viewer.meshes import load_mesh, resolve
+from onebot_description.errors import OneBotError
+from tests.onebot_bringup.viewer_support import ORANGE, box, write_collada, write_obj
+
+BOUNDS = [[-0.5, -0.3, -0.15], [0.5, 0.3, 0.15]]
+
+
+def _glb(asset) -> trimesh.Scene:
+    return trimesh.load_scene(io.BytesIO(asset.glb), file_type="glb", process=False)
+
+
+def _materials(asset) -> list:
+    return [part.visual.material for part in _glb(asset).geometry.values()]
+
+
+@pytest.mark.parametrize("tag", ["triangles", "polylist"])
+@pytest.mark.parametrize("up_axis", ["X_UP", "Y_UP", "Z_UP"])
+@pytest.mark.parametrize("meter", [1.0, 0.01, 0.0254])
+def test_collada_has_the_size_of_the_same_stl(tmp_path, meter, up_axis, tag):
+    """<unit> scales, and <up_axis> turns nothing, as in RViz."""
+    box().export(tmp_path / "box.stl")
+    stl = load_mesh(tmp_path / "box.stl")
+    dae = load_mesh(write_collada(tmp_path / "box.dae", meter, up_axis, tag))
+    for asset in (stl, dae):
+        np.testing.assert_allclose(asset.bounds, BOUNDS, atol=1e-6)
+        np.testing.assert_allclose(_glb(asset).bounds, BOUNDS, atol=1e-6)
+
+
+def test_collada_keeps_its_colours_in_linear_light(tmp_path):
+    """A glTF means linear light: the file's sRGB is converted, and shown as it was."""
+    asset = load_mesh(write_collada(tmp_path / "box.dae", 1.0, "Z_UP"))
+    assert asset.colored
+    linear = [np.asarray(material.baseColorFactor) / 255 for material in _materials(asset)]
+    expected = [((value / 255 + 0.055) / 1.055) ** 2.4 for value in ORANGE[:2]]
+    assert any(np.allclose(color[:2], expected, atol=0.01) for color in linear)
+    assert len(linear) == 2
+
+
+def test_stl_has_no_colour_of_its_own_and_sharp_edges(tmp_path):
+    """A box's normals stand square on its faces, so that it looks like a box."""
+    box().export(tmp_path / "box.stl")
+    asset = load_mesh(tmp_path / "box.stl")
+    assert not asset.colored
+    for part in _glb(asset).geometry.values():
+        np.testing.assert_allclose(np.abs(part.vertex_normals).max(axis=1), 1.0, atol=1e-6)
+
+
+def test_a_round_stl_is_shaded_round(tmp_path):
+    """A cylinder's side is smooth: each corner's normal points straight out."""
+    trimesh.creation.cylinder(radius=1, height=1, sections=32).export(tmp_path / "c.stl")
+    [part] = _glb(load_mesh(tmp_path / "c.stl")).geometry.values()
+    side = np.abs(part.vertex_normals[:, 2]) < 0.5
+    out = part.vertices[side, :2] / np.linalg.norm(part.vertices[side, :2], axis=1)[:, None]
+    np.testing.assert_allclose(part.vertex_normals[side, :2], out, atol=0.05)
+
+
+def test_obj_is_coloured_only_with_a_material(tmp_path):
+    """An OBJ without usemtl takes the URDF's colour, one with it keeps its own."""
+    assert not load_mesh(write_obj(tmp_path / "plain.obj")).colored
+    asset = load_mesh(write_obj(tmp_path / "orange.obj", "orange"))
+    assert asset.colored
+    np.testing.assert_allclose(asset.bounds, BOUNDS)
+    assert np.asarray(_materials(asset)[0].baseColorFactor)[0] == 255
+
+
+def test_glb_is_passed_on_untouched(tmp_path):
+    """It is the format the viewer reads."""
+    data = trimesh.Scene([box()]).export(file_type="glb")
+    (tmp_path / "box.glb").write_bytes(data)
+    assert load_mesh(tmp_path / "box.glb").glb == data
+
+
+def test_a_mesh_is_converted_once_until_its_file_changes(tmp_path):
+    """The same object comes back; a new file gives a new one."""
+    path = tmp_path / "box.stl"
+    box().export(path)
+    first = load_mesh(path)
+    assert load_mesh(path) is first
+    trimesh.creation.box(extents=(2, 2, 2)).subdivide().export(path)
+    np.testing.assert_allclose(load_mesh(path).bounds, [[-1, -1, -1], [1, 1, 1]])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("x.step", b"", "none of"),
+        ("x.stl", b"not an stl", "x.stl"),
+        ("x.dae", b"<COLLADA", "x.dae"),
+        ("x.obj", b"v 0 0 0\n", "x.obj"),
+    ],
+)
+def test_an_unreadable_mesh_is_one_clear_error(tmp_path, name, content, said):
+    """The message names the file."""
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(OneBotError, match="mesh .*" + said.replace(".", r"\.")):
+        load_mesh(tmp_path / name)
+
+
+def test_addresses_are_resolved(tmp_path):
+    """file:// and absolute paths lead to files; what leads nowhere is said."""
+    path = tmp_path / "a b.stl"
+    box().export(path)
+    assert resolve(path.as_uri()) == path == resolve(str(path))
+    for uri in ("package://no_such_package/x.stl", "http://x/y.stl", "x.stl", "/nowhere/x.stl"):
+        with pytest.raises(OneBotError, match=uri.rpartition("/")[2].replace(".", r"\.")):
+            resolve(uri)

@@ -1,0 +1,335 @@
+"""The scene as Rerun itself shows it: its transform graph, its reports and its picture."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun.blueprint as rrb
+
+from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.picture import headless_viewer, render, still
+from onebot_bringup.viewer.recording import APPLICATION, open_recording
+from onebot_bringup.viewer.view_config import ViewConfig, load_view
+from onebot_description.errors import OneBotError
+from onebot_description.tf.wire import TfArrays
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    BLUE,
+    ORANGE,
+    START_NS,
+    VIEW,
+    transforms,
+    write_collada,
+    write_obj,
+)
+from tests.support import wait_for
+from tests.support_rendering import center, colored, pixels, require_renderer
+
+GREEN = (0, 204, 51)
+
+
+@pytest.fixture
+def view(tmp_path: Path) -> ViewConfig:
+    path = tmp_path / "view.yaml"
+    path.write_text(VIEW)
+    return load_view(path)
+
+
+def _record(path: Path, view: ViewConfig | None, urdf: str = ARM) -> list[str]:
+    """Write a file of the arm with its tip one metre to the right; what was complained about."""
+    recording = open_recording(save=path)
+    live = LiveView(recording.stream, view)
+    problems = live.set_description(urdf)
+    live.add_transforms(transforms("base", "tip", 1.0))
+    live.add_joints(START_NS, ("slide",), np.array([1.0]), np.array([0.0]))
+    problems += live.tick(START_NS)
+    recording.close()
+    return problems
+
+
+def _graph(client) -> dict[tuple[str, str], np.ndarray]:
+    graph = client.get_transform_graph(frame_filter="named", include_transforms=True)
+    return {
+        (edge["parent"], edge["child"]): np.array(edge["source"]["parent_from_child"])
+        for edge in graph["edges"]
+    }
+
+
+def _reports(client) -> list[str]:
+    return [report.summary for view in client.get_state().views for report in view.reports]
+
+
+def _wait_until_shown(client, *colors: tuple[int, int, int]) -> None:
+    """A live source never counts as loaded: what it serves comes bit by bit."""
+
+    def shown() -> bool:
+        image = pixels(still(client))
+        return all(colored(image, color).mean() > 0.002 for color in colors)
+
+    wait_for(shown, f"the colours {colors} in the picture")
+
+
+def test_a_recording_shows_the_robot_solid_in_its_colours_in_its_place(tmp_path, view):
+    """Opened later, the file shows a blue box on the left and an orange cylinder on the right."""
+    require_renderer()
+    assert _record(tmp_path / "arm.rrd", view) == []
+    render(tmp_path / "arm.rrd", tmp_path / "arm.png", 640, 480)
+    image = pixels(tmp_path / "arm.png")
+    assert image.shape == (480, 640, 3)
+    blue, orange = colored(image, BLUE), colored(image, ORANGE)
+    # Solid: each covers a good part of the picture, hidden collision shapes nothing of it.
+    assert blue.mean() > 0.03 and orange.mean() > 0.03
+    (blue_x, blue_y), (orange_x, orange_y) = center(blue), center(orange)
+    assert blue_x < 0.45 < 0.55 < orange_x
+    assert orange_y < blue_y, "the cylinder stands 0.1 m higher"
+    # The exact bytes of the URDF are on the side that faces the light, as in RViz.
+    assert (np.abs(image - np.array(ORANGE)).max(axis=2) <= 40).any()
+
+
+def test_the_default_view_shows_everything_without_complaint(tmp_path):
+    """Without a saved view the robot fills the view, with frames, curves and no error."""
+    require_renderer()
+    _record(tmp_path / "arm.rrd", None)
+    with headless_viewer(str(tmp_path / "arm.rrd")) as client:
+        assert _reports(client) == []
+        names = {shown.name for shown in client.get_state().views}
+        assert names == {"Robot", "Joint positions (rad, m)", "Joint velocities (rad/s, m/s)"}
+        [(edge, matrix)] = _graph(client).items()
+        assert edge == ("base", "tip")
+        np.testing.assert_allclose(matrix[:3, 3], [0, 1, 0])
+        image = pixels(still(client))
+    assert colored(image, BLUE).mean() > 0.02 and colored(image, ORANGE).mean() > 0.02
+
+
+def test_collision_shapes_are_shown_when_asked(tmp_path, view):
+    """The same file with collision: true is covered by translucent shapes."""
+    require_renderer()
+    pictures = {}
+    for shown in (False, True):
+        _record(tmp_path / "arm.rrd", replace(view, collision=shown))
+        render(tmp_path / "arm.rrd", tmp_path / "arm.png", 640, 480)
+        pictures[shown] = pixels(tmp_path / "arm.png")
+    empty = (13, 13, 13)
+    background = {
+        k: (np.abs(image - empty).max(axis=2) < 5).mean() for k, image in pictures.items()
+    }
+    assert background[True] < background[False] - 0.05
+
+
+def test_a_new_description_replaces_the_robot_for_open_and_later_viewers(view):
+    """Shapes, frames and colours of the old robot are gone, whoever looks and whenever."""
+    require_renderer()
+    recording = open_recording(0)
+    live = LiveView(recording.stream, view)
+    live.set_description(ARM)
+    live.add_transforms(transforms("base", "tip", 1.0))
+    live.tick(START_NS)
+    changed = (
+        ARM.replace('"tip"', '"hand"')
+        .replace('<box size=".6 .6 .6"/>', '<sphere radius=".3"/>')
+        .replace(".1 .3 .9", "0 .8 .2")
+    )
+    with headless_viewer(recording.uri) as client:
+        _wait_until_shown(client, BLUE, ORANGE)
+        live.set_description(changed)
+        live.add_transforms(transforms("base", "hand", 1.0, START_NS + 10**9))
+        live.tick(START_NS + 10**9)
+        wait_for(lambda: not colored(pixels(still(client)), BLUE).any(), "the blue box to vanish")
+        _wait_until_shown(client, GREEN, ORANGE)
+        assert _reports(client) == []
+    with headless_viewer(recording.uri) as late:
+        _wait_until_shown(late, GREEN, ORANGE)
+        assert not colored(pixels(still(late)), BLUE).any()
+        assert _reports(late) == []
+    recording.close()
+
+
+def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
+    """A typing error while editing does not empty the view."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, view)
+    live.set_description(ARM)
+    with pytest.raises(OneBotError, match="not XML"):
+        live.set_description(ARM[:-5])
+    assert live.robot is not None and live.robot.name == "arm"
+    recording.close()
+
+
+def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
+    """A Collada file in inches with its own colours, an OBJ with and without a material."""
+    require_renderer()
+    meshes = [
+        (write_collada(tmp_path / "a.dae", 0.0254, "Y_UP", "polylist"), ""),
+        (write_obj(tmp_path / "b.obj"), "0 .8 .2 1"),
+    ]
+    visuals = "".join(
+        f'<visual><origin xyz="0 {place} 0"/><geometry><mesh filename="file://{path}"/></geometry>'
+        f'<material name="m{place}"><color rgba="{rgba}"/></material></visual>'
+        for place, (path, rgba) in enumerate(meshes)
+    )
+    urdf = f'<robot name="m"><link name="base">{visuals}</link></robot>'
+    recording = open_recording(save=tmp_path / "m.rrd")
+    live = LiveView(recording.stream)
+    assert live.set_description(urdf) == []
+    assert live.tick(1) == []
+    recording.close()
+    render(tmp_path / "m.rrd", tmp_path / "m.png", 640, 480)
+    image = pixels(tmp_path / "m.png")
+    for color in (ORANGE, BLUE, GREEN):
+        assert colored(image, color).mean() > 0.005, color
+
+
+def test_an_unreadable_mesh_is_named_and_the_rest_is_shown(tmp_path):
+    """One missing file is one sentence."""
+    urdf = ARM.replace('<box size=".6 .6 .6"/>', '<mesh filename="/nowhere/x.stl"/>')
+    [problem] = _record(tmp_path / "x.rrd", None, urdf)
+    assert 'link "base"' in problem and "/nowhere/x.stl" in problem
+
+
+def test_static_transforms_all_survive_in_a_file(tmp_path):
+    """Twenty fixed frames, sent in three messages, are all there when it is opened later."""
+    require_renderer()
+    recording = open_recording(save=tmp_path / "s.rrd")
+    live = LiveView(recording.stream)
+    links = "".join(f'<link name="f{i}"/>' for i in range(20))
+    shape = '<link name="base"><visual><geometry><sphere radius="1"/></geometry></visual></link>'
+    live.set_description(f'<robot name="s">{shape}{links}</robot>')
+    for names in (range(0, 7), range(7, 13), range(13, 20)):
+        count = len(names)
+        live.add_transforms(
+            TfArrays(
+                ["base"] * count,
+                [f"f{i}" for i in names],
+                np.zeros(count, np.int64),
+                np.array([[float(i), 0, 0] for i in names]),
+                np.tile([0.0, 0, 0, 1], (count, 1)),
+            ),
+            static=True,
+        )
+    live.tick(START_NS)
+    recording.close()
+    with headless_viewer(str(tmp_path / "s.rrd")) as client:
+        graph = _graph(client)
+        assert {child: matrix[0, 3] for (_, child), matrix in graph.items()} == {
+            f"f{i}": float(i) for i in range(20)
+        }
+        assert _reports(client) == []
+
+
+def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatch):
+    """With the memory limit reached many times over, layout, shapes and slow frames remain."""
+    require_renderer()
+    monkeypatch.setattr("onebot_bringup.viewer.streams.REPEAT_AFTER", 0.2)
+    recording = open_recording(0, memory_limit="1MB")
+    live = LiveView(recording.stream)
+    live.set_description(ARM)
+    live.add_transforms(transforms("odom", "base", 3.0))
+    stamp = START_NS
+    sent = 0
+
+    def send() -> bool:
+        nonlocal stamp, sent
+        for _ in range(50):
+            stamp += 10**7
+            live.add_transforms(transforms("base", "tip", 1.0, stamp))
+            live.add_joints(stamp, ("slide",), np.ones(1), np.ones(1))
+        live.tick(stamp)
+        sent += 1
+        return sent >= 300
+
+    wait_for(send, "the messages to be sent")
+    with headless_viewer(recording.uri) as client:
+        _wait_until_shown(client, ORANGE)
+        graph = _graph(client)
+        assert set(graph) == {("odom", "base"), ("base", "tip")}
+        assert graph[("odom", "base")][1, 3] == 3.0
+        assert "Robot" in {shown.name for shown in client.get_state().views}
+        assert _reports(client) == []
+    recording.close()
+
+
+def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
+    """With "" everything is shown in odom once that is heard; a wrong one is complained about."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream)
+    live.set_description(ARM)
+    assert live.fixed_frame == "base"
+    live.add_transforms(transforms("odom", "base", 0.0))
+    live.tick(START_NS)
+    assert live.fixed_frame == "odom"
+
+    now = [0.0]
+    live = LiveView(recording.stream, ViewConfig(fixed_frame="odm"), clock=lambda: now[0])
+    live.set_description(ARM)
+    live.add_transforms(transforms("odom", "base", 0.0))
+    assert live.tick(START_NS) == []
+    now[0] = 4.0
+    [message] = live.tick(START_NS)
+    assert '"odm" is not on /tf' in message and 'did you mean "odom"' in message
+    assert live.tick(START_NS) == [], "said once"
+    recording.close()
+
+
+def test_waiting_and_missing_frames_are_said(tmp_path):
+    """It says that it waits for the description, then which link has no transform."""
+    now = [0.0]
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, clock=lambda: now[0])
+    assert live.tick(START_NS) == []
+    now[0] = 2.5
+    [message] = live.tick(START_NS)
+    assert "waiting for the robot's description on robot_description" in message
+    live.set_description(ARM)
+    now[0] = 6.0
+    [message] = live.tick(START_NS)
+    assert 'no transform yet from "base" to tip' in message
+    recording.close()
+
+
+def test_frames_carry_the_prefix(tmp_path):
+    """With a frame_prefix, links follow the prefixed frames."""
+    require_renderer()
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, frame_prefix="r1/")
+    live.set_description(ARM)
+    live.add_transforms(transforms("r1/base", "r1/tip", 1.0))
+    assert live.tick(START_NS) == []
+    assert live.fixed_frame == "r1/base"
+    recording.close()
+    with headless_viewer(str(tmp_path / "x.rrd")) as client:
+        assert set(_graph(client)) == {("r1/base", "r1/tip")}
+        assert _reports(client) == []
+        assert colored(pixels(still(client)), ORANGE).any()
+
+
+def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
+    """A .rbl takes the place of the view, as it was saved."""
+    require_renderer()
+    saved = rrb.Blueprint(rrb.Spatial3DView(origin="/", name="My own"))
+    saved.save(APPLICATION, str(tmp_path / "mine.rbl"))
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, blueprint=tmp_path / "mine.rbl")
+    live.set_description(ARM)
+    live.add_transforms(transforms("base", "tip", 1.0))
+    live.tick(START_NS)
+    recording.close()
+    with headless_viewer(str(tmp_path / "x.rrd")) as client:
+        assert [view.name for view in client.get_state().views] == ["My own"]
+
+
+def test_the_camera_follows_a_link(tmp_path, view):
+    """A robot that drives 50 m away stays in the picture."""
+    require_renderer()
+    view = replace(view, fixed_frame="odom", camera=replace(view.camera, follow="base"))
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, view)
+    live.set_description(ARM)
+    for step in range(51):
+        stamp = START_NS + step * 10**8
+        live.add_transforms(transforms("base", "tip", 1.0, stamp))
+        live.add_transforms(transforms("odom", "base", float(step), stamp))
+        live.tick(stamp)
+    recording.close()
+    render(tmp_path / "x.rrd", tmp_path / "x.png", 640, 480)
+    assert colored(pixels(tmp_path / "x.png"), BLUE).mean() > 0.01

@@ -1,0 +1,160 @@
+"""The processes and servers around the recording."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import psutil
+import pytest
+
+from onebot_bringup.viewer.picture import render
+from onebot_bringup.viewer.processes import Child, answers, free_port
+from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.serving import NativeWindow, WebPage
+from onebot_description.errors import OneBotError
+from tests.support import wait_for
+
+OWNER = """
+from onebot_bringup.viewer.serving import WebPage
+page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+print(page._child.pid, flush=True)
+input()
+"""
+
+
+def test_a_port_in_use_is_replaced_by_a_free_one():
+    """The wanted port if it is free, another if not; nonsense is refused."""
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        taken = busy.getsockname()[1]
+        other = free_port(taken)
+        assert other != taken and not answers(other)
+    assert free_port(taken) == taken
+    with pytest.raises(OneBotError, match="70000 is no port"):
+        free_port(70000)
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_the_page_dies_with_its_owner_however_that_ends(end):
+    """No orphan is left, not even after SIGKILL."""
+    owner = subprocess.Popen(
+        [sys.executable, "-c", OWNER],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    with owner:
+        child = psutil.Process(int(owner.stdout.readline()))
+        assert "rerun" in child.name()
+        owner.send_signal(end)
+        owner.wait(30)
+        wait_for(lambda: not child.is_running(), "the page's server to end")
+
+
+def _get(url: str) -> urllib.request.addinfourl:
+    return urllib.request.urlopen(url, timeout=30)
+
+
+def test_the_page_is_served_with_an_order_to_stay_on_this_machine():
+    """The short address leads to the viewer, which may connect to this host only."""
+    recording = open_recording(0)
+    page = WebPage(0, recording.uri)
+    try:
+        wait_for(lambda: page.ready, "the page")
+        with _get(page.url) as response:
+            assert f"url=rerun%2Bhttp://127.0.0.1:{recording.port}/proxy" in response.url
+            policy = response.headers["Content-Security-Policy"]
+            html = response.read().decode()
+        assert "connect-src 'self' http://127.0.0.1:*" in policy
+        assert "https://" not in policy and "fonts.googleapis" not in html
+        assert "<title>Rerun Viewer</title>" in html
+        with _get(f"{page.url}/re_viewer_bg.wasm") as response:
+            assert response.headers["Content-Type"] == "application/wasm"
+            assert len(response.read()) > 1_000_000
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            _get(f"{page.url}/nothing")
+    finally:
+        page.stop()
+        recording.close()
+    assert not answers(page.port)
+
+
+def test_a_page_that_died_is_hosted_again_at_the_same_address():
+    """Killing Rerun's server costs a moment."""
+    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+    try:
+        wait_for(lambda: page.ready, "the page")
+        os.kill(page._child.pid, signal.SIGKILL)
+        wait_for(lambda: not page.running, "its end")
+        page.restart()
+        wait_for(lambda: page.ready, "the page again")
+        assert _get(page.url).status == 200
+    finally:
+        page.stop()
+
+
+def test_only_loopback_is_listened_on():
+    """Nobody on the network can look or write."""
+    recording = open_recording(0)
+    page = WebPage(0, recording.uri)
+    try:
+        wait_for(lambda: page.ready, "the page")
+        listening = [
+            connection.laddr
+            for process in (psutil.Process(), psutil.Process(page._child.pid))
+            for connection in process.net_connections("tcp")
+            if connection.status == psutil.CONN_LISTEN
+        ]
+        assert {recording.port, page.port} <= {address.port for address in listening}
+        assert {address.ip for address in listening} == {"127.0.0.1"}
+    finally:
+        page.stop()
+        recording.close()
+
+
+def test_a_window_without_a_display_is_a_clear_error(monkeypatch):
+    """It says what to use in its place."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(OneBotError, match="needs a display.*viewer:=web"):
+        NativeWindow("rerun+http://127.0.0.1:1/proxy")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("x.txt", "must end in .rrd"), ("none/x.rrd", "there is no folder")]
+)
+def test_a_file_that_cannot_be_written_is_refused(tmp_path, name, said):
+    """The error names the file and what is wrong."""
+    with pytest.raises(OneBotError, match=said):
+        open_recording(save=tmp_path / name)
+
+
+def test_without_a_renderer_the_package_to_install_is_named(tmp_path, monkeypatch):
+    """Where no Vulkan driver is found, the message says which Debian package to install."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    recording.close()
+    for variable in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):
+        monkeypatch.setenv(variable, "/nonexistent")
+    with pytest.raises(OneBotError, match="mesa-vulkan-drivers"):
+        render(tmp_path / "x.rrd", tmp_path / "x.png")
+
+
+def test_a_missing_recording_is_named(tmp_path):
+    """No viewer is started for it."""
+    with pytest.raises(OneBotError, match="no recording .*none.rrd"):
+        render(tmp_path / "none.rrd", Path("x.png"))
+
+
+def test_last_words_are_those_of_the_program():
+    """What it complained about can be passed on to the user."""
+    child = Child(["--no-such-option"])
+    wait_for(lambda: not child.running, "its end")
+    assert "no-such-option" in child.output()
+    child.stop()

@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import pytest
+
+import mrm_description
+from onebot_bringup.viewer.view_config import ViewConfig, load_view
+from onebot_description.errors import OneBotError
+
+
+def _load(tmp_path: Path, text: str) -> ViewConfig:
+    path = tmp_path / "view.yaml"
+    path.write_text(text)
+    return load_view(path)
+
+
+def test_an_empty_view_is_the_default(tmp_path):
+    """Every key may be left out."""
+    assert _load(tmp_path, "") == ViewConfig()
+    assert _load(tmp_path, "axes: {}") == ViewConfig()
+
+
+def test_every_key_is_read(tmp_path):
+    """What is written arrives."""
+    view = _load(
+        tmp_path,
+        """
+        fixed_frame: odom
+        axes: {visible: false, length: 1, names: false}
+        grid: {visible: false, spacing: 0.5}
+        collision: true
+        background: [1, 2, 3]
+        camera: {eye: [1, 2, 3], target: [0, 0, 0.5], follow: base_link}
+        joint_plot: {positions: false, velocities: false, window: 5}
+        panels: {time: hidden}
+        """,
+    )
+    assert view.fixed_frame == "odom" and view.collision and view.background == (1, 2, 3)
+    assert (view.axes.visible, view.axes.length, view.axes.names) == (False, 1.0, False)
+    assert (view.grid.visible, view.grid.spacing) == (False, 0.5)
+    assert view.camera.eye == (1.0, 2.0, 3.0) and view.camera.follow == "base_link"
+    assert (view.joint_plot.positions, view.joint_plot.window) == (False, 5.0)
+    assert (view.panels.time, view.panels.top) == ("hidden", "expanded")
+
+
+def test_the_example_in_the_module_is_valid(tmp_path):
+    """The documentation can be copied."""
+    from onebot_bringup.viewer import view_config
+
+    text = view_config.__doc__.partition("::\n")[2]
+    assert _load(tmp_path, text).camera.follow == "base_link"
+
+
+def test_the_view_of_mrm_is_valid():
+    """MRM's own saved view loads, and shows its base frame fixed."""
+    path = Path(mrm_description.__file__).parent / "config/view.yaml"
+    assert load_view(path).fixed_frame == "base_link"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("fixed_fram: odom", 'unknown key "fixed_fram" (did you mean "fixed_frame"?'),
+        ("camera: {eyes: [1, 2, 3]}", 'unknown key "camera.eyes" (did you mean "eye"?'),
+        ("camera: {eye: [1, 2]}", "camera.eye must be three metres, such as [3.0, -3.0, 2.0]"),
+        ("camera: {eye: [1, 2, .inf]}", "camera.eye must be three metres"),
+        ("axes: {length: long}", "axes.length must be a number of at least 0"),
+        ("axes: {length: -1}", "axes.length must be a number of at least 0"),
+        ("axes: {visible: 1}", "axes.visible must be true or false"),
+        ("axes: 3", 'axes must be "key: value" lines, with visible, length, names'),
+        ("collision: maybe", "collision must be true or false"),
+        ("background: [1, 2, 300]", "background must be three bytes"),
+        ("panels: {time: open}", "panels.time must be one of hidden, collapsed, expanded"),
+        ("fixed_frame: 3", "fixed_frame must be a name"),
+        ("- a list", 'the file must be "key: value" lines'),
+        ("a: [", "not YAML"),
+    ],
+)
+def test_a_mistake_is_named_with_what_would_be_right(tmp_path, text, said):
+    """The error names file and key, and says what to write."""
+    with pytest.raises(OneBotError) as caught:
+        _load(tmp_path, text)
+    assert said in str(caught.value) and "view.yaml" in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    """No traceback for a wrong path."""
+    with pytest.raises(OneBotError, match=r"none\.yaml: No such file"):
+        load_view(tmp_path / "none.yaml")

@@ -1,0 +1,113 @@
+"""A small robot, its transforms, and meshes of one box in every format, for the viewer's tests."""
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from onebot_description.tf.wire import TfArrays
+
+ORANGE = (255, 107, 10)
+BLUE = (26, 76, 230)
+START_NS = 1_700_000_000_000_000_000
+
+# A blue box, and an orange cylinder one metre beside it; each with a larger collision shape.
+ARM = """<robot name="arm">
+  <material name="orange"><color rgba="1 .42 .04 1"/></material>
+  <link name="base">
+    <visual><geometry><box size=".6 .6 .6"/></geometry>
+      <material name="blue"><color rgba=".1 .3 .9 1"/></material></visual>
+    <collision><geometry><box size=".8 .8 .8"/></geometry></collision>
+  </link>
+  <link name="tip">
+    <visual><origin xyz="0 0 .1"/><geometry><cylinder radius=".3" length=".6"/></geometry>
+      <material name="orange"/></visual>
+    <collision><geometry><sphere radius=".5"/></geometry></collision>
+  </link>
+  <joint name="slide" type="prismatic">
+    <parent link="base"/><child link="tip"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="2" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+# Looking along -x: +y is to the right in the picture.
+VIEW = """
+fixed_frame: base
+axes: {visible: false}
+grid: {visible: false}
+camera: {eye: [2.6, 0.5, 0.0], target: [0.0, 0.5, 0.0]}
+joint_plot: {positions: false, velocities: false}
+"""
+
+
+def transforms(parent, child, y, stamp_ns=START_NS):
+    """One transform: ``child`` stands ``y`` metres along y of ``parent``."""
+    return TfArrays(
+        [parent],
+        [child],
+        np.array([stamp_ns]),
+        np.array([[0.0, y, 0.0]]),
+        np.array([[0.0, 0.0, 0.0, 1.0]]),
+    )
+
+
+def box() -> trimesh.Trimesh:
+    """A box of 1.0 x 0.6 x 0.3 m."""
+    return trimesh.creation.box(extents=(1.0, 0.6, 0.3))
+
+
+def write_collada(path: Path, meter: float, up_axis: str, tag: str = "triangles") -> Path:
+    """Write ``box()`` as Collada in units of ``meter``; half of it orange, half blue."""
+    mesh = box()
+    numbers = " ".join(f"{value:.6f}" for value in (mesh.vertices / meter).ravel())
+    half = len(mesh.faces) // 2
+    parts = [_primitive(mesh.faces[:half], "s0", tag), _primitive(mesh.faces[half:], "s1", tag)]
+    effects = "".join(
+        f'<effect id="e{i}"><profile_COMMON><technique sid="t"><lambert><diffuse><color>'
+        f"{' '.join(str(value / 255) for value in rgb)} 1</color></diffuse></lambert></technique>"
+        "</profile_COMMON></effect>"
+        for i, rgb in enumerate((ORANGE, BLUE))
+    )
+    materials = "".join(
+        f'<material id="m{i}"><instance_effect url="#e{i}"/></material>' for i in range(2)
+    )
+    bound = "".join(f'<instance_material symbol="s{i}" target="#m{i}"/>' for i in range(2))
+    path.write_text(f"""<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified>
+<unit name="u" meter="{meter}"/><up_axis>{up_axis}</up_axis></asset>
+<library_effects>{effects}</library_effects><library_materials>{materials}</library_materials>
+<library_geometries><geometry id="g"><mesh><source id="p">
+<float_array id="pa" count="{mesh.vertices.size}">{numbers}</float_array>
+<technique_common><accessor source="#pa" count="{len(mesh.vertices)}" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+</accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{"".join(parts)}
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g">
+<bind_material><technique_common>{bound}</technique_common></bind_material>
+</instance_geometry></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>""")
+    return path
+
+
+def _primitive(faces, symbol: str, tag: str) -> str:
+    count = f"<vcount>{' '.join('3' * len(faces))}</vcount>" if tag == "polylist" else ""
+    indices = " ".join(str(index) for index in faces.ravel())
+    return (
+        f'<{tag} count="{len(faces)}" material="{symbol}">'
+        f'<input semantic="VERTEX" source="#v" offset="0"/>{count}<p>{indices}</p></{tag}>'
+    )
+
+
+def write_obj(path: Path, material: str | None = None) -> Path:
+    """Write ``box()`` as OBJ, with a .mtl of one orange material if it is named."""
+    mesh = box()
+    lines = []
+    if material is not None:
+        path.with_suffix(".mtl").write_text(f"newmtl {material}\nKd 1.0 0.42 0.04\n")
+        lines += [f"mtllib {path.with_suffix('.mtl').name}", f"usemtl {material}"]
+    lines += [f"v {x} {y} {z}" for x, y, z in mesh.vertices]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
+    path.write_text("\n".join(lines) + "\n")
+    return path
