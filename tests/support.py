@@ -32,11 +32,11 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = 60.0) -> T:
         time.sleep(0.02)
 
 
-def require_program(name: str) -> str:
+def require_program(name: str, package: str = "") -> str:
     """Return the path of a program; skip where it is missing, but fail in CI, which installs it."""
     path = shutil.which(name)
     if path is None:
-        missing = f'this test needs the program "{name}": apt-get install {name} (colcon: pip)'
+        missing = f'this test needs the program "{name}": apt-get install {package or name}'
         if os.environ.get("CI"):
             pytest.fail(missing)
         pytest.skip(missing)
