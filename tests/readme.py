@@ -72,7 +72,8 @@ def run_until_up(
 
 def _is_up(output: bytes) -> bool:
     text = output.decode(errors="replace")
-    return UP in text and "showing " in text
+    shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)
+    return UP in text and "robot description taken up" in text and shown
 
 
 def main() -> int:
