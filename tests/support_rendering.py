@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from onebot_bringup.viewer.picture import NO_RENDERER, headless_viewer
+from onebot_bringup.viewer.picture import NO_RENDERER, TOO_OLD, headless_viewer
 from onebot_description.errors import OneBotError
 
 
@@ -29,8 +29,8 @@ def _missing() -> str:
         with _viewer_of_nothing():
             return ""
     except OneBotError as error:
-        if str(error) == NO_RENDERER:
-            return NO_RENDERER
+        if str(error) in (NO_RENDERER, TOO_OLD):
+            return str(error)
         raise
 
 

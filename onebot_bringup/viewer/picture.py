@@ -17,6 +17,10 @@ NO_RENDERER = (
     "no graphics adapter was found to draw with: install Mesa's software renderer "
     "(Debian and Ubuntu: apt install mesa-vulkan-drivers)"
 )
+TOO_OLD = (
+    "pictures need rerun-sdk 0.41 or newer, and that needs Python 3.11 or newer; everything else "
+    "works without"
+)
 Progress = Callable[[str], None]
 # The window's frame, above the viewer itself, is empty when the top panel is hidden (pixels).
 _TITLE_BAR = 37
@@ -63,6 +67,8 @@ def headless_viewer(
     Raises:
         OneBotError: there is nothing to draw with, or nothing is shown in a minute.
     """
+    if not hasattr(ViewerClient, "get_state"):
+        raise OneBotError(TOO_OLD)
     port = free_port(0)
     size = f"{width}x{height}"
     child = Child(

@@ -438,7 +438,7 @@ MANY_THREADS = """
         node = rclpy.create_node(name)
         def step():
             publisher = node.create_publisher(TFMessage, "/tf", 10)
-            subscription = node.create_subscription(TFMessage, "/tf", print, 10)
+            subscription = node.create_subscription(TFMessage, "/tf", lambda message: None, 10)
             publisher.publish(message)
             publisher.publish(data)
             node.destroy_publisher(publisher)
