@@ -1,0 +1,152 @@
+"""Rigid bodies of a robot: links that fixed joints hold together, taken as one.
+
+PyBullet gives a link without ``<inertial>`` a kilogram, computes every fixed joint as if it could
+move, and merges them, if told to, with that kilogram. Here the masses are added up as written.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError
+from onebot_description.model import quaternions
+from onebot_description.model.robot_model import MOVING_KINDS
+
+Floats = NDArray[np.float64]
+Element = ElementTree.Element
+
+_MOMENTS = (("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz"))
+
+
+@dataclass
+class Body:
+    """One rigid body, in the frame of its first link.
+
+    Attributes:
+        link: name of that link, which is nobody's child by a fixed joint.
+        mass: kg.
+        center: (3,), centre of mass, m.
+        inertia: (3, 3), about the centre of mass, kg m^2.
+        collisions: ``<collision>`` elements, each with its pose (4, 4) in the body.
+        friction: lateral friction the URDF gives (the least, of several links), or None.
+    """
+
+    link: str
+    mass: float = 0.0
+    center: Floats = field(default_factory=lambda: np.zeros(3))
+    inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    collisions: list[tuple[Element, Floats]] = field(default_factory=list)
+    friction: float | None = None
+
+    def add(self, link: Element, pose: Floats) -> None:
+        """Add the mass and the shapes of ``link``, whose frame lies at ``pose`` (4, 4)."""
+        for collision in link.findall("collision"):
+            self.collisions.append((collision, pose @ origin(collision)))
+        stated = link.find("contact/lateral_friction")
+        if stated is not None and stated.get("value"):
+            value = number(stated, "value", f'link "{link.get("name")}"')
+            self.friction = value if self.friction is None else min(value, self.friction)
+        inertial = link.find("inertial")
+        if inertial is None:
+            return
+        where = pose @ origin(inertial)
+        mass = float(_attribute(inertial, "mass", "value"))
+        moments = [[float(_attribute(inertial, "inertia", m)) for m in row] for row in _MOMENTS]
+        turn = where[:3, :3]
+        self._add_mass(mass, where[:3, 3], turn @ np.array(moments) @ turn.T)
+
+    def _add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
+        """Sum of two bodies by the parallel axis theorem."""
+        total = self.mass + mass
+        if total > 0:
+            apart = center - self.center
+            reduced = self.mass * mass / total
+            self.inertia += reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+            self.center = self.center + apart * (mass / total)
+        self.inertia += inertia
+        self.mass = total
+
+
+def rigid_bodies(description: Description, robot: Element) -> dict[str, Body]:
+    """Return the bodies by the name of their first link, the root's first.
+
+    Args:
+        description: says how the links hang together.
+        robot: the ``<robot>`` element of its URDF.
+
+    Raises:
+        OneBotError: a joint is of a kind that is not simulated.
+    """
+    for joint in description.joints:
+        if joint.kind in ("floating", "planar"):
+            raise OneBotError(
+                f'{description.source}: joint "{joint.name}" is {joint.kind}; the simulation moves '
+                f"{', '.join(MOVING_KINDS)} joints"
+            )
+    firsts = [description.root_link]
+    firsts += [joint.child for joint in description.joints if joint.kind in MOVING_KINDS]
+    bodies = {link: Body(link) for link in firsts}
+    places = placements(description)
+    for link in robot.findall("link"):
+        first, pose = places[link.get("name", "")]
+        bodies[first].add(link, pose)
+    return bodies
+
+
+def placements(description: Description) -> dict[str, tuple[str, Floats]]:
+    """Return, for each link, the first link of its body and its pose (4, 4) in that."""
+    above = {joint.child: joint for joint in description.joints if joint.kind == "fixed"}
+    places = {}
+    for link in description.links:
+        first, pose = link, np.eye(4)
+        while first in above:
+            joint = above[first]
+            pose = matrix(joint.xyz, joint.rpy) @ pose
+            first = joint.parent
+        places[link] = first, pose
+    return places
+
+
+def matrix(xyz: Sequence[float], rpy: Sequence[float]) -> Floats:
+    """Homogeneous transform (4, 4) of a URDF origin, m and rad."""
+    result = np.eye(4)
+    result[:3, :3] = quaternions.to_matrix(quaternions.from_rpy(np.array(rpy, float)))
+    result[:3, 3] = xyz
+    return result
+
+
+def origin(element: Element) -> Floats:
+    """Transform (4, 4) of an element's ``<origin>``, identity without one."""
+    found = element.find("origin")
+    attributes: Mapping[str, str] = {} if found is None else found.attrib
+    xyz, rpy = (
+        [float(word) for word in attributes.get(name, "0 0 0").split()] for name in ("xyz", "rpy")
+    )
+    return matrix(xyz, rpy)
+
+
+def number(element: Element, attribute: str, owner: str) -> float:
+    """Return a number the description's checks do not look at; 0 if there is none.
+
+    Raises:
+        OneBotError: it is no finite number, or negative.
+    """
+    text = element.get(attribute, "0")
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float("inf"):
+        raise OneBotError(
+            f'{owner}: <{element.tag} {attribute}="{text}"> must be a number that is 0 or more'
+        )
+    return value
+
+
+def _attribute(element: Element, child: str, attribute: str) -> str:
+    found = element.find(child)
+    return "0" if found is None else found.get(attribute, "0")

@@ -1,0 +1,67 @@
+"""Rigid transforms of single poses, in plain floats.
+
+PyBullet's own multiplyTransforms and rotateVector round to single precision, which is micrometres
+some metres from the origin; arrays of numpy take ten times as long for one pose.
+"""
+
+import math
+
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Transform = tuple[Triple, Quaternion]
+
+
+def rotate(rotation: Quaternion, vector: Triple) -> Triple:
+    """Rotate ``vector`` by a unit quaternion x y z w: v + 2 w (u x v) + 2 u x (u x v)."""
+    a, b, c, w = rotation
+    x, y, z = vector
+    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
+    return (
+        x + w * tx + (b * tz - c * ty),
+        y + w * ty + (c * tx - a * tz),
+        z + w * tz + (a * ty - b * tx),
+    )
+
+
+def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
+    """Hamilton product: the rotation ``second``, then ``first``."""
+    ax, ay, az, aw = first
+    bx, by, bz, bw = second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def conjugate(rotation: Quaternion) -> Quaternion:
+    """The opposite rotation."""
+    x, y, z, w = rotation
+    return (-x, -y, -z, w)
+
+
+def compose(outer: Transform, inner: Transform) -> Transform:
+    """The transform ``inner``, then ``outer``."""
+    x, y, z = rotate(outer[1], inner[0])
+    a, b, c = outer[0]
+    return (a + x, b + y, c + z), multiply(outer[1], inner[1])
+
+
+def inverse(transform: Transform) -> Transform:
+    """The transform that undoes ``transform``."""
+    back = conjugate(transform[1])
+    x, y, z = rotate(back, transform[0])
+    return (-x, -y, -z), back
+
+
+def cross(first: Triple, second: Triple) -> Triple:
+    """Vector product."""
+    a, b, c = first
+    x, y, z = second
+    return b * z - c * y, c * x - a * z, a * y - b * x
+
+
+def about_z(yaw: float) -> Quaternion:
+    """Rotation by ``yaw``, rad, about the vertical."""
+    return 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)

@@ -1,0 +1,119 @@
+"""A world with level ground, and a robot loaded into it."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from onebot_control.simulation.bodies import Body
+from onebot_control.simulation.engine import engine
+from onebot_control.simulation.frames import Transform
+from onebot_control.simulation.meshes import convert_meshes
+from onebot_control.simulation.output import captured, log
+from onebot_control.simulation.physics_urdf import bodies_of, physics_urdf
+from onebot_control.simulation.settings import Settings
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError
+from onebot_description.model.robot_model import RobotModel
+
+
+class Robot(NamedTuple):
+    """What PyBullet calls the parts of a loaded robot.
+
+    Attributes:
+        body: its number.
+        joints: numbers of the moving joints by name.
+        ground: the number of the ground.
+        mass_frame: centre of mass and principal axes of the root body in the root link's frame;
+            that frame, not the link's, is what PyBullet calls the base.
+    """
+
+    body: int
+    joints: Mapping[str, int]
+    ground: int
+    mass_frame: Transform
+
+
+def load_robot(client: int, description: Description, settings: Settings) -> Robot:
+    """Fill the empty world ``client`` with ground and robot, whose root link is at the origin.
+
+    What PyBullet prints becomes log lines.
+
+    Raises:
+        OneBotError: the robot cannot be loaded; the message says why.
+    """
+    bodies = bodies_of(description)
+    if not any(body.collisions for body in bodies.values()):
+        raise OneBotError(
+            f"{description.source}: no link has a <collision>, so the robot would fall through "
+            "the ground; give the wheels one"
+        )
+    ground = _make_world(client, settings)
+    body = _load(client, description, bodies)
+    names = RobotModel.from_description(description).joints
+    root, *moved = bodies.values()
+    joints = {}
+    for index in range(engine.getNumJoints(body, physicsClientId=client)):
+        info = engine.getJointInfo(body, index, physicsClientId=client)
+        row = int(info[1])
+        joints[names[row]] = index
+        # A motor at rest that is as strong as the joint's friction is that friction.
+        engine.setJointMotorControl2(
+            body, index, engine.VELOCITY_CONTROL, force=info[7], physicsClientId=client
+        )
+        _set_contact(client, body, index, moved[row], description, settings)
+    _set_contact(client, body, -1, root, description, settings)
+    for damping in ("linearDamping", "angularDamping"):
+        # One key a call: with either of these PyBullet ignores which link is meant.
+        engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
+    dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
+    return Robot(body, joints, ground, (dynamics[3], dynamics[4]))
+
+
+def _make_world(client: int, settings: Settings) -> int:
+    """Set the physics up and return the ground."""
+    engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
+    engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
+    engine.setPhysicsEngineParameter(
+        numSolverIterations=settings.iterations,
+        solverResidualThreshold=0.0,
+        # Else a file that has changed since would be loaded as it was.
+        enableFileCaching=0,
+        physicsClientId=client,
+    )
+    plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
+    ground: int = engine.createMultiBody(0, plane, physicsClientId=client)
+    engine.changeDynamics(ground, -1, lateralFriction=settings.friction, physicsClientId=client)
+    return ground
+
+
+def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
+    flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
+    with tempfile.TemporaryDirectory() as folder:
+        convert_meshes(bodies.values(), Path(folder))
+        path = Path(folder) / "robot.urdf"
+        path.write_text(physics_urdf(description, bodies), encoding="utf-8")
+        try:
+            with captured() as lines:
+                body: int = engine.loadURDF(str(path), flags=flags, physicsClientId=client)
+        except engine.error:
+            reason = "; ".join(lines) or "it gives no reason"
+            raise OneBotError(
+                f"{description.source}: PyBullet cannot load this robot: {reason}"
+            ) from None
+    log(lines)
+    return body
+
+
+def _set_contact(
+    client: int, robot: int, index: int, body: Body, description: Description, settings: Settings
+) -> None:
+    """Give a body its friction, and make sure that it has got all of its shapes."""
+    found = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
+    if found < len(body.collisions):
+        raise OneBotError(
+            f"{description.source}: PyBullet took {found} of the {len(body.collisions)} collision "
+            f'shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
+        )
+    friction = settings.friction if body.friction is None else body.friction
+    engine.changeDynamics(robot, index, lateralFriction=friction, physicsClientId=client)

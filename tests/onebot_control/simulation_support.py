@@ -1,0 +1,69 @@
+"""The robot that the simulation's tests drive, whole or spoilt in some way."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from onebot_control.frames import yaw_of
+from onebot_control.simulation import Settings, Simulation
+from onebot_description.description import Description, parse_description
+
+ROBOTS = Path(__file__).resolve().parent.parent / "robots"
+URDF = (ROBOTS / "diff_drive.urdf").read_text()
+LEFT, RIGHT = "left_wheel_joint", "right_wheel_joint"
+DRIVEN = (LEFT, RIGHT)
+RADIUS, SEPARATION = 0.06, 0.3
+
+
+def robot(pattern: str = "", replacement: str = "", count: int = 0) -> Description:
+    """The test robot with every match of ``pattern`` (a regular expression) replaced."""
+    text = URDF
+    if pattern:
+        text, replaced = re.subn(pattern, replacement, URDF, count=count, flags=re.DOTALL)
+        assert replaced, pattern
+    return parse_description(text, str(ROBOTS / "diff_drive.urdf"))
+
+
+def simulate(
+    description: Description | None = None,
+    driven: Sequence[str] = DRIVEN,
+    settings: Settings = Settings(),  # noqa: B008 - it is frozen
+    **place: float,
+) -> Simulation:
+    return Simulation(description or robot(), driven=driven, settings=settings, **place)
+
+
+def drive(simulation: Simulation, linear: float, angular: float, duration: float) -> None:
+    """Drive for ``duration`` s as a controller does: by ramps of 0.5 m/s^2 and 1 rad/s^2."""
+    period, v, w = 0.01, 0.0, 0.0
+    cycles = round(duration / period)
+    for cycle in range(cycles):
+        left = (cycles - 1 - cycle) * period
+        v = _ramp(v, linear, 0.5, left, period)
+        w = _ramp(w, angular, 1.0, left, period)
+        simulation.step(wheels(v, w), period)
+
+
+def _ramp(now: float, goal: float, slope: float, left: float, period: float) -> float:
+    goal = float(np.clip(goal, -slope * left, slope * left))
+    return float(np.clip(goal, now - slope * period, now + slope * period))
+
+
+def wheels(linear: float, angular: float) -> list[float]:
+    """Wheel speeds, left and right, rad/s."""
+    half = angular * SEPARATION / 2.0
+    return [(linear - half) / RADIUS, (linear + half) / RADIUS]
+
+
+def planar(simulation: Simulation) -> tuple[float, float, float]:
+    """Where the robot is: x, y in m, heading in rad."""
+    pose = simulation.base_pose()
+    return float(pose.translation[0]), float(pose.translation[1]), yaw_of(*pose.rotation.tolist())
+
+
+def bits(simulation: Simulation) -> bytes:
+    """Everything a simulation says of its state."""
+    arrays = (*simulation.joint_states(), *simulation.base_pose(), *simulation.base_twist())
+    return b"".join(array.tobytes() for array in arrays) + repr(simulation.time).encode()

@@ -1,0 +1,243 @@
+"""Any robot loads faithfully or is refused by one clear error; nothing reaches stdout."""
+
+import logging
+
+import numpy as np
+import pytest
+
+from onebot_control.simulation import Settings, Simulation
+from onebot_control.simulation.engine import engine
+from onebot_control.simulation.physics_urdf import bodies_of, physics_urdf
+from onebot_description.description import load_description, parse_description
+from onebot_description.errors import OneBotError
+from tests.onebot_control.simulation_support import LEFT, ROBOTS, drive, robot, simulate
+from tests.random_robots import chain
+
+_WHEELS_SHAPE = r'(<link name="left_wheel">.*?)<collision>.*?</collision>'
+_SHELL = r"<collision>\s*<origin xyz=.-0.1 0 0.03.*?</collision>"
+_CASTER = r"<collision>\s*<geometry><sphere.*?</collision>"
+_SPHERE = '<sphere radius="0.025"/>'
+
+
+@pytest.fixture(autouse=True)
+def silence(capfd):
+    """Nothing any of these tests does is printed."""
+    yield
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert captured.err == ""
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "words"),
+    [
+        ("<collision>.*?</collision>", "", ["no link has a <collision>"]),
+        ("<inertial>.*?</inertial>", "", ["base_link", "root", "<inertial>"]),
+        (
+            r'(left_wheel">\s*)<inertial>.*?</inertial>',
+            r"\1",
+            ["left_wheel", "moves", "<inertial>"],
+        ),
+        ('value="3.4"', 'value="0"', ["base_link", "without a mass"]),
+        ('izz="0.030"', 'izz="0.3"', ["base_link", "0.012, 0.024, 0.3", "greater than the sum"]),
+        ('ixx="0.00002"', 'ixx="0"', ["caster_base", "above 0"]),
+        ('<limit effort="3" velocity="20"/>', "", [LEFT, '<limit effort="..."']),
+        ('effort="3"', 'effort="0"', [LEFT, "above 0"]),
+        ('type="fixed"', 'type="floating"', ["lidar_joint", "floating", "revolute"]),
+        (
+            '<child link="caster_wheel"/>',
+            r'\g<0><dynamics damping="x"/>',
+            ["caster_wheel_joint", 'damping="x"'],
+        ),
+        (f"{_SHELL}|{_CASTER}", "", ["topples over"]),
+    ],
+)
+def test_robots_that_cannot_be_simulated_are_refused(pattern, replacement, words):
+    """The error names file, element and remedy."""
+    with pytest.raises(OneBotError) as caught:
+        simulate(robot(pattern, replacement))
+    message = str(caught.value)
+    assert "diff_drive.urdf" in message
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize(
+    ("driven", "words"),
+    [
+        (("left_wheel", "right_wheel_joint"), ['did you mean "left_wheel_joint"']),
+        ((LEFT, LEFT), ["named twice"]),
+        ((), ["no driven joints"]),
+        (("lidar_joint",), ["lidar_joint", "joints that move: caster_swivel_joint"]),
+    ],
+)
+def test_driven_joints_that_are_none(driven, words):
+    """The error lists those that there are."""
+    with pytest.raises(OneBotError) as caught:
+        simulate(driven=driven)
+    assert all(word in str(caught.value) for word in words), caught.value
+
+
+@pytest.mark.parametrize(
+    "values", [{"rate": 0}, {"gravity": float("nan")}, {"iterations": 1.5}, {"friction": -1.0}]
+)
+def test_settings_no_world_can_be_made_of(values):
+    """The error names the setting."""
+    with pytest.raises(OneBotError, match=next(iter(values))):
+        Settings(**values)
+
+
+def test_a_place_too_far_away():
+    """Rounding would be felt there."""
+    with pytest.raises(OneBotError, match="10000 m"):
+        simulate(x=2e4)
+
+
+@pytest.mark.parametrize("name", ["broken.dae", "broken.obj", "broken.stl"])
+def test_broken_meshes_are_refused(tmp_path, name):
+    """Some of them crash PyBullet's own readers."""
+    mesh = tmp_path / name
+    mesh.write_bytes(b"<COLLADA/>" + b"\0" * 84)
+    with pytest.raises(OneBotError, match=f"caster_wheel.*{name}"):
+        simulate(robot(_SPHERE, f'<mesh filename="{mesh}"/>'))
+
+
+@pytest.mark.parametrize("mesh", ["cube.dae", "cube.glb", "cube.obj", "cube.stl", "ascii.stl"])
+def test_every_kind_of_mesh_is_solid(mesh):
+    """A cube of 0.1 m scaled to the caster's height carries the robot as the caster does."""
+    shape = f'<mesh filename="meshes/{mesh}" scale="0.5 0.5 0.5"/>'
+    with simulate(robot(_SPHERE, shape)) as simulation:
+        assert simulation.base_pose().translation[2] == pytest.approx(0.06, abs=1e-3)
+        assert simulation.base_pose().rotation == pytest.approx([0, 0, 0, 1], abs=1e-2)
+
+
+def test_units_of_collada_count():
+    """A mesh in centimetres is a hundredth of its numbers."""
+    shape = '<mesh filename="meshes/centimetre_y_up.dae"/>'
+    with simulate(robot(_SPHERE, shape)) as simulation:
+        low, high = engine.getAABB(1, 3, physicsClientId=simulation._client)
+        size = np.subtract(high, low)
+        assert size.min() > 0.09
+        assert size.max() < 0.4
+
+
+def test_a_changed_mesh_is_read_again(tmp_path):
+    """Files are not remembered by name."""
+    sizes = []
+    for size in (1.0, 2.0):
+        mesh = tmp_path / "part.obj"
+        text = (ROBOTS / "meshes" / "cube.obj").read_text()
+        mesh.write_text(
+            "\n".join(
+                "v " + " ".join(str(size * float(word)) for word in line.split()[1:4])
+                if line.startswith("v ")
+                else line
+                for line in text.splitlines()
+            )
+        )
+        with simulate(robot(_SPHERE, f'<mesh filename="{mesh}" scale="0.4 0.4 0.4"/>')) as one:
+            low, high = engine.getAABB(1, 3, physicsClientId=one._client)
+            sizes.append(high[0] - low[0])
+    assert sizes[1] > 1.5 * sizes[0]
+
+
+def test_masses_and_inertias_are_those_written():
+    """PyBullet ends up with every body's mass, and with its inertia in the link's axes."""
+    with simulate() as simulation:
+        info = [
+            engine.getDynamicsInfo(1, index, physicsClientId=simulation._client)
+            for index in range(-1, 4)
+        ]
+    assert [row[0] for row in info] == pytest.approx([3.4, 0.25, 0.25, 0.05, 0.05])
+    assert info[0][3] == pytest.approx((-0.108, 0.0, -0.026))
+    turn = np.array(engine.getMatrixFromQuaternion(info[0][4])).reshape(3, 3)
+    written = np.array([[0.012, 0.0, 0.001], [0.0, 0.024, 0.0], [0.001, 0.0, 0.030]])
+    assert turn @ np.diag(info[0][2]) @ turn.T == pytest.approx(written, abs=1e-9)
+
+
+def test_a_plate_keeps_its_inertia():
+    """One moment is exactly the sum of the others, which PyBullet would take for an error."""
+    moments = 'ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"'
+    with simulate(robot('ixx="0.012".*?izz="0.030"', moments)) as simulation:
+        info = engine.getDynamicsInfo(1, -1, physicsClientId=simulation._client)
+        assert info[2] == pytest.approx((0.01, 0.02, 0.03))
+
+
+def test_two_bodies_joined_weigh_as_one():
+    """Dumb-bell on a turned fixed joint: the parallel axis theorem, by hand."""
+    body = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="2" iyz="0" izz="2"/>'
+    urdf = (
+        f'<robot name="r"><link name="a">{body}</inertial></link>'
+        f'<link name="b">{body}</inertial></link>'
+        '<joint name="j" type="fixed"><parent link="a"/><child link="b"/>'
+        '<origin xyz="4 0 0" rpy="0 0 1.5707963267948966"/></joint></robot>'
+    )
+    (joined,) = bodies_of(parse_description(urdf)).values()
+    assert joined.mass == 2.0
+    assert joined.center == pytest.approx([2.0, 0.0, 0.0])
+    assert joined.inertia == pytest.approx(np.diag([1.0 + 2.0, 2.0 + 1.0 + 8.0, 2.0 + 2.0 + 8.0]))
+
+
+def test_fixed_links_cost_no_time():
+    """They are part of what they are fixed to."""
+    description = robot()
+    text = physics_urdf(description, bodies_of(description))
+    assert text.count("<link ") == len(description.links) - 1
+    assert text.count("<joint ") == len(description.joints) - 1
+    assert max(map(len, text.splitlines())) < 8191
+
+
+def test_a_fixed_link_collides_where_it_is():
+    """A caster fixed by a turned joint carries the robot as well."""
+    fixed = (
+        '<link name="lidar"><collision><origin xyz="0 0.1 0"/>'
+        '<geometry><sphere radius="0.02"/></geometry></collision></link>'
+    )
+    text = robot('<link name="lidar"/>', fixed).urdf
+    text = text.replace('xyz="0.02 0 0.12"', 'xyz="-0.2 0 0.06" rpy="-1.5707963267948966 0 0"')
+    # Below it the axle is 0.06 m above the ground: 0.06 - 0.1 - 0.02 is where the sphere ends.
+    with simulate(parse_description(text)) as simulation:
+        assert simulation.base_pose().translation[2] == pytest.approx(0.06, abs=1e-4)
+
+
+@pytest.mark.parametrize("mesh", ["left_wheel", "Rad links", "røue", "r" * 9000])
+def test_names_are_free(mesh):
+    """Blanks, letters beyond ASCII and very long names reach PyBullet and come back."""
+    description = robot("left_wheel_joint", mesh)
+    with simulate(description, driven=(mesh, "right_wheel_joint")) as simulation:
+        simulation.step({mesh: 1.0, "right_wheel_joint": 1.0}, 0.1)
+        assert simulation.joints[0] == mesh
+
+
+def test_a_wheel_in_the_air_is_logged(caplog):
+    """It is no error, but hardly meant."""
+    description = robot(_WHEELS_SHAPE, r"\1", count=1)
+    with caplog.at_level(logging.WARNING), simulate(description):
+        assert "left_wheel_joint" in caplog.text
+        assert "does not touch the ground" in caplog.text
+
+
+def test_robots_of_the_description_tests_load_or_are_refused():
+    """Every well-formed robot in the folder, driven by its first joint, gives no crash."""
+    for file in sorted([*ROBOTS.glob("good_*.urdf"), *ROBOTS.glob("warn_*.urdf")]):
+        description = load_description(file)
+        moving = [joint.name for joint in description.joints if joint.kind != "fixed"]
+        try:
+            Simulation(description, driven=moving[:1], settings=Settings(settling=0.1)).close()
+        except OneBotError as error:
+            assert file.name in str(error) or "mesh" in str(error), error
+
+
+def test_a_chain_of_joints_without_mass_is_refused():
+    """As random_robots makes them: PyBullet would give each link a kilogram."""
+    shape = '<collision><geometry><sphere radius="1"/></geometry></collision>'
+    text = chain(5).replace('<link name="link_0"/>', f'<link name="link_0">{shape}</link>')
+    with pytest.raises(OneBotError, match="without a mass"):
+        simulate(parse_description(text), driven=("joint_0",))
+
+
+def test_driving_prints_nothing():
+    """Nor do reset, teleport and close; the fixture looks."""
+    with simulate() as simulation:
+        drive(simulation, 0.2, 0.2, 0.5)
+        simulation.reset()
+        simulation.teleport(1.0, 1.0, 1.0)

@@ -1,0 +1,183 @@
+"""The robot moves as its wheels say, and its root link's frame is what is told of it."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from onebot_control.simulation import Simulation
+from tests.onebot_control.simulation_support import (
+    DRIVEN,
+    LEFT,
+    RADIUS,
+    RIGHT,
+    SEPARATION,
+    drive,
+    planar,
+    robot,
+    simulate,
+    wheels,
+)
+
+
+@pytest.fixture
+def simulation() -> Iterator[Simulation]:
+    with simulate() as simulation:
+        yield simulation
+
+
+def test_starts_exactly_where_it_is_told_and_at_rest():
+    """Root link frame at x, y, yaw to rounding, the axle at wheel height, joints at 0."""
+    with simulate(x=3.25, y=-7.5, yaw=2.0) as simulation:
+        pose, twist, joints = (
+            simulation.base_pose(),
+            simulation.base_twist(),
+            simulation.joint_states(),
+        )
+        assert planar(simulation) == pytest.approx((3.25, -7.5, 2.0), abs=1e-14)
+        # The contact gives by a hundredth of a millimetre.
+        assert pose.translation[2] == pytest.approx(RADIUS, abs=2e-5)
+        upright = [0, 0, math.sin(1.0), math.cos(1.0)]
+        assert pose.rotation == pytest.approx(upright, abs=1e-9)
+        for array in (*twist, *joints):
+            assert not array.any()
+        assert simulation.time == 0.0
+
+
+def test_rests_without_creeping(simulation):
+    """Within a minute it moves by less than a hundred-thousandth of the wheel's radius."""
+    farthest = 0.0
+    for _ in range(60):
+        simulation.step([0.0, 0.0], 1.0)
+        x, y, yaw = planar(simulation)
+        farthest = max(farthest, math.hypot(x, y), abs(yaw))
+    assert farthest < 5e-7
+    assert simulation.time == 60.0
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+def test_drives_straight(yaw):
+    """Way and direction are those of the wheels."""
+    with simulate(x=1.0, y=2.0, yaw=yaw) as simulation:
+        drive(simulation, 0.2, 0.0, 5.4)
+        simulation.step([0.0, 0.0], 0.5)
+        x, y, heading = planar(simulation)
+        assert heading == pytest.approx(yaw, abs=1e-6)
+        turned = simulation.joint_states().positions[:2] * RADIUS
+        assert turned == pytest.approx([1.0, 1.0], abs=1e-5)
+        way = (x - 1.0, y - 2.0)
+        expected = turned.mean() * np.array([math.cos(yaw), math.sin(yaw)])
+        assert way == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_turns_on_the_spot(sign):
+    """The heading is that of the wheels; the axle's middle returns to its place."""
+    with simulate() as simulation:
+        drive(simulation, 0.0, 0.5 * sign, math.pi + 0.5)
+        simulation.step([0.0, 0.0], 0.5)
+        left, right = simulation.joint_states().positions[:2] * RADIUS
+        x, y, heading = planar(simulation)
+        assert heading == pytest.approx((right - left) / SEPARATION, abs=1e-3)
+        assert abs(heading) == pytest.approx(math.pi / 2.0, abs=1e-2)
+        assert math.hypot(x, y) < 2e-3
+
+
+def test_turns_by_the_frame_of_the_axle_not_the_centre_of_mass(simulation):
+    """Half a turn would carry a centre of mass 0.1 m away to the other side."""
+    drive(simulation, 0.0, 1.0, 1.0 + math.pi)
+    assert math.hypot(*planar(simulation)[:2]) < 5e-3
+    assert abs(planar(simulation)[2]) > 3.0
+
+
+def test_twist_is_the_frames_own(simulation):
+    """On a steady arc it is (v, 0, 0) and (0, 0, w), wherever the robot heads."""
+    for _ in range(400):
+        simulation.step(wheels(0.2, 0.4), 0.01)
+    twist = simulation.base_twist()
+    assert twist.linear == pytest.approx([0.2, 0.0, 0.0], abs=2e-3)
+    assert twist.angular == pytest.approx([0.0, 0.0, 0.4], abs=4e-3)
+
+
+def test_twist_is_the_derivative_of_the_pose(simulation):
+    """Also while the motion changes, within the accuracy of a difference quotient."""
+    for cycle in range(50):
+        simulation.step(wheels(0.004 * cycle, 0.01 * cycle), 0.01)
+    before = planar(simulation)
+    step = 1.0 / simulation.settings.rate
+    simulation.step(wheels(0.2, 0.5), step)
+    after, twist = planar(simulation), simulation.base_twist()
+    c, s = math.cos(after[2]), math.sin(after[2])
+    dx, dy, turn = ((b - a) / step for a, b in zip(before, after, strict=True))
+    assert twist.angular[2] == pytest.approx(turn, rel=1e-6)
+    # The velocity is constant in a step, but that of the centre of mass, about which it turns.
+    assert twist.linear[:2] == pytest.approx([c * dx + s * dy, c * dy - s * dx], abs=2e-4)
+
+
+def test_caster_turns_round_when_the_robot_reverses(simulation):
+    """It trails: having been dragged ahead of its pivot, it swings to the other side."""
+    swivel = simulation.joints.index("caster_swivel_joint")
+    drive(simulation, -0.3, 0.02, 6.0)
+    flipped = abs(simulation.joint_states().positions[swivel])
+    assert flipped == pytest.approx(math.pi, abs=0.3)
+    drive(simulation, 0.3, 0.02, 6.0)
+    assert math.cos(simulation.joint_states().positions[swivel]) > 0.9
+
+
+def test_joint_states_are_in_the_descriptions_order(simulation):
+    """Whatever order the physics has its joints in."""
+    assert simulation.joints == (LEFT, RIGHT, "caster_swivel_joint", "caster_wheel_joint")
+    simulation.step({RIGHT: 1.0, LEFT: 0.5}, 0.2)
+    assert simulation.joint_states().velocities[:2] == pytest.approx([0.5, 1.0], abs=1e-3)
+    assert (simulation.joint_states().efforts[2:] == 0.0).all()
+
+
+def test_motor_is_no_faster_than_its_limit(simulation):
+    """The URDF says 20 rad/s."""
+    for _ in range(100):
+        simulation.step([1e9, 1e9], 0.01)
+    speeds = simulation.joint_states().velocities[:2]
+    assert speeds == pytest.approx([20.0, 20.0], rel=1e-3)
+
+
+def test_motor_is_no_stronger_than_its_effort():
+    """A weak motor takes its time."""
+    with simulate(robot(r'effort="3"', 'effort="0.01"')) as weak:
+        weak.step([10.0, 10.0], 0.1)
+        states = weak.joint_states()
+        assert (np.abs(states.efforts[:2]) <= 0.01 + 1e-12).all()
+        assert (states.velocities[:2] < 1.0).all()
+
+
+def test_joint_friction_holds():
+    """What the URDF says of a joint without a motor is heeded."""
+    stiff = r"""\1<dynamics friction="50" damping="0"/>"""
+    with simulate(robot('(<child link="caster_wheel"/>)', stiff)) as simulation:
+        # Free, it would roll by many radians.
+        drive(simulation, 0.2, 0.0, 2.0)
+        assert simulation.joint_states().positions[3] == pytest.approx(0.0, abs=0.02)
+
+
+def test_fixed_links_weigh_as_much_as_they_say():
+    """A load on a fixed link above makes the motors work harder; one without mass does not."""
+    load = (
+        '<link name="lidar"><inertial><mass value="10"/>'
+        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>'
+    )
+
+    def effort(description) -> float:
+        with simulate(description) as simulation:
+            for cycle in range(20):
+                simulation.step(wheels(0.005 * cycle, 0.0), 0.01)
+            return float(simulation.joint_states().efforts[:2].sum())
+
+    # F r, with 0.5 m/s^2 of 4 kg, and the turning of the wheels.
+    empty, loaded = effort(robot()), effort(robot('<link name="lidar"/>', load))
+    assert empty == pytest.approx(4.0 * 0.5 * RADIUS, rel=0.1)
+    assert loaded - empty == pytest.approx(10.0 * 0.5 * RADIUS, rel=0.1)
+
+
+def test_names_of_the_driven_are_kept(simulation):
+    """In the order given, which is that of velocities given without names."""
+    assert simulation.driven == DRIVEN

@@ -1,0 +1,261 @@
+"""The same calls give the same bits; reset, teleport and brake do exactly what they say."""
+
+import math
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from onebot_control.simulation import Settings
+from onebot_control.simulation.engine import engine
+from onebot_description.errors import OneBotError
+from tests.onebot_control.simulation_support import (
+    LEFT,
+    RIGHT,
+    bits,
+    drive,
+    planar,
+    robot,
+    simulate,
+    wheels,
+)
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+_DRIVE = """
+import hashlib
+from tests.onebot_control.simulation_support import bits, drive, simulate
+with simulate(x=1.0, y=0.5, yaw=0.25) as simulation:
+    drive(simulation, 0.3, 0.7, 1.5)
+    simulation.teleport(4.0, 5.0, -1.0)
+    drive(simulation, -0.3, 0.7, 1.5)
+    print(hashlib.sha256(bits(simulation)).hexdigest())
+"""
+
+
+def test_two_processes_give_the_same_bits():
+    """Nothing depends on addresses, hashes or the clock."""
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-c", _DRIVE],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=CHECKOUT,
+        ).stdout
+        for _ in range(2)
+    }
+    assert len(outputs) == 1
+    assert len(outputs.pop()) == 65
+
+
+def test_reset_returns_to_the_start_bit_for_bit():
+    """After it the same drive gives the same bits, whatever happened before."""
+    with simulate(x=1.0, y=2.0, yaw=0.3) as simulation:
+        start = bits(simulation)
+        drive(simulation, 0.3, 0.5, 1.0)
+        first = bits(simulation)
+        drive(simulation, -0.4, 1.0, 2.0)
+        simulation.teleport(5.0, 5.0, 1.0)
+        simulation.reset()
+        assert bits(simulation) == start
+        drive(simulation, 0.3, 0.5, 1.0)
+        assert bits(simulation) == first
+
+
+def test_simulations_do_not_touch_each_other():
+    """Two in turns, and a third that is closed meanwhile, go as each would alone."""
+    with simulate(yaw=0.5) as alone:
+        for _ in range(50):
+            alone.step(wheels(0.2, 0.3), 0.01)
+        expected = bits(alone)
+    with simulate(yaw=0.5) as one, simulate(x=1.0) as other:
+        third = simulate()
+        for cycle in range(50):
+            one.step(wheels(0.2, 0.3), 0.01)
+            other.step(wheels(-0.2, 0.1), 0.01)
+            if cycle == 20:
+                third.close()
+        assert bits(one) == expected
+        assert bits(other) != expected
+
+
+def test_one_long_step_is_many_short_ones():
+    """The physics step is fixed, and is not the control period."""
+    with simulate() as one, simulate() as other:
+        one.step([2.0, 3.0], 0.5)
+        for _ in range(200):
+            other.step({LEFT: 2.0, RIGHT: 3.0}, 1 / 400)
+        assert one.time == other.time
+        for first, second in zip(
+            (*one.base_pose(), *one.base_twist(), *one.joint_states()[:2]),
+            (*other.base_pose(), *other.base_twist(), *other.joint_states()[:2]),
+            strict=True,
+        ):
+            assert (first == second).all()
+
+
+def test_teleport_is_exact_and_hides_from_the_wheels():
+    """Place and heading to rounding, at rest; wheel positions and time go on."""
+    with simulate() as simulation:
+        drive(simulation, 0.2, 0.4, 2.0)
+        before, now = simulation.joint_states(), simulation.time
+        simulation.step([5.0, 5.0], 0.01)
+        moving = simulation.joint_states().positions
+        simulation.teleport(-3.5, 12.25, 2.75)
+        assert planar(simulation) == pytest.approx((-3.5, 12.25, 2.75), abs=1e-13)
+        assert (simulation.joint_states().positions == moving).all()
+        assert not simulation.joint_states().velocities.any()
+        assert not any(value.any() for value in simulation.base_twist())
+        assert simulation.time == pytest.approx(now + 0.01)
+        assert before.positions[0] != moving[0]
+        simulation.step([0.0, 0.0], 10.0)
+        assert planar(simulation) == pytest.approx((-3.5, 12.25, 2.75), abs=1e-6)
+
+
+def test_drives_the_same_wherever_it_stands():
+    """A kilometre away, and turned, it drives as at the origin to half a millimetre.
+
+    What remains is that friction is a little weaker along some directions of the ground.
+    """
+    with simulate() as here, simulate(x=1000.0, y=-1000.0, yaw=1.0) as there:
+        for simulation in (here, there):
+            drive(simulation, 0.3, 0.4, 2.0)
+        x, y, yaw = planar(here)
+        c, s = math.cos(1.0), math.sin(1.0)
+        expected = (1000.0 + c * x - s * y, -1000.0 + s * x + c * y, yaw + 1.0)
+        assert planar(there) == pytest.approx(expected, abs=5e-4)
+
+
+def test_brake_stops_at_once_where_it_is():
+    """All speeds are exactly 0, and it stays."""
+    with simulate() as simulation:
+        for _ in range(100):
+            simulation.step(wheels(0.5, 0.5), 0.01)
+        before = simulation.base_pose()
+        simulation.brake()
+        after = simulation.base_pose()
+        assert after.translation == pytest.approx(before.translation, abs=1e-14)
+        assert after.rotation == pytest.approx(before.rotation, abs=1e-14)
+        assert not simulation.joint_states().velocities.any()
+        assert not any(value.any() for value in simulation.base_twist())
+        simulation.step([0.0, 0.0], 1.0)
+        assert simulation.base_pose().translation == pytest.approx(before.translation, abs=1e-4)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_speeds_that_are_not_finite_never_reach_the_physics(bad):
+    """They are refused, nothing has moved, and driving goes on."""
+    with simulate() as simulation:
+        simulation.step([1.0, 1.0], 0.1)
+        before = bits(simulation)
+        for velocities in ([bad, 1.0], {LEFT: 1.0, RIGHT: bad}, np.array([bad, bad])):
+            with pytest.raises(ValueError, match="finite"):
+                simulation.step(velocities, 0.01)
+        for place in ((bad, 0.0, 0.0), (0.0, bad, 0.0), (0.0, 0.0, bad)):
+            with pytest.raises(ValueError, match="finite"):
+                simulation.teleport(*place)
+        assert bits(simulation) == before
+        simulation.step([1.0, 1.0], 0.01)
+        with pytest.raises(ValueError, match="finite"):
+            simulate(x=bad)
+
+
+@pytest.mark.parametrize(
+    "velocities", [[1.0], [1.0, 2.0, 3.0], {LEFT: 1.0}, {LEFT: 1.0, "right_wheel": 1.0}, 1.0]
+)
+def test_speeds_of_all_driven_joints_and_no_others(velocities):
+    """One forgotten would keep turning unnoticed."""
+    with simulate() as simulation, pytest.raises(ValueError, match="velocities must be"):
+        simulation.step(velocities, 0.01)
+
+
+@pytest.mark.parametrize("duration", [0.0, -0.01, 0.001, 1 / 240, math.nan, math.inf])
+def test_duration_is_a_whole_number_of_steps(duration):
+    """Else time would not be what the caller believes."""
+    with simulate() as simulation, pytest.raises(ValueError, match="1/400 s"):
+        simulation.step([0.0, 0.0], duration)
+
+
+def test_a_state_that_is_not_finite_goes_no_further_and_reset_heals():
+    """Every reading refuses; after a reset the bits are the old ones."""
+    with simulate() as simulation:
+        drive(simulation, 0.2, 0.0, 1.0)
+        expected = bits(simulation)
+        index = simulation._robot.joints["caster_wheel_joint"]
+        engine.resetJointState(
+            simulation._robot.body, index, math.nan, math.nan, physicsClientId=simulation._client
+        )
+        with pytest.raises(OneBotError, match="no longer finite"):
+            simulation.step([0.0, 0.0], 0.01)
+        for reading in (simulation.base_pose, simulation.base_twist, simulation.joint_states):
+            with pytest.raises(OneBotError, match="no longer finite"):
+                reading()
+        simulation.reset()
+        drive(simulation, 0.2, 0.0, 1.0)
+        assert bits(simulation) == expected
+
+
+def test_closed_simulation_says_so():
+    """Closing twice is no mistake; using it after is."""
+    simulation = simulate()
+    simulation.close()
+    simulation.close()
+    for use in (lambda: simulation.step([0.0, 0.0], 0.01), simulation.reset, simulation.base_pose):
+        with pytest.raises(OneBotError, match="closed"):
+            use()
+
+
+def test_forgotten_simulations_free_their_worlds():
+    """PyBullet has room for a limited number of them."""
+    description = robot()
+    first = simulate(description, settings=Settings(settling=0.01))
+    client = first._client
+    del first
+    assert not engine.isConnected(client)
+
+
+def test_memory_does_not_grow():
+    """Ten thousand steps with all readings, and resets between, leave it as it was."""
+    with simulate(settings=Settings(iterations=20)) as simulation:
+
+        def work(cycles: int) -> None:
+            for cycle in range(cycles):
+                simulation.step([3.0, 2.0], 1 / 400)
+                bits(simulation)
+                if cycle % 500 == 0:
+                    simulation.reset()
+                if cycle % 500 == 250:
+                    simulation.teleport(1.0, 1.0, 1.0)
+
+        work(2000)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        work(10_000)
+        grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+        assert grown < 4096, f"{grown} KiB"
+
+
+_speeds = st.one_of(
+    st.floats(-25.0, 25.0), st.floats(allow_nan=False, allow_infinity=False), st.just(-0.0)
+)
+
+
+@hypothesis_settings(max_examples=30, deadline=None)
+@given(st.lists(st.tuples(_speeds, _speeds, st.integers(1, 20)), max_size=12))
+def test_no_command_makes_the_state_non_finite(commands):
+    """Any finite speeds, however wild, leave a robot near the ground with a pose."""
+    _wild.reset()
+    for left, right, steps in commands:
+        _wild.step([left, right], steps / 400)
+        values = np.concatenate([*_wild.joint_states(), *_wild.base_pose(), *_wild.base_twist()])
+        assert np.isfinite(values).all()
+        assert np.linalg.norm(_wild.base_pose().rotation) == pytest.approx(1.0, abs=1e-6)
+        assert -0.1 < _wild.base_pose().translation[2] < 2.0
+
+
+_wild = simulate()
