@@ -38,7 +38,8 @@ def package_share(name: str) -> Path:
     use_environment_prefix()
     for prefix in os.environ[_VARIABLE].split(os.pathsep):
         if (Path(prefix) / "share/ament_index/resource_index/packages" / name).is_file():
-            return Path(prefix) / "share" / name
+            # Resolved, so that messages name the checkout's file and not a link to it.
+            return (Path(prefix) / "share" / name).resolve()
     from onebot_description.text import did_you_mean
 
     raise OneBotError(f'no ROS package "{name}"{did_you_mean(name, package_names())}')

@@ -128,10 +128,10 @@ def _say(python: Path, code: str, cwd: Path) -> str:
 WHERE = (
     "from onebot_description.ament import package_share;"
     "from onebot_description.tf.tf_message import TFMessage;"
-    "import xacro;"
+    "import os, xacro;"
     "share = package_share('mrm_description');"
     "from ament_index_python import get_package_share_directory as find;"
-    "assert find('mrm_description') == str(share);"
+    "assert os.path.realpath(find('mrm_description')) == str(share);"
     "from onebot_description.description import load_description;"
     "print(share, load_description(share / 'urdf/mrm.xacro').robot_name)"
 )

@@ -1,0 +1,63 @@
+from pathlib import Path
+
+import pytest
+import yaml
+
+from onebot_description.ament import package_share
+from onebot_description.cad.dimensions import read_dimensions
+from onebot_description.errors import OneBotError
+
+SOURCE = package_share("onebot_description") / "config/dimensions.yaml"
+
+
+def _spoilt(tmp_path: Path, change) -> Path:
+    data = yaml.safe_load(SOURCE.read_text())
+    change(data)
+    path = tmp_path / "dimensions.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def test_the_file_is_read_as_it_stands():
+    """The values arrive under their names, and the base's mass is the one that was asked for."""
+    dimensions = read_dimensions(SOURCE)
+    assert (dimensions.wheel.radius, dimensions.wheel.separation) == (0.06, 0.3)
+    assert dimensions.base_mass == 3.978
+    assert dimensions.base_center_of_mass == (-0.108, 0.0, -0.02579)
+    assert dimensions.densities.keys() == dimensions.colors.keys()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d["wheel"].pop("radius"), "wheel lacks radius"),
+        (lambda d: d["wheel"].update(radiu=1.0), 'wheel has an unknown key "radiu"'),
+        (
+            lambda d: d["caster"]["wheel"].update(width="wide"),
+            "caster.wheel.width must be a number",
+        ),
+        (lambda d: d["wheel"].update(spokes=5.5), "wheel.spokes must be a whole number"),
+        (lambda d: d["wheel"].update(width=True), "wheel.width must be a number, not True"),
+        (lambda d: d["base"].update(deck=float("nan")), "base.deck must be a number, not nan"),
+        (lambda d: d.update(base=3), "base must be a mapping, not 3"),
+        (lambda d: d.update(densities=[1]), "densities must be a mapping"),
+        (lambda d: d["colors"].update(shell=[1, 1]), "colors.shell must be three numbers"),
+    ],
+)
+def test_a_wrong_key_is_named(tmp_path, change, message):
+    """A mistake in the file gives one error with the file, the key and what would be right."""
+    path = _spoilt(tmp_path, change)
+    with pytest.raises(OneBotError) as caught:
+        read_dimensions(path)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("text", [None, "a: [", "just words"])
+def test_an_unreadable_file_is_one_error(tmp_path, text):
+    """No file, no YAML, or no mapping: an error that names the file."""
+    path = tmp_path / "dimensions.yaml"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(OneBotError, match="dimensions.yaml"):
+        read_dimensions(path)

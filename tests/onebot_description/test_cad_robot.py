@@ -1,0 +1,209 @@
+"""The committed meshes and inertials are what the dimensions say."""
+
+import functools
+import subprocess
+import sys
+from pathlib import Path
+
+import collada
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from lxml import etree
+
+pytest.importorskip("manifold3d", reason="the CAD needs the extra cad")
+
+from manifold3d import Manifold  # noqa: E402
+
+from onebot_description.ament import package_share  # noqa: E402
+from onebot_description.cad.__main__ import main  # noqa: E402
+from onebot_description.cad.caster import axle_position  # noqa: E402
+from onebot_description.cad.collada import to_collada  # noqa: E402
+from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
+from onebot_description.cad.part import Part  # noqa: E402
+from onebot_description.cad.robot import make_parts, write_robot  # noqa: E402
+
+SHARE = package_share("onebot_description")
+DIMENSIONS = read_dimensions(SHARE / "config/dimensions.yaml")
+NAMES = ("base_link", "wheel", "caster_base2", "caswheel")
+# What one machine's arithmetic may move against another's: the skins are simplified to 0.1 mm.
+TOLERANCE = 2e-4
+COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}"
+
+
+@pytest.fixture(scope="module")
+def parts() -> dict[str, Part]:
+    return {part.name: part for part in make_parts(DIMENSIONS)}
+
+
+def _whole(part: Part) -> Manifold:
+    return functools.reduce(Manifold.__add__, [solid for _, solid in part.seen])
+
+
+def _load(path: Path) -> trimesh.Scene:
+    return trimesh.load_scene(path, process=False)
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory) -> Path:
+    """A folder with everything made anew."""
+    folder = tmp_path_factory.mktemp("cad")
+    write_robot(SHARE / "config/dimensions.yaml", folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_committed_mesh_is_what_the_dimensions_say(fresh, name):
+    """Made again, every material's surface has the same size, place, area and colour."""
+    made = _load(fresh / f"meshes/{name}.dae")
+    committed = _load(SHARE / f"meshes/{name}.dae")
+    assert made.geometry.keys() == committed.geometry.keys(), "run python -m onebot_description.cad"
+    for key, expected in made.geometry.items():
+        found = committed.geometry[key]
+        np.testing.assert_allclose(found.bounds, expected.bounds, atol=TOLERANCE, err_msg=key)
+        assert found.area == pytest.approx(expected.area, rel=0.01), key
+        np.testing.assert_allclose(found.centroid, expected.centroid, atol=2 * TOLERANCE)
+        color = DIMENSIONS.colors[key.split("-")[1]]
+        shown = np.asarray(found.visual.material.main_color, float)[:3] / 255
+        np.testing.assert_allclose(shown, color, atol=0.5 / 255 + 1e-9)
+
+
+def test_the_committed_inertials_are_what_the_dimensions_say(fresh):
+    """Mass, centre of mass and moments agree to seven digits."""
+    made = yaml.safe_load((fresh / "config/inertials.yaml").read_text())
+    committed = yaml.safe_load((SHARE / "config/inertials.yaml").read_text())
+    assert made.keys() == committed.keys() == set(NAMES)
+    for name, body in made.items():
+        for key, value in body.items():
+            found = committed[name][key]
+            np.testing.assert_allclose(found, value, rtol=1e-7, atol=1e-9, err_msg=f"{name} {key}")
+
+
+def test_the_base_weighs_what_it_must(parts):
+    """3.978 kg, with the centre of mass where the original has it."""
+    inertial = parts["base_link"].inertial
+    assert inertial.mass == pytest.approx(3.978, abs=1e-12)
+    np.testing.assert_allclose(inertial.center, (-0.108, 0.0, -0.02579), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_meshes_have_the_sizes_asked_for(name):
+    """The dimensions that matter are found again on the committed meshes."""
+    wheel, caster, base = DIMENSIONS.wheel, DIMENSIONS.caster, DIMENSIONS.base
+    roll, radius, half = caster.wheel, wheel.radius, wheel.width / 2
+    foot = -caster.axle_drop - caster.boss_radius
+    plate = caster.plate_radius
+    expected = {
+        "wheel": ((-radius, -half, -radius), (radius, half, radius)),
+        "caswheel": (
+            (-roll.radius, -roll.width / 2, -roll.radius),
+            (roll.radius, roll.width / 2, roll.radius),
+        ),
+        "caster_base2": ((-caster.trail - caster.boss_radius, -plate, foot), (plate, plate, 0.0)),
+        "base_link": (
+            (base.rear, -base.axle_length / 2, base.bottom),
+            (base.front, base.axle_length / 2, base.deck + base.sensor.height),
+        ),
+    }[name]
+    found = _load(SHARE / f"meshes/{name}.dae").bounds
+    np.testing.assert_allclose(found, expected, atol=3e-4)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_files_are_collada_that_every_reader_takes(name):
+    """Small, metres, z up, only triangles, one colour each, symbols that equal the ids."""
+    path = SHARE / f"meshes/{name}.dae"
+    assert path.stat().st_size < 300_000
+    root = etree.parse(path).getroot()
+    assert root.find(f".//{COLLADA}unit").get("meter") == "1.0"
+    assert root.find(f".//{COLLADA}up_axis").text == "Z_UP"
+    assert not list(root.iter(f"{COLLADA}polylist", f"{COLLADA}library_nodes"))
+    materials = {element.get("id") for element in root.iter(f"{COLLADA}material")}
+    assert len(materials) >= 3
+    for bound in root.iter(f"{COLLADA}instance_material"):
+        assert bound.get("symbol") in materials
+        assert bound.get("target") == "#" + bound.get("symbol")
+    assert {group.get("material") for group in root.iter(f"{COLLADA}triangles")} == materials
+    for geometry in collada.Collada(str(path)).geometries:
+        for triangles in geometry.primitives:
+            _check_normals(triangles)
+
+
+def _check_normals(triangles) -> None:
+    """Normals have length 1 and stand on the side that the triangles show."""
+    corners = np.asarray(triangles.vertex[triangles.vertex_index], float)
+    normals = np.asarray(triangles.normal[triangles.normal_index], float)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=2e-3)
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    faces /= np.linalg.norm(faces, axis=1, keepdims=True)
+    assert np.einsum("fi,fci->fc", faces, normals).min() > 0.5
+
+
+def test_equal_parts_give_equal_bytes(parts):
+    """Making a mesh twice changes nothing, so that a repository shows real changes only."""
+    part = parts["caster_base2"]
+    first = to_collada(part, DIMENSIONS.colors)
+    [again] = [p for p in make_parts(DIMENSIONS) if p.name == part.name]
+    assert first == to_collada(again, DIMENSIONS.colors)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_drawn_is_solid(parts, name):
+    """Each material of each part encloses a volume, without holes in its skin."""
+    for material, solid in parts[name].seen:
+        assert solid.volume() > 0, material
+
+
+def test_the_robot_stands_level(parts):
+    """Caster and wheels touch the ground at the same height, and nothing else does."""
+    wheel, caster = DIMENSIONS.wheel, DIMENSIONS.caster
+    ground = -wheel.radius
+    axle = ground + caster.mount_height + axle_position(caster)[2]
+    assert axle - caster.wheel.radius == pytest.approx(ground, abs=1e-12)
+    assert _whole(parts["base_link"]).bounding_box()[2] > ground + 0.008
+    fork = _whole(parts["caster_base2"]).bounding_box()
+    assert fork[2] + ground + caster.mount_height > ground + 0.008
+
+
+def test_nothing_touches_what_turns(parts):
+    """Driven wheels, the fork at any angle and its wheel are free of what is around them."""
+    wheel, caster = DIMENSIONS.wheel, DIMENSIONS.caster
+    base, fork, roll = (_whole(parts[name]) for name in ("base_link", "caster_base2", "caswheel"))
+    inner = wheel.separation / 2 - wheel.width / 2
+    hull = base ^ Manifold.cube((1.0, 1.0, 1.0), center=True)
+    assert hull.bounding_box()[4] <= inner
+    assert (fork ^ roll.translate(axle_position(caster))).volume() < 2e-6 * 0.3  # the axle itself
+    place = (caster.x, 0.0, caster.mount_height - wheel.radius - 1e-5)
+    both = fork + roll.translate(axle_position(caster))
+    for angle in range(0, 360, 15):
+        turned = both.rotate((0.0, 0.0, float(angle))).translate(place)
+        assert (turned ^ base).volume() < 1e-12, angle
+
+
+def test_the_command_writes_everything_where_it_is_told(tmp_path, capsys):
+    """--output takes the five files, and each is named with what it weighs."""
+    assert main(["--output", str(tmp_path)]) == 0
+    assert {path.name for path in tmp_path.rglob("*.*")} == {
+        *(f"{name}.dae" for name in NAMES),
+        "inertials.yaml",
+    }
+    assert "base_link.dae" in capsys.readouterr().out
+
+
+def test_the_command_tells_what_is_wrong(tmp_path, capsys):
+    """A missing file is one line, and exit code 1."""
+    assert main(["--dimensions", str(tmp_path / "none.yaml")]) == 1
+    assert "none.yaml" in capsys.readouterr().err
+
+
+def test_without_manifold3d_the_command_says_what_to_install(tmp_path):
+    """The extra that brings it is named, in one line."""
+    code = (
+        "import sys; sys.modules['manifold3d'] = None\n"
+        "from onebot_description.cad.__main__ import main\n"
+        f"sys.exit(main(['--output', {str(tmp_path)!r}]))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.returncode == 1
+    assert result.stderr.splitlines() == ["the CAD needs manifold3d: pip install 'onebot[cad]'"]

@@ -1,0 +1,257 @@
+"""OneBot's description under every combination of its arguments, in every reader of ours."""
+
+import io
+import itertools
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pybullet
+import pytest
+import rerun as rr
+import yaml
+import yourdfpy
+
+from onebot_bringup.viewer.geometry import Mesh, Robot, read_robot
+from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.meshes import load_mesh, resolve
+from onebot_bringup.viewer.picture import render
+from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.scene import Scene
+from onebot_bringup.viewer.view_config import load_view
+from onebot_description.ament import package_share
+from onebot_description.description import Description, load_description
+from onebot_description.model.robot_model import RobotModel
+from onebot_description.tf.wire import TfArrays
+from tests.support_rendering import colored, pixels, require_renderer
+
+SHARE = package_share("onebot_description")
+FILE = SHARE / "urdf/onebot.urdf.xacro"
+DIMENSIONS = yaml.safe_load((SHARE / "config/dimensions.yaml").read_text())
+RADIUS = DIMENSIONS["wheel"]["radius"]
+
+LINKS = ("base_link", "left_wheel", "right_wheel", "caster_base2", "caswheel")
+JOINTS = ("left_wheel_joint", "right_wheel_joint", "caster_swivel_joint", "caster_wheel_joint")
+# Argument values, and what they put before every name.
+NAMESPACES = {None: "", "": "", "robot1": "robot1_", "/fleet/robot1/": "fleet_robot1_"}
+PREFIXES = (None, "", "left_")
+MESHES = (None, "true", "false", "1", "0", "True", "False")
+COMBINATIONS = list(itertools.product(MESHES, NAMESPACES, PREFIXES))
+
+
+def _load(mesh=None, namespace=None, prefix=None) -> Description:
+    given = {"mesh_enabled": mesh, "robot_namespace": namespace, "prefix": prefix}
+    return load_description(FILE, {key: value for key, value in given.items() if value is not None})
+
+
+def _identify(combination) -> str:
+    return "-".join("default" if value is None else value or "empty" for value in combination)
+
+
+@pytest.fixture(params=COMBINATIONS, ids=_identify)
+def combination(request):
+    return request.param
+
+
+def test_every_combination_is_clean(combination):
+    """No problem and no warning, and the names and shapes that the arguments ask for."""
+    mesh, namespace, prefix = combination
+    description = _load(*combination)
+    assert description.warnings == ()
+    before = NAMESPACES[namespace] + (prefix or "")
+    assert sorted(description.links) == sorted(before + name for name in LINKS)
+    assert [joint.name for joint in description.joints] == [before + name for name in JOINTS]
+    assert description.root_link == before + "base_link"
+    shapes = {shape.kind for shape in _visuals(description)}
+    assert (Mesh in {type(shape.shape) for shape in _visuals(description)}) == (
+        mesh in (None, "true", "1", "True")
+    ), shapes
+
+
+def _visuals(description: Description):
+    return [shape for shape in _robot(description).geometries if shape.kind == "visual"]
+
+
+def _robot(description: Description) -> Robot:
+    return read_robot(description.urdf)
+
+
+def test_every_file_is_watched():
+    """Both YAML files and all four xacro files count as read, so that an edit reloads the robot."""
+    names = {path.name for path in _load().files}
+    assert names >= {"dimensions.yaml", "inertials.yaml", "onebot.urdf.xacro"}
+    assert names >= {"wheel.urdf.xacro", "caster.urdf.xacro", "materials.urdf.xacro"}
+
+
+def test_yourdfpy_reads_every_combination(combination):
+    """In yourdfpy, too: it finds the links and joints, loads the meshes and has no complaint."""
+    description = _load(*combination)
+    robot = yourdfpy.URDF.load(io.BytesIO(description.urdf.encode()), load_meshes=True)
+    assert robot.validate(), robot.errors
+    assert set(robot.link_map) == set(description.links)
+    assert len(robot.actuated_joints) == 4
+    low, high = robot.scene.bounds
+    np.testing.assert_allclose((low[2], high[0] - low[0]), (-RADIUS, 0.425), atol=1e-3)
+
+
+@pytest.fixture
+def world():
+    client = pybullet.connect(pybullet.DIRECT)
+    yield client
+    pybullet.disconnect(client)
+
+
+def test_pybullet_reads_every_combination(combination, tmp_path, world):
+    """Joints, masses, the base's centre of mass and the meshes are as described."""
+    description = _load(*combination)
+    path = tmp_path / "onebot.urdf"
+    path.write_text(description.urdf)
+    flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
+    robot = pybullet.loadURDF(str(path), flags=flags, physicsClientId=world)
+    names = [
+        pybullet.getJointInfo(robot, index, world)[1].decode()
+        for index in range(pybullet.getNumJoints(robot, world))
+    ]
+    assert sorted(names) == sorted(joint.name for joint in description.joints)
+    mass, _, _, center, *_ = _dynamics(robot, -1, world)
+    assert mass == pytest.approx(3.978)
+    np.testing.assert_allclose(center, (-0.108, 0.0, -0.02579), atol=1e-6)
+    for index in range(len(names)):
+        assert _dynamics(robot, index, world)[0] > 0.01
+    assert len(pybullet.getVisualShapeData(robot, physicsClientId=world)) >= 5
+    friction = [
+        _dynamics(robot, index, world)[1]
+        for index, name in enumerate(names)
+        if "swivel" not in name
+    ]
+    assert friction == [1.0, 1.0, 1.0]
+
+
+def _dynamics(robot: int, link: int, client: int):
+    return pybullet.getDynamicsInfo(robot, link, client)
+
+
+@pytest.mark.parametrize("name", ["base_link", "wheel", "caster_base2", "caswheel"])
+def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
+    """PyBullet's Collada reader finds every corner where trimesh finds it."""
+    path = SHARE / f"meshes/{name}.dae"
+    urdf = tmp_path / "mesh.urdf"
+    urdf.write_text(
+        f'<robot name="mesh"><link name="mesh"><collision><geometry><mesh filename="{path}"/>'
+        "</geometry></collision></link></robot>"
+    )
+    body = pybullet.loadURDF(str(urdf), physicsClientId=world)
+    found = np.array(pybullet.getAABB(body, physicsClientId=world))
+    # Its boxes stand off by a margin.
+    np.testing.assert_allclose(found, load_mesh(path).bounds, atol=5e-3)
+
+
+def test_rerun_shows_every_combination_without_complaint(combination):
+    """The viewer finds nothing that it cannot draw, and every mesh in colours of its own."""
+    robot = _robot(_load(*combination))
+    assert robot.warnings == ()
+    assert Scene(rr.RecordingStream("onebot_test")).set_robot(robot) == []
+    for shape in robot.geometries:
+        assert shape.kind == "collision" or shape.color is not None
+        if isinstance(shape.shape, Mesh):
+            assert load_mesh(resolve(shape.shape.uri)).colored
+
+
+@pytest.mark.parametrize("mesh", ["true", "false"])
+def test_the_picture_shows_the_robot(tmp_path, mesh):
+    """Drawn by Rerun, the white shell, the dark tyres and, with meshes, the orange are seen."""
+    require_renderer()
+    image = _picture(tmp_path, _load(mesh))
+    shell = [round(255 * value) for value in DIMENSIONS["colors"]["shell"]]
+    accent = [round(255 * value) for value in DIMENSIONS["colors"]["accent"]]
+    bright = colored(image, tuple(shell)) & (image.min(axis=2) > 120)
+    assert bright.mean() > 0.04
+    assert (colored(image, tuple(accent)).sum() > 100) == (mesh == "true")
+
+
+def _picture(tmp_path, description: Description):
+    view = tmp_path / "view.yaml"
+    view.write_text(
+        "fixed_frame: base_link\naxes: {visible: false}\ngrid: {visible: false}\n"
+        "background: [0, 0, 60]\njoint_plot: {positions: false, velocities: false}\n"
+        "camera: {eye: [0.3, 0.35, 0.25], target: [-0.1, 0.0, 0.0]}\n"
+    )
+    recording = open_recording(save=tmp_path / "onebot.rrd")
+    live = LiveView(recording.stream, load_view(view))
+    assert live.set_description(description.urdf) == []
+    model = RobotModel.from_description(description)
+    translations, rotations = model.transforms(np.zeros(4))
+    parents = [joint.parent for joint in description.joints]
+    children = [joint.child for joint in description.joints]
+    stamps = np.full(4, 1_700_000_000_000_000_000)
+    live.add_transforms(TfArrays(parents, children, stamps, translations, rotations))
+    live.tick(int(stamps[0]))
+    recording.close()
+    render(tmp_path / "onebot.rrd", tmp_path / "onebot.png", 640, 400)
+    return pixels(tmp_path / "onebot.png")
+
+
+def test_primitives_have_the_size_of_the_meshes():
+    """Each link's shapes fill the same box of space, to 0.3 mm, with and without meshes."""
+    meshes, primitives = _sizes(_load("true")), _sizes(_load("false"))
+    assert meshes.keys() == primitives.keys() == set(LINKS)
+    for link, bounds in meshes.items():
+        np.testing.assert_allclose(primitives[link], bounds, atol=3e-4, err_msg=link)
+
+
+def _sizes(description: Description) -> dict[str, np.ndarray]:
+    """Return the bounds, (2, 3), of what is seen of each link, in its own frame."""
+    sizes = {}
+    for link in description.links:
+        robot = ET.fromstring(description.urdf)
+        for element in list(robot):
+            if element.tag == "joint" or (element.tag == "link" and element.get("name") != link):
+                robot.remove(element)
+        text = io.BytesIO(ET.tostring(robot))
+        sizes[link] = np.array(yourdfpy.URDF.load(text, load_meshes=True).scene.bounds)
+    return sizes
+
+
+def test_the_drive_is_as_the_dimensions_say():
+    """Wheels stand symmetric on base_link's y axis, turn forwards for positive, and have limits."""
+    joints = {joint.name: joint for joint in _load().joints}
+    wheel = DIMENSIONS["wheel"]
+    for name, side in (("left_wheel_joint", 1), ("right_wheel_joint", -1)):
+        joint = joints[name]
+        assert joint.kind == "continuous"
+        assert joint.xyz == (0.0, side * wheel["separation"] / 2, 0.0)
+        assert joint.rpy == (0.0, 0.0, 0.0)
+        assert joint.axis == (0.0, 1.0, 0.0)
+        assert (joint.effort, joint.velocity) == (wheel["effort"], wheel["velocity"])
+    assert joints["caster_swivel_joint"].axis == (0.0, 0.0, 1.0)
+    assert joints["caster_wheel_joint"].axis == (0.0, 1.0, 0.0)
+
+
+def test_all_three_wheels_stand_on_one_plane():
+    """The lowest points of the collision shapes are 60 mm below the axle, at any swivel angle."""
+    description = _load()
+    model = RobotModel.from_description(description)
+    robot = _robot(description)
+    radii = {shape.link: shape.shape.radius for shape in robot.geometries if _rolls(shape)}
+    assert radii.keys() == {"left_wheel", "right_wheel", "caswheel"}
+    for angle in np.linspace(-np.pi, np.pi, 7):
+        poses = model.link_poses({"caster_swivel_joint": angle})
+        heights = dict(zip(model.links, poses[:, 2], strict=True))
+        for link, radius in radii.items():
+            assert heights[link] - radius == pytest.approx(-RADIUS, abs=1e-9), (link, angle)
+
+
+def _rolls(shape) -> bool:
+    return shape.kind == "collision" and shape.link != "base_link"
+
+
+def test_the_right_wheel_is_the_left_ones_mirror_image():
+    """Its face looks outwards, and its centre of mass lies as far outside."""
+    links = {link.get("name"): link for link in ET.fromstring(_load().urdf).findall("link")}
+    left, right = (
+        [float(value) for value in links[name].find("inertial/origin").get("xyz").split()]
+        for name in ("left_wheel", "right_wheel")
+    )
+    np.testing.assert_allclose(right, (-left[0], -left[1], left[2]))
+    visuals = {shape.link: shape for shape in _visuals(_load())}
+    np.testing.assert_allclose(visuals["left_wheel"].rotation, (0, 0, 0, 1), atol=1e-12)
+    np.testing.assert_allclose(visuals["right_wheel"].rotation, (0, 0, 1, 0), atol=1e-12)
