@@ -7,7 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from onebot_bringup.bringup_arguments import checked_values, description_arguments
+from onebot_bringup.bringup_arguments import (
+    checked_values,
+    description_arguments,
+    simulation_arguments,
+)
 from onebot_bringup.bringup_nodes import NodeFactory
 from onebot_bringup.bringup_text import Robot, help_text, summary_text
 from onebot_bringup.launcher import Launcher, Node
@@ -46,6 +50,8 @@ def bring_up(robot: Robot, argv: Sequence[str]) -> int:
     arguments = split(argv)
     given = _with_model(robot, arguments)
     declared = description_arguments(robot.model, robot.joints, robot.view)
+    if robot.control:
+        declared += simulation_arguments(robot.control)
     model = given.get("model", robot.model)
     of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:
@@ -71,7 +77,9 @@ def _launch(
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         make = NodeFactory(Path(folder), values, description, for_xacro, ros_args)
         nodes: list[Node] = [make.robot_state_publisher()]
-        if values["joint_states"] == "true":
+        if values.get("sim") == "true":
+            nodes.append(make.velocity_controller())
+        elif values["joint_states"] == "true":
             nodes.append(make.joint_state_publisher())
         if values["reload"] == "true":
             nodes.append(make.description_watcher())
@@ -136,9 +144,9 @@ def _divide(
 
 def _check_files(values: Mapping[str, str]) -> None:
     """Complain about files that do not exist before anything starts."""
-    for name in ("joints", "view"):
-        path = Path(values[name])
-        if values[name] and not path.is_file():
+    for name in ("joints", "view", "params_file"):
+        path = Path(values.get(name, ""))
+        if values.get(name) and not path.is_file():
             there = [entry.name for entry in path.parent.glob("*.y*ml")]
             raise OneBotError(
                 f"{name}:={path}: no such file{did_you_mean(path.name, there, 'there')}"

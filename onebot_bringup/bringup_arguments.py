@@ -1,5 +1,6 @@
 """The arguments of every command that brings up a robot's description."""
 
+import math
 import re
 from collections.abc import Mapping
 
@@ -38,6 +39,18 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
     ]
 
 
+def simulation_arguments(control: str) -> list[Argument]:
+    """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
+    return [
+        switch("sim", True, "simulate it; false: joint_state_publisher moves its joints instead"),
+        Argument("params_file", control, "parameters of the controller, a YAML file"),
+        Argument("x", "0.0", "where it starts, metres in odom"),
+        Argument("y", "0.0", "where it starts, metres in odom"),
+        Argument("yaw", "0.0", "where it faces at the start, radians"),
+        Argument("rate", "", "control steps a second, Hz; empty: as params_file says"),
+    ]
+
+
 def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each argument.
 
@@ -46,6 +59,13 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
     """
     values = complete(declared, given)
     _check_number("publish_frequency", values["publish_frequency"], _MAX_FREQUENCY, whole=False)
+    prefix = values["frame_prefix"]
+    if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
+        raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
+    for name in ("x", "y", "yaw"):
+        _check_pose(name, values.get(name, "0"))
+    if values.get("rate"):
+        _check_number("rate", values["rate"], _MAX_FREQUENCY, whole=True)
     if values["domain_id"]:
         _check_number("domain_id", values["domain_id"], _MAX_DOMAIN, whole=True)
     namespace = values["namespace"]
@@ -55,6 +75,15 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
             " not start with a digit, joined by /"
         )
     return values
+
+
+def _check_pose(name: str, text: str) -> None:
+    try:
+        finite = math.isfinite(float(text))
+    except ValueError:
+        finite = False
+    if not finite:
+        raise UsageError(f"{name}:={text} is not possible; write a number such as 1.5")
 
 
 def _check_number(name: str, text: str, most: float, *, whole: bool) -> None:

@@ -47,13 +47,27 @@ class NodeFactory:
         parameters = {"config_file": file} if file else sweep_parameters(self.description)
         return self._node("joint_state_publisher", module, parameters)
 
+    def velocity_controller(self) -> Node:
+        """Return the simulation with its controller, which drives the robot."""
+        parameters: dict[str, object] = {
+            name: float(self.values[name]) for name in ("x", "y", "yaw")
+        }
+        # All nodes of the robot name its frames alike, in a namespace too.
+        prefix = self.values["frame_prefix"]
+        parameters |= {"tf_frame_prefix_enable": bool(prefix), "tf_frame_prefix": prefix}
+        if self.values["rate"]:
+            parameters["update_rate"] = int(self.values["rate"])
+        module = "onebot_control.velocity_controller"
+        files = [Path(self.values["params_file"]).absolute()]
+        return self._node("velocity_controller", module, parameters, files=files)
+
     def rerun_viewer(self) -> Node:
         """Return the viewer, whose end stops nothing else."""
         parameters = {
             "viewer": self.values["viewer"],
             "save": self.values["save"],
             "view": self.values["view"],
-            "fixed_frame": self.values["fixed_frame"],
+            "fixed_frame": self._fixed_frame(),
             "frame_prefix": self.values["frame_prefix"],
         }
         module = "onebot_bringup.rerun_viewer"
@@ -73,15 +87,24 @@ class NodeFactory:
         parameters: Mapping[str, object],
         words: Sequence[str] = (),
         on_exit: OnExit = "shutdown",
+        files: Sequence[Path] = (),
     ) -> Node:
         namespace = self.values["namespace"].strip("/")
         all_parameters = {**parameters, "use_sim_time": self._flag("use_sim_time")}
         file = write_parameters(self.folder, name, all_parameters, namespace)
-        ros_args = ["--log-level", self.values["log_level"], "--params-file", str(file)]
+        ros_args = ["--log-level", self.values["log_level"]]
+        for each in (*files, file):  # the later one goes before
+            ros_args += ["--params-file", str(each)]
         if namespace:
             ros_args += ["-r", f"__ns:=/{namespace}"]
         arguments = [*words, "--ros-args", *ros_args, *self.ros_args]
         return python_node(name, module, arguments, on_exit=on_exit)
+
+    def _fixed_frame(self) -> str:
+        """The frame asked for; a robot that is not simulated, but could be, has no odom."""
+        if not self.values["fixed_frame"] and self.values.get("sim") == "false":
+            return self.values["frame_prefix"] + self.description.root_link
+        return self.values["fixed_frame"]
 
     def _flag(self, name: str) -> bool:
         return self.values[name] == "true"

@@ -17,6 +17,7 @@ class Robot:
         model: its URDF or xacro file.
         joints: parameters of joint_state_publisher; empty: every joint swings within its limits.
         view: the viewer's settings; empty: the viewer's own.
+        control: parameters of the controller of a robot that can be simulated; empty: of none.
         takes_file: the model is the command's first word instead.
     """
 
@@ -25,6 +26,7 @@ class Robot:
     model: str = ""
     joints: str = ""
     view: str = ""
+    control: str = ""
     takes_file: bool = False
 
 
@@ -59,7 +61,10 @@ def summary_text(description: Description, values: Mapping[str, str]) -> str:
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
-    if values["joint_states"] == "true":
+    if values.get("sim") == "true":
+        drive = f"{space}/velocity_controller/cmd_vel"
+        lines.append(f"  drive    onebot teleop, or a Twist on {drive}")
+    elif values["joint_states"] == "true":
         lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
     else:
         lines.append(f"  joints   wait for {space}/joint_states")

@@ -16,7 +16,6 @@ from typing import Any
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.utilities import remove_ros_args
 
 from onebot_bringup.description_files import Signature, digest_of, signature_of
 from onebot_bringup.launcher.arguments import split
@@ -24,6 +23,7 @@ from onebot_bringup.xacro_arguments import included_files
 from onebot_description.description import load_description, published_urdf
 from onebot_description.errors import OneBotError
 from onebot_description.ros import run_node
+from onebot_description.ros_arguments import ros_arguments
 
 _LOOK_EVERY = 0.1  # seconds; an edit is loaded when two looks in a row agree
 _PUBLISHER = "robot_state_publisher"
@@ -99,7 +99,9 @@ class DescriptionWatcher(Node):
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is told to stop."""
     arguments = list(sys.argv if args is None else args)
-    words = remove_ros_args(arguments)[1:]
+    words = list(ros_arguments(arguments).others)
+    # To rcl, name:=value outside of --ros-args is a remapping in its old form: keep it from that.
+    for_ros = arguments[arguments.index("--ros-args") :] if "--ros-args" in arguments else []
     digest = ""
     if words[:1] == ["--digest"]:
         digest, words = words[1], words[2:]
@@ -111,7 +113,9 @@ def main(args: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     model = parts.positional[0]
-    return run_node(lambda: DescriptionWatcher(model, dict(parts.given), digest), arguments)
+    return run_node(
+        lambda: DescriptionWatcher(model, dict(parts.given), digest), [*arguments[:1], *for_ros]
+    )
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""The scripts that stand where the original had launch files."""

@@ -1,0 +1,33 @@
+#!/usr/bin/env python3
+"""Brings OneBot up: simulated and driven by its controller, in the viewer."""
+
+import sys
+from collections.abc import Sequence
+
+from onebot_bringup.bringup import Robot, bring_up
+from onebot_bringup.cli.run import run_command
+from onebot_description.ament import package_share
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Bring OneBot up until Ctrl-C; ``onebot_bringup --help`` lists the arguments."""
+    words = sys.argv[1:] if argv is None else argv
+
+    def launch() -> int:
+        description = package_share("onebot_description")
+        onebot = Robot(
+            program="onebot_bringup",
+            summary="Brings OneBot up on ROS 2, simulated; a Twist on velocity_controller/cmd_vel "
+            "drives it.",
+            model=str(description / "urdf/onebot.urdf.xacro"),
+            joints=str(description / "config/joints.yaml"),
+            view=str(description / "config/view.yaml"),
+            control=str(package_share("onebot_control") / "config/control.yaml"),
+        )
+        return bring_up(onebot, words)
+
+    return run_command(launch, see="onebot_bringup --help", interrupted=0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""The differential-drive controller: commands in, wheel velocities and odometry out. No ROS here.
+
+controller = DiffDriveController(config, config.kinematics(geometry))
+controller.accept(linear=0.2, angular=0.0)
+wheels = controller.update(WheelStates(0.0, 0.0, 0.0, 0.0), dt=0.01)
+"""
+
+import math
+from typing import NamedTuple
+
+from onebot_control.control_config import ControlConfig
+from onebot_control.kinematics import DiffDriveKinematics
+from onebot_control.odometry import Odometry
+from onebot_control.speed_limiter import SpeedLimiter
+
+_ROUNDING = 1e-9  # s that a sum of periods may be off
+
+
+class WheelStates(NamedTuple):
+    """Where the wheels are: each side's mean.
+
+    Attributes:
+        left_position: rad.
+        right_position: rad.
+        left_velocity: rad/s.
+        right_velocity: rad/s.
+    """
+
+    left_position: float
+    right_position: float
+    left_velocity: float
+    right_velocity: float
+
+
+class DriveCommand(NamedTuple):
+    """What the wheels are to do.
+
+    Attributes:
+        left: velocity of the left wheels, rad/s.
+        right: velocity of the right wheels, rad/s.
+        linear: the limited command this comes of, m/s.
+        angular: the same, rad/s.
+        healthy: whether the wheels' states were finite.
+    """
+
+    left: float
+    right: float
+    linear: float
+    angular: float
+    healthy: bool
+
+
+class DiffDriveController:
+    """Holds the last command, lets it age, limits it, and does the odometry.
+
+    It knows durations only, no clock, so no clock can disturb it. Commands age by the durations
+    given to ``update``.
+
+    Attributes:
+        odometry: the robot's pose and twist by its wheels.
+    """
+
+    def __init__(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
+        """Stand still at zero."""
+        self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
+        self.configure(config, kinematics)
+        self.halt()
+
+    def configure(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
+        """Go on with other parameters; pose, command and speed stay as they are."""
+        self._config = config
+        self._linear_limiter = SpeedLimiter(config.linear)
+        self._angular_limiter = SpeedLimiter(config.angular)
+        self.odometry.kinematics = kinematics
+        self.odometry.set_window(config.velocity_rolling_window_size)
+
+    def accept(self, linear: float, angular: float, age: float = 0.0) -> str | None:
+        """Take a command.
+
+        Args:
+            linear: m/s, forward.
+            angular: rad/s, to the left.
+            age: seconds since it was given. Below 0 (a clock ahead of ours) counts as 0, so that no
+                command outlives cmd_vel_timeout.
+
+        Returns:
+            Why it is ignored; None if it is taken.
+        """
+        if not (math.isfinite(linear) and math.isfinite(angular)):
+            return f"not finite: linear.x {linear}, angular.z {angular}"
+        timeout = self._config.cmd_vel_timeout
+        if timeout and age >= timeout:
+            return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
+        self._reference = (linear, angular)
+        self._age = max(age, 0.0)
+        self._fresh = True
+        return None
+
+    def update(self, wheels: WheelStates, dt: float) -> DriveCommand:
+        """Do one control cycle.
+
+        Args:
+            wheels: their states now.
+            dt: seconds since the last cycle.
+        """
+        # A command's first cycle comes less than dt after it; it is not older for that.
+        self._age += 0.0 if self._fresh else dt
+        self._fresh = False
+        healthy = self._follow(wheels, dt)
+        linear, angular = self._limited(dt)
+        if self._config.open_loop:
+            self.odometry.update_open_loop(linear, angular, dt)
+        left, right = self.odometry.kinematics.wheel_velocities(linear, angular)
+        return DriveCommand(left, right, linear, angular, healthy)
+
+    def halt(self) -> None:
+        """Forget command and speed: the wheels stand, and the next command starts from rest."""
+        self._reference = (0.0, 0.0)
+        self._last = self._before_last = (0.0, 0.0)
+        self._age = 0.0
+        self._fresh = True
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the last command has outlived cmd_vel_timeout."""
+        timeout = self._config.cmd_vel_timeout
+        return bool(timeout) and self._age > timeout + _ROUNDING
+
+    def _follow(self, wheels: WheelStates, dt: float) -> bool:
+        if self._config.open_loop:
+            return True
+        if self._config.position_feedback:
+            left, right = wheels.left_position, wheels.right_position
+            return self.odometry.update_from_positions(left, right, dt)
+        left, right = wheels.left_velocity, wheels.right_velocity
+        return self.odometry.update_from_velocities(left, right, dt)
+
+    def _limited(self, dt: float) -> tuple[float, float]:
+        # Of a command that is too old remains 0, which goes through the limiter: it brakes.
+        wanted = (0.0, 0.0) if self.timed_out else self._reference
+        limited = (
+            self._linear_limiter.limit(wanted[0], self._last[0], self._before_last[0], dt),
+            self._angular_limiter.limit(wanted[1], self._last[1], self._before_last[1], dt),
+        )
+        self._before_last, self._last = self._last, limited
+        return limited

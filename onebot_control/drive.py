@@ -1,0 +1,251 @@
+"""A robot that is driven: simulation and controller, one control cycle at a time. No ROS here.
+
+drive = Drive.of(description, ControlConfig.from_parameters({...}))
+drive.accept(0.2, 0.0)
+for _ in range(500):
+    snapshot = drive.cycle()
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.control_config import ControlConfig
+from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.frames import PlanarPose, yaw_of
+from onebot_control.geometry import (
+    WheelGeometry,
+    check_wheel_names,
+    wheel_radius,
+    wheel_separation,
+)
+from onebot_control.joint_state_broadcaster import JointStateBroadcaster
+from onebot_control.simulation import JointStates, Pose, Simulation, Twist
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError
+
+Floats = NDArray[np.float64]
+
+
+class Plant(Protocol):
+    """What is driven; ``onebot_control.simulation.Simulation`` is one."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints that move."""
+
+    def step(self, velocities: Mapping[str, float], duration: float) -> None:
+        """Turn the wheels with these velocities, rad/s, for ``duration`` seconds."""
+
+    def joint_states(self) -> JointStates:
+        """State of ``joints``, in that order."""
+
+    def base_pose(self) -> Pose:
+        """Pose of the root link in the world."""
+
+    def base_twist(self) -> Twist:
+        """Velocity of the root link in its own frame."""
+
+    def reset(self) -> None:
+        """Go back to the beginning."""
+
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        """Put the robot elsewhere."""
+
+    def close(self) -> None:
+        """Free what it holds."""
+
+
+class Snapshot(NamedTuple):
+    """The robot at one control cycle.
+
+    Attributes:
+        tick: cycles done before this one.
+        joints: state of all joints that move.
+        odometry: pose by the wheels, in the odometry's frame.
+        twist: linear and angular velocity by the wheels, m/s and rad/s.
+        pose: the true pose in the world.
+        velocity: the true velocity, in the base's frame.
+        command: what the wheels were told.
+    """
+
+    tick: int
+    joints: JointStates
+    odometry: PlanarPose
+    twist: tuple[float, float]
+    pose: Pose
+    velocity: Twist
+    command: DriveCommand
+
+
+class Drive:
+    """Runs a robot.
+
+    Attributes:
+        config: the parameters in force.
+        geometry: the drive's, before multipliers.
+        description: of the robot.
+        broadcaster: says what joint_states holds.
+        plant: what is driven.
+        origin: where the odometry's zero lies in the world; moved by what moves the odometry.
+        ticks: control cycles done.
+    """
+
+    def __init__(self, description: Description, config: ControlConfig, plant: Plant) -> None:
+        """Stand still, with odometry at zero.
+
+        Raises:
+            OneBotError: config and description do not suit each other.
+        """
+        self.description, self.plant = description, plant
+        self._check(config)
+        self.geometry = geometry_of(description, config)
+        self.controller = DiffDriveController(config, config.kinematics(self.geometry))
+        self.config = config
+        self.broadcaster = JointStateBroadcaster(config.broadcaster, plant.joints)
+        self.ticks = 0
+        self._left = [plant.joints.index(name) for name in config.left_wheel_names]
+        self._right = [plant.joints.index(name) for name in config.right_wheel_names]
+        self._command = DriveCommand(0.0, 0.0, 0.0, 0.0, True)
+        self._look()
+        self.place_odometry(PlanarPose())
+
+    @classmethod
+    def of(cls, description: Description, config: ControlConfig) -> "Drive":
+        """Return a robot in a simulation of its own.
+
+        Raises:
+            OneBotError: config and description do not suit each other, or cannot be simulated.
+        """
+        sides = {"left_wheel_names": config.left_wheel_names}
+        check_wheel_names(description, **sides, right_wheel_names=config.right_wheel_names)
+        geometry_of(description, config)
+        names = (*config.left_wheel_names, *config.right_wheel_names)
+        plant = Simulation(description, driven=names, x=config.x, y=config.y, yaw=config.yaw)
+        try:
+            return cls(description, config, plant)
+        except OneBotError:
+            plant.close()
+            raise
+
+    @property
+    def period(self) -> float:
+        """Seconds of a control cycle."""
+        return 1.0 / self.config.update_rate
+
+    @property
+    def true_pose(self) -> PlanarPose:
+        """Where the robot stands in the world, seen from above."""
+        (x, y, _), rotation = self._pose.translation.tolist(), self._pose.rotation.tolist()
+        return PlanarPose(x, y, yaw_of(*rotation))
+
+    def configure(self, config: ControlConfig) -> None:
+        """Go on with other parameters, from the next cycle on.
+
+        Raises:
+            OneBotError: they do not suit the robot; then nothing has changed.
+        """
+        self._check(config)
+        geometry = geometry_of(self.description, config)
+        broadcaster = JointStateBroadcaster(config.broadcaster, self.plant.joints)
+        self.controller.configure(config, config.kinematics(geometry))
+        self.config, self.geometry, self.broadcaster = config, geometry, broadcaster
+
+    def accept(self, linear: float, angular: float, age: float = 0.0) -> str | None:
+        """Take a command; see ``DiffDriveController.accept``."""
+        return self.controller.accept(linear, angular, age)
+
+    def cycle(self) -> Snapshot:
+        """Do a whole control cycle; return the robot as it was at its beginning."""
+        snapshot = self.begin()
+        self.finish()
+        return snapshot
+
+    def begin(self) -> Snapshot:
+        """Read the robot's state and decide what its wheels are to do."""
+        self._look()
+        positions, velocities = self._joints.positions, self._joints.velocities
+        wheels = WheelStates(
+            _mean(positions, self._left),
+            _mean(positions, self._right),
+            _mean(velocities, self._left),
+            _mean(velocities, self._right),
+        )
+        self._command = self.controller.update(wheels, self.period)
+        return self.snapshot()
+
+    def finish(self) -> None:
+        """Turn the wheels for a control period."""
+        left, right = self._command.left, self._command.right
+        velocities = dict.fromkeys(self.config.left_wheel_names, left)
+        velocities.update(dict.fromkeys(self.config.right_wheel_names, right))
+        self.plant.step(velocities, self.period)
+        self.ticks += 1
+
+    def snapshot(self) -> Snapshot:
+        """Return the robot as it was last looked at."""
+        odometry = self.controller.odometry
+        pose = PlanarPose(odometry.x, odometry.y, odometry.heading)
+        twist = (odometry.linear, odometry.angular)
+        return Snapshot(
+            self.ticks, self._joints, pose, twist, self._pose, self._twist, self._command
+        )
+
+    def reset(self) -> None:
+        """Put everything back to the beginning, except time and parameters."""
+        self.plant.reset()
+        self.controller.halt()
+        self._look()
+        self.controller.odometry.reset()
+        self.place_odometry(PlanarPose())
+
+    def teleport(self, pose: PlanarPose) -> None:
+        """Put the robot elsewhere in the world, at rest; its odometry knows nothing of it."""
+        self.plant.teleport(*pose)
+        self.controller.halt()
+        self.controller.odometry.forget_wheels()
+        self._look()
+
+    def place_odometry(self, pose: PlanarPose) -> None:
+        """Make the odometry say ``pose`` here and now."""
+        self.controller.odometry.set_pose(*pose)
+        self.origin = self.true_pose.then(pose.inverse())
+
+    def replaced(self, description: Description) -> "Drive":
+        """Return the same robot by another description, standing where this one stands.
+
+        Raises:
+            OneBotError: the description does not suit the parameters, or cannot be simulated.
+        """
+        drive = Drive.of(description, self.config)
+        drive.teleport(self.true_pose)
+        drive.controller.odometry.set_pose(*self.snapshot().odometry)
+        drive.origin, drive.ticks = self.origin, self.ticks
+        return drive
+
+    def _look(self) -> None:
+        self._joints = self.plant.joint_states()
+        self._pose, self._twist = self.plant.base_pose(), self.plant.base_twist()
+
+    def _check(self, config: ControlConfig) -> None:
+        left, right = config.left_wheel_names, config.right_wheel_names
+        check_wheel_names(self.description, left_wheel_names=left, right_wheel_names=right)
+
+
+def geometry_of(description: Description, config: ControlConfig) -> WheelGeometry:
+    """Return the drive's geometry: the parameters', or where they are 0 the description's.
+
+    Raises:
+        OneBotError: a wheel joint is missing, or the description does not say.
+    """
+    left, right = config.left_wheel_names, config.right_wheel_names
+    separation = config.wheel_separation or wheel_separation(description, left, right)
+    return WheelGeometry(
+        separation, config.wheel_radius or wheel_radius(description, [*left, *right])
+    )
+
+
+def _mean(values: Floats, rows: Sequence[int]) -> float:
+    return float(values[rows[0]]) if len(rows) == 1 else float(values[list(rows)].mean())

@@ -1,0 +1,126 @@
+"""Wheel odometry: where the body is, by how far its wheels have turned."""
+
+import math
+from collections import deque
+
+from onebot_control.kinematics import DiffDriveKinematics
+
+# Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
+_STRAIGHT = 1e-6
+
+
+class RollingMean:
+    """The mean of the last few values; of those there are, while they are fewer."""
+
+    def __init__(self, size: int) -> None:
+        """Average over ``size`` values, at least 1."""
+        self._values: deque[float] = deque(maxlen=size)
+
+    def add(self, value: float) -> float:
+        """Take one more value; return the mean."""
+        self._values.append(value)
+        return sum(self._values) / len(self._values)
+
+    def resized(self, size: int) -> "RollingMean":
+        """Return the same over ``size`` values, beginning with the last ones of these."""
+        other = RollingMean(size)
+        other._values.extend(self._values)
+        return other
+
+
+class Odometry:
+    """Pose and twist of a differential drive.
+
+    It begins at zero with the first positions it hears, whatever they are, and looks at durations
+    only, never at a clock: neither wheels that stand elsewhere nor a clock set back make it jump.
+
+    Attributes:
+        x: m, in the odometry's frame.
+        y: m.
+        heading: rad, not wrapped.
+        linear: velocity forward, m/s: the rolling mean, or in open loop the command.
+        angular: turning to the left, rad/s.
+    """
+
+    def __init__(self, kinematics: DiffDriveKinematics, window: int = 10) -> None:
+        """Begin at zero.
+
+        Args:
+            kinematics: of the robot; may be replaced while it drives.
+            window: how many updates the twist is averaged over.
+        """
+        self.kinematics = kinematics
+        self._window = window
+        self._wheels: tuple[float, float] | None = None
+        self._since = 0.0
+        self._linear, self._angular = RollingMean(window), RollingMean(window)
+        self.linear = self.angular = 0.0
+        self.set_pose(0.0, 0.0, 0.0)
+
+    def set_pose(self, x: float, y: float, heading: float) -> None:
+        """Go on from another pose; the twist stays."""
+        self.x, self.y, self.heading = x, y, heading
+
+    def reset(self) -> None:
+        """Begin again at zero, with the wheels where they will next be."""
+        self.set_pose(0.0, 0.0, 0.0)
+        self.forget_wheels()
+
+    def forget_wheels(self) -> None:
+        """Take the next positions as a new start: the wheels were moved by no driving."""
+        self._wheels = None
+        self._since = 0.0
+        self._linear, self._angular = RollingMean(self._window), RollingMean(self._window)
+        self.linear = self.angular = 0.0
+
+    def set_window(self, window: int) -> None:
+        """Average the twist over ``window`` updates from now on."""
+        self._window = window
+        self._linear = self._linear.resized(window)
+        self._angular = self._angular.resized(window)
+
+    def update_from_positions(self, left: float, right: float, dt: float) -> bool:
+        """Follow the wheels' positions (rad), ``dt`` seconds after the last call.
+
+        Returns:
+            False if they are not finite; the motion is then made up for by the next that are.
+        """
+        self._since += dt
+        if not (math.isfinite(left) and math.isfinite(right)):
+            return False
+        before, self._wheels = self._wheels, (left, right)
+        since, self._since = self._since, 0.0
+        if before is not None and since > 0.0:
+            self._follow(left - before[0], right - before[1], since)
+        return True
+
+    def update_from_velocities(self, left: float, right: float, dt: float) -> bool:
+        """Follow the wheels' velocities (rad/s) over ``dt`` seconds; False if not finite."""
+        if not (math.isfinite(left) and math.isfinite(right)):
+            return False
+        if dt > 0.0:
+            self._follow(left * dt, right * dt, dt)
+        return True
+
+    def update_open_loop(self, linear: float, angular: float, dt: float) -> None:
+        """Follow a command (m/s, rad/s) over ``dt`` seconds."""
+        self._integrate(linear * dt, angular * dt)
+        self.linear, self.angular = linear, angular
+
+    def _follow(self, left: float, right: float, dt: float) -> None:
+        way, turn = self.kinematics.body_motion(left, right)
+        self._integrate(way, turn)
+        self.linear = self._linear.add(way / dt)
+        self.angular = self._angular.add(turn / dt)
+
+    def _integrate(self, way: float, turn: float) -> None:
+        """Move along the arc that constant wheel velocities make."""
+        before = self.heading
+        self.heading += turn
+        if abs(turn) < _STRAIGHT:  # second-order Runge-Kutta: along the middle direction
+            self.x += way * math.cos(before + turn / 2.0)
+            self.y += way * math.sin(before + turn / 2.0)
+            return
+        radius = way / turn
+        self.x += radius * (math.sin(self.heading) - math.sin(before))
+        self.y -= radius * (math.cos(self.heading) - math.cos(before))

@@ -1,0 +1,102 @@
+"""The topics that velocity_controller publishes in each control cycle."""
+
+import numpy as np
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from onebot_control.drive import Drive, Snapshot
+from onebot_control.frames import PlanarPose, prefixed
+from onebot_control.pacing import Divider
+from onebot_control.ros_messages import (
+    OdometryMessage,
+    joint_state,
+    limited_command,
+    time_message,
+    transform_message,
+    transform_row,
+)
+from onebot_description.model import quaternions
+from onebot_description.tf.tf_message import TFMessage
+from onebot_description.tf.wire import TfTemplate, pack_stamp
+
+_DEPTH = 10  # ROS's system default
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+Floats = NDArray[np.float64]
+
+
+class Publishers:
+    """Turns a robot's snapshots into messages. Used by the control thread only."""
+
+    def __init__(self, node: Node, simulated: bool) -> None:
+        """Announce the topics; with /clock if ``simulated``."""
+        self._namespace: str = node.get_namespace()
+        self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
+        self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
+        self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
+        self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
+        self._tf_static = node.create_publisher(TFMessage, "/tf_static", _LATCHED)
+        self._limited = node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
+        self._clock = node.create_publisher(Clock, "/clock", _DEPTH) if simulated else None
+        self._origin: PlanarPose | None = None
+
+    def use(self, drive: Drive) -> None:
+        """Serve this robot, with its parameters as they are now."""
+        self._drive = drive
+        config = drive.config
+        odom, self._base = (
+            prefixed(frame, config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace)
+            for frame in (config.odom_frame_id, config.base_frame_id)
+        )
+        self.odom_frame, self._world = odom, config.world_frame_id
+        variances = config.pose_covariance_diagonal, config.twist_covariance_diagonal
+        self._odom_message = OdometryMessage(odom, self._base, *variances)
+        self._truth_message = OdometryMessage(self._world or odom, self._base)
+        self._template = TfTemplate([odom], [self._base])
+        self._due = Divider(config.publish_rate, config.update_rate)
+        self._origin = None
+
+    def publish(self, snapshot: Snapshot, stamp_ns: int) -> None:
+        """Publish all that is due."""
+        drive = self._drive
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=time_message(stamp_ns)))
+        self._joint_states.publish(joint_state(drive.broadcaster, snapshot, stamp_ns))
+        if drive.config.publish_limited_velocity:
+            self._limited.publish(limited_command(snapshot, stamp_ns, self._base))
+        if self._due.due():
+            self._publish_odometry(snapshot, stamp_ns)
+        if drive.origin != self._origin:
+            self._publish_origin(stamp_ns)
+
+    def _publish_odometry(self, snapshot: Snapshot, stamp_ns: int) -> None:
+        row = transform_row(snapshot.odometry)
+        if self._drive.config.enable_odom_tf:
+            self._tf.publish(self._template.fill(pack_stamp(stamp_ns), row))
+        linear, angular = np.zeros(3), np.zeros(3)
+        linear[0], angular[2] = snapshot.twist
+        self._odom.publish(self._odom_message.fill(stamp_ns, row[0], linear, angular))
+        truth = self._truth_message
+        pose = self._true_pose(snapshot)
+        self._truth.publish(truth.fill(stamp_ns, pose, *snapshot.velocity))
+
+    def _true_pose(self, snapshot: Snapshot) -> Floats:
+        translation, rotation = snapshot.pose
+        if not self._world:
+            back = transform_row(self._drive.origin.inverse())[0]
+            translation = back[:3] + quaternions.rotate(back[3:], translation)
+            rotation = quaternions.multiply(back[3:], rotation)
+        return np.concatenate((translation, rotation))
+
+    def _publish_origin(self, stamp_ns: int) -> None:
+        """Say where the odometry's zero lies in the world."""
+        self._origin = self._drive.origin
+        if self._world:
+            frames = self._world, self.odom_frame
+            transform = transform_message(stamp_ns, *frames, self._origin)
+            self._tf_static.publish(TFMessage(transforms=[transform]))

@@ -1,0 +1,125 @@
+"""OneBot, brought up as a user brings it up, and driven over real DDS."""
+
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from onebot_description.tf.tf_message import TFMessage
+from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.support import wait_for
+
+MODULE = "onebot_bringup.launch.onebot_bringup"
+CMD_VEL = "/velocity_controller/cmd_vel"
+ODOM = "/velocity_controller/odom"
+
+
+def _seconds(message):
+    return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+
+
+def _position(message):
+    position = message.pose.pose.position
+    return position.x, position.y
+
+
+def test_a_twist_drives_it_where_the_command_says(ros_domain):
+    """Joint states, transforms, odometry and truth agree, and it brakes when commands stop."""
+    with NodeProcess(MODULE, "viewer:=none") as node, Peer(ros_domain) as peer:
+        odom, truth = (
+            peer.hear(Odometry, ODOM),
+            peer.hear(Odometry, "/velocity_controller/ground_truth"),
+        )
+        tf, joints = peer.hear(TFMessage, "/tf"), peer.hear(JointState, "/joint_states")
+        described = peer.hear(String, "/robot_description", LATCHED)
+        publisher = peer.publisher(Twist, CMD_VEL)
+        wait_for(lambda: odom and truth and joints and described, "all topics")
+        assert _position(odom[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
+        command = Twist()
+        command.linear.x = 0.2
+
+        def far_enough():
+            publisher.publish(command)
+            return odom[-1].pose.pose.position.x > 0.4
+
+        wait_for(far_enough, "0.4 m of driving")
+        wait_for(lambda: abs(odom[-1].twist.twist.linear.x) < 1e-3, "braking after the timeout")
+        moving = [m for m in odom if m.twist.twist.linear.x > 0.199]
+        assert moving and max(m.twist.twist.linear.x for m in odom) < 0.2005
+        last = odom[-1]
+        wait_for(lambda: _seconds(truth[-1]) >= _seconds(last), "the truth at that time")
+        assert _position(truth[-1]) == pytest.approx(_position(odom[-1]), abs=2e-3)
+        assert abs(last.pose.pose.position.y) < 2e-3
+        assert last.header.frame_id == "odom" and last.child_frame_id == "base_link"
+        names = {"left_wheel_joint", "right_wheel_joint"}
+        assert names <= set(joints[-1].name)
+        turned = dict(zip(joints[-1].name, joints[-1].position, strict=True))
+        assert turned["left_wheel_joint"] * 0.06 == pytest.approx(
+            last.pose.pose.position.x, abs=2e-3
+        )
+        edges = {(e.header.frame_id, e.child_frame_id) for m in tf for e in m.transforms}
+        assert ("odom", "base_link") in edges and ("base_link", "left_wheel") in edges
+        assert node.interrupt(10) == 0
+
+
+@pytest.mark.parametrize("mesh_enabled", ["true", "false"])
+def test_both_shapes_come_up_where_they_are_put(ros_domain, mesh_enabled):
+    """mesh_enabled chooses what is drawn; x, y and yaw where it starts, odometry at zero."""
+    words = [f"mesh_enabled:={mesh_enabled}", "x:=1.5", "y:=-0.5", "yaw:=0.7", "viewer:=none"]
+    with NodeProcess(MODULE, *words), Peer(ros_domain) as peer:
+        described = peer.hear(String, "/robot_description", LATCHED)
+        odom = peer.hear(Odometry, ODOM)
+        wait_for(lambda: described and odom, "description and odometry")
+        assert ("wheel.dae" in described[0].data) == (mesh_enabled == "true")
+        assert _position(odom[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_without_simulation_its_joints_move_from_yaml(ros_domain):
+    """sim:=false is the article's step 4: joint_state_publisher instead of the simulation."""
+    with NodeProcess(MODULE, "sim:=false", "viewer:=none"), Peer(ros_domain) as peer:
+        joints = peer.hear(JointState, "/joint_states")
+        wait_for(lambda: len({m.position[0] for m in joints}) > 5, "moving joints")
+        assert not peer.node.count_publishers(ODOM)
+
+
+def test_namespace_and_rate(ros_domain):
+    """In a namespace its topics move with it; rate sets the control cycles a second."""
+    words = ["namespace:=left", "rate:=50", "viewer:=none"]
+    with NodeProcess(MODULE, *words), Peer(ros_domain) as peer:
+        joints = peer.hear(JointState, "/left/joint_states")
+        wait_for(lambda: len(joints) > 60, "joint states in the namespace")
+        steps = [_seconds(b) - _seconds(a) for a, b in zip(joints[5:], joints[6:], strict=False)]
+        assert sorted(steps)[len(steps) // 2] == pytest.approx(0.02, rel=0.2)
+        assert peer.node.count_subscribers("/left/velocity_controller/cmd_vel")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["mesh_enable:=true"], "mesh_enabled"),
+        (["x:=far"], "x:=far"),
+        (["rate:=fast"], "rate:=fast"),
+        (["params_file:=nowhere.yaml"], "nowhere.yaml"),
+        (["sim:=maybe"], "sim:=maybe"),
+    ],
+)
+def test_wrong_arguments_are_explained(ros_domain, words, said):
+    """Nothing starts; one clear error names what is wrong."""
+    with NodeProcess(MODULE, *words, check=False) as node:
+        assert node.wait() in (1, 2)
+        assert said in node.output and "Traceback" not in node.output
+
+
+def test_a_bad_control_file_brings_it_down_with_the_reason(ros_domain, tmp_path):
+    """A wheel the URDF lacks is named with those it has, and the exit code is 1."""
+    file = tmp_path / "control.yaml"
+    file.write_text(
+        "velocity_controller:\n  ros__parameters:\n    left_wheel_names: [left_weel_joint]\n"
+        "    right_wheel_names: [right_wheel_joint]\n"
+    )
+    command = NodeProcess(MODULE, f"params_file:={file}", "viewer:=none", check=False)
+    with command as node:
+        assert node.wait() == 1
+        assert "left_weel_joint" in node.output and "left_wheel_joint" in node.output
+        assert "Traceback" not in node.output

@@ -1,0 +1,118 @@
+"""A small robot, an ideal plant and a configuration, for tests of the controller."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from onebot_control.control_config import ControlConfig
+from onebot_control.drive import Drive
+from onebot_control.kinematics import DiffDriveKinematics
+from onebot_control.odometry import Odometry
+from onebot_control.simulation import JointStates, Pose, Twist
+from onebot_description.description import Description, parse_description
+
+SEPARATION, RADIUS = 0.3, 0.06  # m
+WHEELS = {
+    "left_wheel_names": ["left_wheel_joint"],
+    "right_wheel_names": ["right_wheel_joint"],
+}
+_INERTIA = 'ixx="0.0003" iyy="0.0004" izz="0.0003" ixy="0" ixz="0" iyz="0"'
+
+
+def wheel(side: str, y: float, shape: str = f'<sphere radius="{RADIUS}"/>') -> str:
+    """A wheel and its joint, as URDF."""
+    return f"""
+  <link name="{side}_wheel">
+    <inertial><mass value="0.2"/><inertia {_INERTIA}/></inertial>
+    <collision><geometry>{shape}</geometry></collision>
+  </link>
+  <joint name="{side}_wheel_joint" type="continuous">
+    <parent link="base_link"/><child link="{side}_wheel"/>
+    <origin xyz="0 {y} 0"/><axis xyz="0 1 0"/><limit effort="5" velocity="40"/>
+  </joint>"""
+
+
+CASTER = f"""
+  <link name="caster">
+    <inertial><mass value="0.2"/><inertia {_INERTIA}/></inertial>
+    <collision><geometry><sphere radius="0.03"/></geometry></collision>
+  </link>
+  <joint name="caster_joint" type="fixed">
+    <parent link="base_link"/><child link="caster"/><origin xyz="-0.2 0 -0.03"/>
+  </joint>"""
+
+
+def urdf(*parts: str, name: str = "bot") -> str:
+    """A base with ``parts`` on it; by default two wheels and a sliding caster."""
+    chosen = parts or (wheel("left", SEPARATION / 2), wheel("right", -SEPARATION / 2), CASTER)
+    return f"""<robot name="{name}">
+  <link name="base_link">
+    <inertial><origin xyz="-0.05 0 0"/><mass value="3.5"/>
+      <inertia ixx="0.03" iyy="0.03" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>{"".join(chosen)}
+</robot>"""
+
+
+def robot(*parts: str) -> Description:
+    """The checked description of ``urdf(*parts)``."""
+    return parse_description(urdf(*parts))
+
+
+def config(**values: Any) -> ControlConfig:
+    """A configuration with the wheels named; ``linear_x_...`` stands for ``linear.x....``."""
+    dotted = {_dotted(name): value for name, value in values.items()}
+    return ControlConfig.from_parameters({**WHEELS, **dotted})
+
+
+def _dotted(name: str) -> str:
+    for axis in ("linear_x_", "angular_z_"):
+        name = name.replace(axis, axis[:-3] + "." + axis[-2] + ".")
+    return name
+
+
+class IdealPlant:
+    """Wheels that turn as told at once, and never slip."""
+
+    joints = ("left_wheel_joint", "right_wheel_joint")
+
+    def __init__(self, left: float = 0.0, right: float = 0.0) -> None:
+        self.left, self.right = left, right
+        self.speeds = (0.0, 0.0)
+        self.closed = False
+        self.reset()
+
+    def step(self, velocities: Mapping[str, float], duration: float) -> None:
+        left, right = (velocities[name] for name in self.joints)
+        assert math.isfinite(left) and math.isfinite(right)
+        self.speeds = (left, right)
+        self.left += left * duration
+        self.right += right * duration
+        self._truth.update_from_velocities(left, right, duration)
+
+    def joint_states(self) -> JointStates:
+        positions = np.array([self.left, self.right])
+        return JointStates(positions, np.array(self.speeds), np.zeros(2))
+
+    def base_pose(self) -> Pose:
+        half = self._truth.heading / 2.0
+        rotation = np.array([0.0, 0.0, math.sin(half), math.cos(half)])
+        return Pose(np.array([self._truth.x, self._truth.y, RADIUS]), rotation)
+
+    def base_twist(self) -> Twist:
+        return Twist(np.zeros(3), np.zeros(3))
+
+    def reset(self) -> None:
+        self._truth = Odometry(DiffDriveKinematics(SEPARATION, RADIUS, RADIUS))
+
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        self._truth.set_pose(x, y, yaw)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> Drive:
+    """A drive of the ideal plant."""
+    return Drive(robot(), config(**values), plant or IdealPlant())

@@ -1,0 +1,116 @@
+"""control.yaml, in ros2_control's form."""
+
+from pathlib import Path
+
+import pytest
+
+from onebot_control.control_config import ControlConfig
+from onebot_control.control_files import default_control_file, read_control_files
+from onebot_description.errors import OneBotError
+
+GOOD = """\
+controller_manager:
+  ros__parameters:
+    update_rate: 200
+    velocity_controller: {type: diff_drive_controller/DiffDriveController}
+    joint_state_broadcaster: {type: joint_state_broadcaster/JointStateBroadcaster}
+joint_state_broadcaster:
+  ros__parameters:
+    joints: [right_wheel_joint, left_wheel_joint]
+velocity_controller:
+  ros__parameters:
+    left_wheel_names: [left_wheel_joint]
+    right_wheel_names: [right_wheel_joint]
+    wheel_radius: 0.1
+    linear:
+      x: {max_velocity: 0.7}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "control.yaml"
+    path.write_text(GOOD)
+    return path
+
+
+def read(file: Path, namespace: str = "/") -> ControlConfig:
+    parameters = read_control_files([file], namespace, "velocity_controller")
+    return ControlConfig.from_parameters(parameters.values)
+
+
+def complaint(file: Path, old: str, new: str) -> str:
+    """What is said of the good file with ``old`` replaced."""
+    assert old in GOOD
+    file.write_text(GOOD.replace(old, new))
+    with pytest.raises(OneBotError) as caught:
+        parameters = read_control_files([file], "/", "velocity_controller")
+        try:
+            ControlConfig.from_parameters(parameters.values)
+        except OneBotError as error:
+            raise error.located(parameters.places) from None  # type: ignore[attr-defined]
+    return str(caught.value)
+
+
+def test_three_sections_make_one_configuration(file: Path) -> None:
+    """Rate, joints and the drive come each from the section that ros2_control has them in."""
+    config = read(file)
+    assert config.update_rate == 200
+    assert config.broadcaster.joints == ("right_wheel_joint", "left_wheel_joint")
+    assert (config.wheel_radius, config.linear.max_velocity) == (0.1, 0.7)
+
+
+def test_onebots_own_file_is_right_in_every_namespace() -> None:
+    """The file shipped has no problem, and counts in a namespace too."""
+    for namespace in ("/", "/robot1"):
+        config = read(default_control_file(), namespace)
+        assert config.left_wheel_names == ("left_wheel_joint",)
+        assert config.linear.max_acceleration == 0.5
+        assert config.angular.max_acceleration == 1.0
+        assert config.update_rate == 100
+        assert config.wheel_radius == config.wheel_separation == 0.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("wheel_radius: 0.1", "wheel_raduis: 0.1", ":13: wheel_raduis: unknown parameter (did you"),
+        ("wheel_radius: 0.1", "wheel_radius: big", ':13: wheel_radius: "big" is a text'),
+        ("wheel_radius: 0.1", "wheel_radius: -0.1", ":13: wheel_radius: -0.1 is below 0"),
+        ("update_rate: 200", "update_rat: 200", ":3: update_rat: unknown parameter (did you mean"),
+        ("update_rate: 200", "update_rate: 0", ":3: update_rate: 0 Hz; write a rate"),
+        ("joints: [", "joint: [", ':8: joint: unknown parameter (did you mean "joints"?'),
+        (
+            "diff_drive_controller/DiffDriveController",
+            "mecanum_drive_controller/MecanumDriveController",
+            ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController is not",
+        ),
+        ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: no YAML"),
+    ],
+)
+def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, said: str) -> None:
+    """Each error begins with file and line."""
+    text = complaint(file, old, new)
+    assert text.startswith(str(file))
+    assert said in text
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    """A file that is not there is named."""
+    with pytest.raises(OneBotError, match="nowhere.yaml: cannot be read: No such file"):
+        read_control_files([tmp_path / "nowhere.yaml"], "/", "velocity_controller")
+
+
+def test_what_is_said_to_all_nodes_is_no_mistake(file: Path) -> None:
+    """Under /** stands what other nodes understand; what this one knows, counts."""
+    shared = "/**:\n  ros__parameters: {use_sim_time: true, frame_prefix: a, wheel_radius: 0.2}\n"
+    file.write_text(shared + GOOD.replace("    wheel_radius: 0.1\n", ""))
+    assert read(file).wheel_radius == 0.2
+
+
+def test_later_files_come_first(file: Path, tmp_path: Path) -> None:
+    """A second file overrules the first, and leaves the rest of it."""
+    other = tmp_path / "other.yaml"
+    other.write_text("velocity_controller: {ros__parameters: {wheel_radius: 0.5}}")
+    values = read_control_files([file, other], "/", "velocity_controller").values
+    assert (values["wheel_radius"], values["update_rate"]) == (0.5, 200)

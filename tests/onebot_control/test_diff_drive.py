@@ -1,0 +1,149 @@
+"""The controller without ROS, on an ideal plant: diff_drive_controller's own checklist."""
+
+import math
+from typing import Any
+
+import pytest
+
+from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.geometry import WheelGeometry
+from tests.onebot_control.control_support import RADIUS, SEPARATION, config
+
+REST = WheelStates(0.0, 0.0, 0.0, 0.0)
+
+
+def controller(**values: Any) -> DiffDriveController:
+    """A controller of wheels 0.3 m apart, of radius 0.06 m."""
+    chosen = config(**values)
+    return DiffDriveController(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
+
+
+def updates(drive: DiffDriveController, count: int, dt: float = 0.01) -> DriveCommand:
+    """The last of several cycles at rest."""
+    return [drive.update(REST, dt) for _ in range(count)][-1]
+
+
+def test_a_fresh_command_is_exact() -> None:
+    """Without limits the wheels turn as the kinematics say, at once."""
+    drive = controller()
+    assert drive.accept(1.0, 0.5) is None
+    command = drive.update(REST, 0.01)
+    assert (command.left, command.right) == pytest.approx((0.925 / 0.06, 1.075 / 0.06))
+
+
+def test_multipliers_scale_the_geometry() -> None:
+    """Separation and each side's radius are scaled, for commands and odometry alike."""
+    drive = controller(
+        wheel_separation_multiplier=2.0,
+        left_wheel_radius_multiplier=0.5,
+        right_wheel_radius_multiplier=2.0,
+    )
+    drive.accept(1.0, 1.0)
+    command = drive.update(REST, 1.0)
+    assert (command.left, command.right) == pytest.approx((0.7 / 0.03, 1.3 / 0.12))
+    drive.update(WheelStates(command.left, command.right, 0.0, 0.0), 1.0)
+    assert (drive.odometry.linear, drive.odometry.angular) == pytest.approx((1.0, 1.0))
+
+
+def test_a_late_command_is_refused() -> None:
+    """A command as old as the timeout is refused with the reason, and nothing moves."""
+    drive = controller()
+    refused = drive.accept(1.0, 0.0, age=0.5)
+    assert refused is not None and "0.500 s old, and cmd_vel_timeout is 0.5 s" in refused
+    assert updates(drive, 3).linear == 0.0
+
+
+def test_timeout_brakes_through_the_limiter() -> None:
+    """When commands stop, it goes on for the timeout and then slows down by the limit."""
+    drive = controller(linear_x_max_acceleration=1.0, cmd_vel_timeout=0.5)
+    for _ in range(100):
+        drive.accept(0.2, 0.0)
+        drive.update(REST, 0.01)
+    speeds = [drive.update(REST, 0.01).linear for _ in range(100)]
+    assert speeds[:50] == [0.2] * 50
+    braking = [0.2 - 0.01 * step for step in range(1, 20)]
+    assert speeds[50:69] == pytest.approx(braking)
+    assert speeds[70:] == pytest.approx([0.0] * 30, abs=1e-12)
+
+
+def test_age_on_arrival_counts() -> None:
+    """A command that came late stops so much earlier."""
+    drive = controller()
+    drive.accept(0.2, 0.0, age=0.4)
+    speeds = [drive.update(REST, 0.01).linear for _ in range(20)]
+    assert speeds.index(0.0) in (10, 11, 12)
+
+
+def test_a_stamp_ahead_of_time_does_not_drive_for_longer() -> None:
+    """However far a sender's clock is ahead, the command dies after the timeout."""
+    drive = controller()
+    drive.accept(0.2, 0.0, age=-1000.0)
+    assert updates(drive, 60).linear == 0.0
+
+
+def test_timeout_of_zero_keeps_a_command_for_ever() -> None:
+    """Neither a late command nor a long silence matters then."""
+    drive = controller(cmd_vel_timeout=0.0)
+    assert drive.accept(0.2, 0.0, age=1e6) is None
+    assert updates(drive, 10_000).linear == 0.2
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_a_command_that_is_not_finite_is_dropped_whole(wrong: float) -> None:
+    """It changes nothing, and does not keep an older one alive either."""
+    drive = controller()
+    drive.accept(0.2, 0.1)
+    for _ in range(60):
+        assert drive.accept(wrong, 0.0) is not None
+        assert drive.accept(0.0, wrong) is not None
+        command = drive.update(REST, 0.01)
+        assert all(math.isfinite(value) for value in command[:4])
+    assert (command.linear, command.angular) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("axis", ["linear", "angular"])
+def test_open_loop_with_clamped_input(axis: str) -> None:
+    """5 clamped to 0.5 gives a velocity of 0.5, and 0.05 after 0.1 s."""
+    name = "linear_x_max_velocity" if axis == "linear" else "angular_z_max_velocity"
+    drive = controller(open_loop=True, **{name: 0.5})
+    drive.accept(*((5.0, 0.0) if axis == "linear" else (0.0, 5.0)))
+    drive.update(REST, 0.1)
+    odometry = drive.odometry
+    assert getattr(odometry, axis) == 0.5
+    assert (odometry.x if axis == "linear" else odometry.heading) == pytest.approx(0.05)
+
+
+def test_velocity_feedback() -> None:
+    """With position_feedback off, velocities count and positions do not."""
+    drive = controller(position_feedback=False)
+    drive.update(WheelStates(math.nan, math.nan, 1.0, 1.0), 0.1)
+    assert drive.odometry.x == pytest.approx(0.006)
+
+
+def test_feedback_that_is_not_finite_is_reported() -> None:
+    """The odometry stays, and the caller is told."""
+    drive = controller()
+    assert not drive.update(WheelStates(math.nan, 0.0, 0.0, 0.0), 0.01).healthy
+    assert drive.odometry.x == 0.0
+
+
+def test_halt_leaves_the_wheels_exactly_at_rest() -> None:
+    """No ramp, and the next command starts from rest, as after deactivating."""
+    drive = controller(linear_x_max_acceleration=1.0)
+    drive.accept(1.0, 1.0)
+    updates(drive, 20)
+    drive.halt()
+    command = drive.update(REST, 0.01)
+    assert command[:4] == (0.0, 0.0, 0.0, 0.0)
+    drive.accept(1.0, 0.0)
+    assert drive.update(REST, 0.01).linear == pytest.approx(0.01)
+
+
+def test_limits_can_change_while_driving() -> None:
+    """The new limits start from the present speed."""
+    drive = controller(linear_x_max_acceleration=1.0)
+    drive.accept(1.0, 0.0)
+    assert updates(drive, 10).linear == pytest.approx(0.1)
+    chosen = config(linear_x_max_acceleration=2.0)
+    drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
+    assert drive.update(REST, 0.01).linear == pytest.approx(0.12)

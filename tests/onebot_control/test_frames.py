@@ -1,0 +1,46 @@
+"""Frame names and planar poses."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_control.frames import PlanarPose, prefixed, yaw_of
+
+
+@pytest.mark.parametrize(
+    ("enabled", "prefix", "namespace", "expected"),
+    [
+        (False, "", "/", "odom"),
+        (False, "test_prefix", "/", "odom"),
+        (False, "test_prefix", "/test_namespace", "odom"),
+        (True, "test_prefix", "/", "test_prefix/odom"),
+        (True, "test_prefix", "/test_namespace", "test_prefix/odom"),
+        (True, "", "/", "odom"),
+        (True, "", "/test_namespace", "test_namespace/odom"),
+        (True, "/test_prefix/", "/", "test_prefix/odom"),
+        (True, "/", "/test_namespace", "odom"),
+        (True, "", "/a/b", "a/b/odom"),
+    ],
+)
+def test_prefix(enabled: bool, prefix: str, namespace: str, expected: str) -> None:
+    """diff_drive_controller's cases: off, given, or the namespace; slashes made right."""
+    assert prefixed("odom", enabled, prefix, namespace) == expected
+
+
+coordinates = st.floats(-100.0, 100.0)
+poses = st.builds(PlanarPose, coordinates, coordinates, st.floats(-3.0, 3.0))
+
+
+@given(poses, poses)
+def test_inverse_undoes(one: PlanarPose, other: PlanarPose) -> None:
+    """Going there and back is going nowhere."""
+    assert one.then(one.inverse()) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    assert one.inverse().then(one.then(other)) == pytest.approx(tuple(other), abs=1e-9)
+
+
+@given(st.floats(-3.0, 3.0))
+def test_yaw_of_a_turn_about_z(yaw: float) -> None:
+    """The heading of a turn about z is its angle."""
+    assert yaw_of(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)) == pytest.approx(yaw)

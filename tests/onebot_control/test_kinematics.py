@@ -1,0 +1,35 @@
+"""Differential-drive kinematics."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_control.kinematics import DiffDriveKinematics
+
+speeds = st.floats(-10.0, 10.0)
+lengths = st.floats(0.01, 2.0)
+
+
+def test_wheel_speeds_are_those_of_the_formula() -> None:
+    """Each wheel turns with (v -/+ w sep / 2) / r of its own side."""
+    kinematics = DiffDriveKinematics(0.4, 0.1, 0.2)
+    assert kinematics.wheel_velocities(1.0, 2.0) == pytest.approx((6.0, 7.0))
+
+
+@given(speeds, speeds, lengths, lengths, lengths)
+def test_body_motion_undoes_wheel_velocities(
+    linear: float, angular: float, separation: float, left: float, right: float
+) -> None:
+    """What the wheels do is what was asked for, whatever the geometry."""
+    kinematics = DiffDriveKinematics(separation, left, right)
+    back = kinematics.body_motion(*kinematics.wheel_velocities(linear, angular))
+    assert back == pytest.approx((linear, angular), abs=1e-9 / separation)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -0.1, math.nan, math.inf])
+def test_geometry_no_robot_has_is_refused(wrong: float) -> None:
+    """Lengths are above 0 and finite; the error names the one that is not."""
+    with pytest.raises(ValueError, match="left_radius must be above 0"):
+        DiffDriveKinematics(0.3, wrong, 0.1)

@@ -1,0 +1,339 @@
+"""The node velocity_controller, in a process of its own, on real DDS."""
+
+import math
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_control.control_support import urdf
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+MODULE = "onebot_control.velocity_controller"
+NODE = "/velocity_controller"
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> str:
+    path = tmp_path / "bot.urdf"
+    path.write_text(urdf())
+    return str(path)
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator[Peer]:
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+class Driver:
+    """Publishes a command at 50 Hz until told otherwise; stops as the test ends."""
+
+    def __init__(self, peer: Peer, message: Any) -> None:
+        self._publisher = peer.publisher(type(message), f"{NODE}/cmd_vel")
+        self._peer, self.message = peer, message
+        self._timer = peer.node.create_timer(0.02, self._publish)
+
+    def _publish(self) -> None:
+        self._publisher.publish(self.message)
+
+    def stop(self) -> None:
+        self._timer.cancel()
+
+    def leave(self) -> None:
+        """Stop, and be no publisher of the topic any more."""
+        self.stop()
+        self._peer.node.destroy_publisher(self._publisher)
+
+
+def twist(linear: float, angular: float = 0.0) -> Twist:
+    message = Twist()
+    message.linear.x, message.angular.z = linear, angular
+    return message
+
+
+def call(peer: Peer, kind: Any, name: str, **request: Any) -> Any:
+    """The answer of one of the node's services."""
+    client = peer.node.create_client(kind, f"{NODE}/{name}")
+    assert client.wait_for_service(60.0), f"no service {name}"
+    future = client.call_async(kind.Request(**request))
+    wait_for(future.done, f"{name} to answer")
+    return future.result()
+
+
+def seconds(message: Any) -> float:
+    return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
+
+
+def x(message: Odometry) -> float:
+    return float(message.pose.pose.position.x)
+
+
+def speed(message: Odometry) -> float:
+    return float(message.twist.twist.linear.x)
+
+
+def test_drives_as_told_and_brakes_when_commands_stop(peer: Peer, model: str) -> None:
+    """A Twist at 50 Hz for 5 s: odometry and truth are where they should be, by their stamps."""
+    odom = peer.hear(Odometry, f"{NODE}/odom", 1000)
+    truth = peer.hear(Odometry, f"{NODE}/ground_truth", 1000)
+    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
+    with NodeProcess(MODULE, model):
+        driver = Driver(peer, twist(0.2))
+        start = wait_for(lambda: next((m for m in odom if speed(m) > 0.199), None), "full speed")
+        wait_for(lambda: seconds(odom[-1]) - seconds(start) > 5.0, "5 s of driving")
+        driver.stop()
+        wait_for(lambda: limited[-1].twist.linear.x == 0.0, "the brakes")
+        wait_for(lambda: abs(speed(odom[-1])) < 1e-4, "rest")
+        wait_for(lambda: len(truth) >= len(odom), "the truth")
+        end = next(m for m in odom if seconds(m) - seconds(start) >= 5.0)
+        way = 0.2 * (seconds(end) - seconds(start))
+        assert x(end) - x(start) == pytest.approx(way, rel=1e-3)
+        for wheel in (start, end, odom[-1]):
+            same = next(m for m in truth if m.header.stamp == wheel.header.stamp)
+            assert x(same) == pytest.approx(x(wheel), abs=5e-4)
+            assert same.pose.pose.position.y == pytest.approx(0.0, abs=1e-3)
+        # It slows down by control.yaml's 0.5 m/s^2, not at once.
+        slowing = [
+            m for m in limited if 0.0 < m.twist.linear.x < 0.19 and seconds(m) > seconds(end)
+        ]
+        assert len(slowing) > 20
+
+
+def test_publishes_from_the_start(peer: Peer, model: str) -> None:
+    """Without any command there are joint states, odometry, truth and transforms."""
+    joints = peer.hear(JointState, "/joint_states")
+    odom = peer.hear(Odometry, f"{NODE}/odom")
+    tf = peer.hear(TFMessage, "/tf")
+    static = peer.hear(TFMessage, "/tf_static", LATCHED)
+    with NodeProcess(MODULE, model, *ros_args(world_frame_id="world")):
+        wait_for(lambda: joints and len(odom) > 20 and tf and static, "messages")
+    assert joints[-1].name == ["left_wheel_joint", "right_wheel_joint"]
+    assert len(joints[-1].velocity) == len(joints[-1].effort) == 2
+    message = odom[-1]
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
+    assert message.pose.covariance[35] == pytest.approx(0.003)
+    assert message.twist.covariance[0] == pytest.approx(0.0001)
+    assert (x(message), speed(message)) == pytest.approx((0.0, 0.0), abs=1e-4)
+    transform = tf[-1].transforms[0]
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+    assert static[-1].transforms[0].child_frame_id == "odom"
+    gaps = {round(seconds(b) - seconds(a), 4) for a, b in zip(odom, odom[1:], strict=False)}
+    assert 0.02 in gaps
+
+
+def test_both_kinds_of_command_are_heard(peer: Peer, model: str) -> None:
+    """After a Twist, a TwistStamped of another publisher is taken up, also with stamp 0."""
+    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out")
+    with NodeProcess(MODULE, model) as node:
+        driver = Driver(peer, twist(0.1))
+        wait_for(lambda: limited and limited[-1].twist.linear.x == 0.1, "the Twist")
+        driver.leave()
+        wait_for(lambda: limited[-1].twist.linear.x == 0.0, "the brakes")
+        message = TwistStamped()
+        message.twist.linear.x = 0.3
+        Driver(peer, message)
+        wait_for(lambda: limited[-1].twist.linear.x == 0.3, "the TwistStamped")
+        assert "commands are TwistStamped now" in node.output
+        assert node.output.count("has stamp 0") == 1
+
+
+def test_late_commands_are_refused(peer: Peer, model: str) -> None:
+    """A stamp of a minute ago moves nothing, and a warning says why."""
+    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out")
+    with NodeProcess(MODULE, model, *ros_args(cmd_vel_type="TwistStamped")) as node:
+        message = TwistStamped()
+        message.twist.linear.x = 0.3
+        message.header.stamp.sec = int(peer.node.get_clock().now().nanoseconds * 1e-9) - 60
+        Driver(peer, message)
+        wait_for(lambda: "~/cmd_vel is ignored:" in node.output, "the warning")
+        assert "s old, and cmd_vel_timeout is 0.5 s" in node.output
+        assert all(m.twist.linear.x == 0.0 for m in limited)
+
+
+def test_commands_that_are_not_finite_are_refused(peer: Peer, model: str) -> None:
+    """NaN and infinity move nothing and break nothing: a right command drives afterwards."""
+    odom = peer.hear(Odometry, f"{NODE}/odom")
+    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out")
+    with NodeProcess(MODULE, model) as node:
+        driver = Driver(peer, twist(math.nan))
+        wait_for(lambda: "not finite: linear.x nan" in node.output, "the warning")
+        driver.message = twist(0.0, math.inf)
+        count = len(limited)
+        wait_for(lambda: len(limited) > count + 50, "half a second")
+        driver.message = twist(0.1)
+        wait_for(lambda: odom and speed(odom[-1]) > 0.099, "the robot to drive")
+        assert all(math.isfinite(m.twist.linear.x) for m in limited)
+        assert all(math.isfinite(x(m)) for m in odom)
+
+
+def test_simulated_time(peer: Peer, model: str) -> None:
+    """Ten times as fast: /clock runs, all stamps are on it, and there are no gaps."""
+    clock = peer.hear(Clock, "/clock", 1000)
+    joints = peer.hear(JointState, "/joint_states", 1000)
+    with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)):
+        wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
+    stamps = [seconds(m) for m in joints]
+    gaps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
+    assert gaps == pytest.approx([0.01] * len(gaps), abs=1e-6)
+    assert stamps[0] < 60.0
+
+
+def test_no_clock_in_real_time(peer: Peer, model: str) -> None:
+    """By default the stamps are the system's and nobody publishes /clock."""
+    joints = peer.hear(JointState, "/joint_states")
+    with NodeProcess(MODULE, model):
+        wait_for(lambda: joints, "joint states")
+        now = peer.node.get_clock().now().nanoseconds * 1e-9
+        assert abs(seconds(joints[-1]) - now) < 30.0
+        assert peer.node.count_publishers("/clock") == 0
+
+
+def test_services_and_teleport(peer: Peer, model: str) -> None:
+    """Teleport, set_odometry, reset_odometry, reset, pause and step do what they are called."""
+    odom = peer.hear(Odometry, f"{NODE}/odom")
+    truth = peer.hear(Odometry, f"{NODE}/ground_truth")
+    with NodeProcess(MODULE, model, *ros_args(x=1.0, world_frame_id="world")) as node:
+        wait_for(lambda: truth and x(truth[-1]) == pytest.approx(1.0, abs=1e-3), "the start")
+        pose = PoseStamped()
+        pose.pose.position.x = 7.0
+        peer.publisher(PoseStamped, f"{NODE}/teleport").publish(pose)
+        wait_for(lambda: abs(x(truth[-1]) - 7.0) < 1e-3, "the teleport")
+        assert x(odom[-1]) == pytest.approx(0.0, abs=1e-3)
+        pose.pose.position.x = 3.0
+        setter = peer.publisher(PoseStamped, f"{NODE}/set_odometry")
+        setter.publish(pose)
+        wait_for(lambda: abs(x(odom[-1]) - 3.0) < 1e-3, "the odometry to be set")
+        pose.pose.orientation.w = 0.0
+        setter.publish(pose)
+        wait_for(lambda: "its orientation no unit quaternion" in node.output, "the warning")
+        assert call(peer, Trigger, "reset_odometry").success
+        wait_for(lambda: abs(x(odom[-1])) < 1e-3, "the odometry to be reset")
+        assert call(peer, Trigger, "reset").success
+        wait_for(lambda: abs(x(truth[-1]) - 1.0) < 1e-3, "the reset")
+        refused = call(peer, Trigger, "step")
+        assert not refused.success and "pause it first" in refused.message
+        assert call(peer, SetBool, "pause", data=True).success
+        assert call(peer, Trigger, "step").success
+        assert call(peer, SetBool, "pause", data=False).success
+
+
+def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
+    """A limit set while it drives counts at once; what cannot be set says why."""
+    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out")
+    odom = peer.hear(Odometry, f"{NODE}/odom")
+    with NodeProcess(MODULE, model):
+        Driver(peer, twist(0.3))
+        wait_for(lambda: limited and limited[-1].twist.linear.x == 0.3, "0.3 m/s")
+        set_to = {"linear.x.max_velocity": 0.1, "odom_frame_id": "wheels"}
+        assert all(result.successful for result in peer.set_parameters(NODE, **set_to))
+        wait_for(lambda: limited[-1].twist.linear.x == 0.1, "0.1 m/s")
+        wait_for(lambda: odom[-1].header.frame_id == "wheels", "the new frame")
+        wrong = {
+            "wheel_radius": (-1.0, "wheel_radius: -1 is below 0"),
+            "update_rate": (50, "is read when the node starts"),
+            "real_time_factor": (2.0, "start it with use_sim_time:=true"),
+            "joint_state_broadcaster.joints": (["arm"], 'no joint "arm"'),
+            "no_such_thing": (1, ""),
+        }
+        for name, (value, reason) in wrong.items():
+            (result,) = peer.set_parameters(NODE, **{name: value})
+            assert not result.successful
+            assert reason in result.reason
+        client = peer.node.create_client(GetParameters, f"{NODE}/get_parameters")
+        assert client.wait_for_service(60.0)
+        future = client.call_async(GetParameters.Request(names=["wheel_radius"]))
+        wait_for(future.done, "the parameter")
+        assert future.result().values[0].double_value == 0.0
+
+
+def test_description_from_the_topic_also_changed(peer: Peer) -> None:
+    """It waits for the description, and takes up another one where the robot stands."""
+    joints = peer.hear(JointState, "/joint_states")
+    publisher = peer.node.create_publisher(String, "robot_description", LATCHED)
+    with NodeProcess(MODULE, *ros_args()) as node:
+        wait_for(lambda: "waiting for the robot description" in node.output, "the hint")
+        publisher.publish(String(data=urdf()))
+        wait_for(lambda: joints, "joint states")
+        publisher.publish(String(data=urdf(name="other")))
+        wait_for(lambda: "changed robot description taken up" in node.output, "the new robot")
+        publisher.publish(String(data="<robot/>"))
+        wait_for(lambda: "going on as before" in node.output, "the refusal")
+        count = len(joints)
+        wait_for(lambda: len(joints) > count + 10, "more joint states")
+
+
+def test_namespace_names_topics_and_frames(peer: Peer, model: str) -> None:
+    """In a namespace, frames get it as prefix and control.yaml still counts."""
+    odom = peer.hear(Odometry, "/robot1/velocity_controller/odom")
+    joints = peer.hear(JointState, "/robot1/joint_states")
+    with NodeProcess(MODULE, model, "--ros-args", "-r", "__ns:=/robot1"):
+        wait_for(lambda: odom and joints, "messages")
+    assert odom[-1].header.frame_id == "robot1/odom"
+    assert odom[-1].child_frame_id == "robot1/base_link"
+    assert odom[-1].pose.covariance[35] == pytest.approx(0.003)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("wheel_raduis: 0.1", ':5: wheel_raduis: unknown parameter (did you mean "wheel_radius"?'),
+        ("wheel_radius: [1.0]", ":5: wheel_radius: [1.0] is a list; write a number"),
+        ("wheel_radius: -0.1", ":5: wheel_radius: -0.1 is below 0"),
+        ("left_wheel_names: [wheel]", 'has no joint "wheel" that turns'),
+        ("pose_covariance_diagonal: [1.0]", ":5: pose_covariance_diagonal: 1 numbers; write 6"),
+    ],
+)
+def test_bad_control_yaml(ros_domain: int, model: str, line: str, said: str) -> None:
+    """Each mistake is one error on stderr, no traceback, and exit code 1."""
+    names = {side: f"{side}_wheel_names: [{side}_wheel_joint]" for side in ("left", "right")}
+    names["left"] = line if "left_wheel_names" in line else names["left"]
+    head = f"velocity_controller:\n  ros__parameters:\n    {names['left']}\n    {names['right']}\n"
+    last = "" if "left_wheel_names" in line else f"    {line}\n"
+    file = Path(model).with_name("control.yaml")
+    file.write_text(head + last)
+    with NodeProcess(MODULE, model, "--ros-args", "--params-file", str(file), check=False) as node:
+        assert node.wait() == 1
+        assert said in node.output
+        assert str(file) in node.output
+        assert "Traceback" not in node.output
+        assert node.output.count("error:") == 1
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_ends_at_once_and_cleanly(ros_domain: int, model: str, stop: int) -> None:
+    """Ctrl-C and SIGTERM end it with code 0 within 5 s, and nothing but log lines was printed."""
+    with NodeProcess(MODULE, model) as node:
+        wait_for(lambda: "driving robot" in node.output, "the start")
+        os.kill(node.process.pid, stop)
+        assert node.wait(5.0) == 0
+        assert "pybullet" not in node.output
+
+
+def test_killed_it_leaves_no_moving_robot(ros_domain: int, model: str) -> None:
+    """Robot and controller are one process: when it is killed, nothing of it is left to move."""
+    with NodeProcess(MODULE, model, check=False) as node:
+        wait_for(lambda: "driving robot" in node.output, "the start")
+        node.process.kill()
+        node.wait()
+        with pytest.raises(ProcessLookupError):
+            os.killpg(node.process.pid, 0)
+
+
+def test_unknown_parameter_on_the_command_line(ros_domain: int, model: str) -> None:
+    """A misspelt -p is an error with the nearest name, not silence."""
+    with NodeProcess(MODULE, model, *ros_args(wheel_raduis=0.1), check=False) as node:
+        assert node.wait() == 1
+        assert 'wheel_raduis: unknown parameter (did you mean "wheel_radius"?' in node.output
