@@ -5,6 +5,7 @@ Subscribes:
     robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
     /tf, /tf_static (tf2_msgs/TFMessage): where every frame stands; nothing is computed here.
     joint_states (sensor_msgs/JointState): plotted.
+    what the view names (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped): trails and speeds.
 
 Parameters:
     viewer (string, "web"): web, native (a window) or none.
@@ -29,11 +30,12 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_bringup.rerun_topics import SENSOR, DriveTopics
 from onebot_bringup.viewer.display import Display
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
@@ -53,8 +55,6 @@ VIEWERS = ("web", "native", "none")
 FLUSH_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# Best effort matches every publisher, and never makes one wait for us.
-SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 _PARAMETERS: dict[str, tuple[str | int | bool, str]] = {
     "viewer": ("web", "web, native or none"),
@@ -98,6 +98,7 @@ class RerunViewer(Node):
             frame_prefix=self._text("frame_prefix"),
         )
         self._subscribe()
+        self._drive = DriveTopics(self, self._live, config)
 
     # --- parameters -----------------------------------------------------------------------------
 
@@ -159,10 +160,17 @@ class RerunViewer(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(FLUSH_PERIOD, self._tick, clock=steady)
         self.create_timer(0.25, self._display.watch, clock=steady)
+        self.create_timer(0.25, self._watch_topics, clock=steady)
 
     def _tick(self) -> None:
         for message in self._live.tick(self.get_clock().now().nanoseconds):
             self.get_logger().warning(message)
+
+    def _watch_topics(self) -> None:
+        try:
+            self._drive.watch()
+        except OneBotError as error:
+            self.get_logger().warning(str(error), throttle_duration_sec=10.0)
 
     def _on_description(self, message: String) -> None:
         try:
@@ -197,6 +205,7 @@ class RerunViewer(Node):
     def destroy_node(self) -> None:
         """Write out the recording, end the viewers and the node."""
         if self._display is not None:
+            self._live.finish(self.get_clock().now().nanoseconds)
             self._display.close()
         super().destroy_node()
 

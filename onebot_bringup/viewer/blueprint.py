@@ -1,4 +1,4 @@
-"""The viewer's layout: the robot on its grid, the joints' curves beside it, quiet panels."""
+"""The viewer's layout: the robot on its grid, curves beside it, quiet panels."""
 
 from typing import Any
 
@@ -6,9 +6,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from onebot_bringup.viewer.geometry import Vector
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, FRAMES_ENTITY, VISUAL_ENTITY
+from onebot_bringup.viewer.scene import COLLISION_ENTITY, FRAMES_ENTITY
+from onebot_bringup.viewer.speeds import ANGULAR_ENTITY, LINEAR_ENTITY
 from onebot_bringup.viewer.streams import POSITION_ENTITY, TIMELINE, VELOCITY_ENTITY
-from onebot_bringup.viewer.view_config import JointPlotView, PanelsView, ViewConfig
+from onebot_bringup.viewer.trails import trail_entity
+from onebot_bringup.viewer.view_config import JointPlotView, PanelsView, SpeedsView, ViewConfig
 
 ROBOT_VIEW = "Robot"
 
@@ -19,6 +21,7 @@ def make_blueprint(
     eye: Vector | None = None,
     target: Vector | None = None,
     grid_spacing: float = 1.0,
+    follow: str | None = None,
 ) -> rrb.Blueprint:
     """Return the layout that ``view`` asks for.
 
@@ -28,9 +31,10 @@ def make_blueprint(
         eye: where to look from if the view does not say, metres in the fixed frame.
         target: where to look at if the view does not say.
         grid_spacing: metres, if the view does not say.
+        follow: the entity that the camera moves with.
     """
-    robot = _robot_view(view, fixed_frame, eye, target, grid_spacing)
-    plots = _plots(view.joint_plot)
+    robot = _robot_view(view, fixed_frame, eye, target, grid_spacing, follow)
+    plots = [*_joint_plots(view.joint_plot), *_speed_plots(view.speeds)]
     root = rrb.Horizontal(robot, rrb.Vertical(*plots), column_shares=[3, 1]) if plots else robot
     return rrb.Blueprint(root, *_panels(view.panels))
 
@@ -41,10 +45,10 @@ def _robot_view(
     eye: Vector | None,
     target: Vector | None,
     grid_spacing: float,
+    follow: str | None,
 ) -> rrb.Spatial3DView:
     camera = view.camera
     eye, target = camera.eye or eye, camera.target or target
-    follow = rr.new_entity_path([*VISUAL_ENTITY.split("/"), camera.follow, "0"])
     optional: dict[str, Any] = {}
     if view.background is not None:
         optional["background"] = rrb.Background(color=view.background)
@@ -55,9 +59,12 @@ def _robot_view(
         overrides={
             COLLISION_ENTITY: rrb.EntityBehavior(visible=view.collision),
             FRAMES_ENTITY: rrb.EntityBehavior(visible=view.axes.visible),
+            **{trail_entity(name): _last(trail.length) for name, trail in view.trails.items()},
         },
         line_grid=rrb.LineGrid3D(
-            visible=view.grid.visible, spacing=view.grid.spacing or grid_spacing
+            visible=view.grid.visible,
+            spacing=view.grid.spacing or grid_spacing,
+            plane=rr.components.Plane3D((0.0, 0.0, 1.0), view.grid.height),
         ),
         spatial_information=rrb.SpatialInformation(target_frame=fixed_frame, show_axes=False),
         eye_controls=rrb.EyeControls3D(
@@ -65,27 +72,42 @@ def _robot_view(
             position=eye,
             look_target=target,
             eye_up=(0.0, 0.0, 1.0),
-            tracking_entity=follow if camera.follow else None,
+            tracking_entity=follow,
         ),
         **optional,
     )
 
 
-def _plots(plot: JointPlotView) -> list[rrb.TimeSeriesView]:
+def _joint_plots(plot: JointPlotView) -> list[rrb.TimeSeriesView]:
     shown = [
         (plot.positions, POSITION_ENTITY, "Joint positions (rad, m)"),
         (plot.velocities, VELOCITY_ENTITY, "Joint velocities (rad/s, m/s)"),
     ]
-    window = rrb.VisibleTimeRange(
-        TIMELINE,
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-plot.window),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
+    return [_plot(entity, name, plot.window) for wanted, entity, name in shown if wanted]
+
+
+def _speed_plots(speeds: SpeedsView) -> list[rrb.TimeSeriesView]:
+    if not speeds.lines:
+        return []
     return [
-        rrb.TimeSeriesView(origin=entity, name=name, time_ranges=[window])
-        for wanted, entity, name in shown
-        if wanted
+        _plot(LINEAR_ENTITY, "Speed (m/s)", speeds.window),
+        _plot(ANGULAR_ENTITY, "Turn rate (rad/s)", speeds.window),
     ]
+
+
+def _plot(entity: str, name: str, window: float) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(origin=entity, name=name, time_ranges=_last(window))
+
+
+def _last(seconds: float) -> rrb.VisibleTimeRanges:
+    """The last ``seconds`` before the time cursor; 0 for all before it."""
+    start = (
+        rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds)
+        if seconds
+        else rrb.TimeRangeBoundary.infinite()
+    )
+    end = rrb.TimeRangeBoundary.cursor_relative()
+    return rrb.VisibleTimeRanges(rrb.VisibleTimeRange(TIMELINE, start=start, end=end))
 
 
 def _panels(panels: PanelsView) -> tuple[Any, ...]:

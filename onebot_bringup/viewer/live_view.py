@@ -1,4 +1,4 @@
-"""A robot on show: takes in descriptions, transforms and joint states, keeps the recording right.
+"""A robot on show: takes in what is said of it, and keeps the recording right.
 
 It says where it stands and what it waits for; it waits for nothing itself and never blocks.
 """
@@ -14,16 +14,23 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.blueprint import make_blueprint
 from onebot_bringup.viewer.bounds import fitting_eye, robot_bounds
+from onebot_bringup.viewer.complaints import (
+    COMPLAIN_AFTER,
+    Complaints,
+    missing_fixed_frame,
+    missing_links,
+)
+from onebot_bringup.viewer.drive import DriveStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.geometry import Robot, read_robot
+from onebot_bringup.viewer.odometry_wire import OdometrySample, TwistSample
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.streams import JointStream, Transforms, TransformStream
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.text import did_you_mean, listing
+from onebot_description.text import did_you_mean
 
 # How long the view waits for every link's frame before it is laid out without them (seconds).
 _PATIENCE = 1.0
-_COMPLAIN_AFTER = 3.0
 _DEFAULT_AXES = 0.5  # metres
 
 Floats = NDArray[np.float64]
@@ -63,23 +70,23 @@ class LiveView:
         self._view = view or ViewConfig()
         self._own_layout = blueprint is None
         self._clock = clock
-        self._started = clock()
         self._changed = clock()
         self._robot: Robot | None = None
         self._layout: _Layout | None = None
         self._retired: set[str] = set()
-        self._complained: set[str] = set()
-        self._next_hint = 2.0
+        self._complaints = Complaints(clock)
         self.frames = FrameTree()
         axes = self._view.axes
         self._scene = Scene(
             stream,
             axes_length=axes.length or _DEFAULT_AXES,
             axes_names=axes.names,
+            axes_of=axes.frames,
             frame_prefix=frame_prefix,
         )
         self._transforms = TransformStream(stream, self.frames)
         self._joints = JointStream(stream)
+        self._drive = DriveStream(stream, self._view, self.frames, clock)
         if blueprint is not None:
             stream.log_file_from_path(blueprint)
 
@@ -90,10 +97,22 @@ class LiveView:
 
     @property
     def fixed_frame(self) -> str:
-        """The frame everything is shown in; "" before there is any."""
-        if self._view.fixed_frame or self._robot is None:
+        """The frame everything is shown in; "" before there is any.
+
+        The view's, also with the frame_prefix before it; while no such frame is known, the one
+        above the robot's root link.
+        """
+        if self._robot is None:
             return self._view.fixed_frame
-        return self.frames.top(self._scene.frame_of(self._robot.root))
+        return self._wanted_frame() or self.frames.top(self._scene.frame_of(self._robot.root))
+
+    def _wanted_frame(self) -> str:
+        """The view's fixed frame under the name it is known by; "" if there is none such."""
+        assert self._robot is not None
+        wanted = self._view.fixed_frame
+        known = self.frames.names.union(map(self._scene.frame_of, self._robot.links))
+        names = (wanted, self._scene.frame_of(wanted)) if wanted else ()
+        return next((name for name in names if name in known), "")
 
     def set_description(self, urdf: str) -> list[str]:
         """Show the robot that ``urdf`` describes, in the place of the one before.
@@ -106,12 +125,16 @@ class LiveView:
         """
         robot = read_robot(urdf)
         problems = self._scene.set_robot(robot)
+        follow = self._view.camera.follow
+        if follow and follow not in robot.links:
+            known = did_you_mean(follow, robot.links, "links")
+            problems.append(f'camera.follow: the robot has no link "{follow}"{known}')
         self._retire_frames(robot)
         if self._robot is None or robot.name != self._robot.name:
             self._stream.send_recording_name(robot.name)
         self._robot = robot
         self._changed = self._clock()
-        self._complained.clear()
+        self._complaints.forget()
         return problems
 
     def _retire_frames(self, robot: Robot) -> None:
@@ -142,6 +165,14 @@ class LiveView:
         """Take in a JointState: nanoseconds, N names, (N,) or empty arrays."""
         self._joints.add(stamp_ns, names, positions, velocities)
 
+    def add_odometry(self, topic: str, stamp_ns: int, sample: OdometrySample) -> None:
+        """Take in an Odometry of ``topic``, as the view names it; its time in nanoseconds."""
+        self._drive.add_odometry(topic, stamp_ns, sample)
+
+    def add_command(self, topic: str, stamp_ns: int, sample: TwistSample) -> None:
+        """Take in a Twist of ``topic``, as the view names it; its time in nanoseconds."""
+        self._drive.add_command(topic, stamp_ns, sample)
+
     def tick(self, now_ns: int) -> list[str]:
         """Log what was collected and set the view up; call it some 20 times a second.
 
@@ -153,12 +184,27 @@ class LiveView:
         """
         self._transforms.flush(now_ns)
         self._joints.flush()
+        problems = self._drive.tick(self.fixed_frame, now_ns)
         self._show_frames()
         if self._robot is None:
-            return self._hint_waiting()
+            return self._complaints.waiting()
         missing = self._missing_links()
-        self._lay_out(complete=not missing)
-        return self._complaints(missing)
+        as_wanted = not self._view.fixed_frame or bool(self._wanted_frame())
+        self._lay_out(complete=as_wanted and not missing)
+        if self._clock() - self._changed >= COMPLAIN_AFTER:
+            fixed = self.fixed_frame
+            if missing:
+                problems.append(missing_links(fixed, missing))
+            if not as_wanted:
+                wanted = self._view.fixed_frame
+                problems.append(missing_fixed_frame(wanted, fixed, self.frames.names))
+        return self._complaints.once(problems)
+
+    def finish(self, now_ns: int) -> None:
+        """Log what is still kept back, before the recording is closed."""
+        self._transforms.flush(now_ns)
+        self._joints.flush()
+        self._drive.flush(self.fixed_frame)
 
     def _missing_links(self) -> list[str]:
         assert self._robot is not None
@@ -200,7 +246,9 @@ class LiveView:
                 # Long enough to come out of a few big links, short enough for many small ones.
                 crowd = len(self._robot.links) ** 0.7
                 self._scene.set_axes_length(round(0.55 * size / crowd, 3))
-        blueprint = make_blueprint(self._shown(), fixed_frame, eye, target, spacing)
+        follow = self._view.camera.follow
+        entity = self._scene.entity_of(follow) if follow in self._robot.links else None
+        blueprint = make_blueprint(self._shown(), fixed_frame, eye, target, spacing, entity)
         self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def _shown(self) -> ViewConfig:
@@ -213,32 +261,3 @@ class LiveView:
             velocities=plot.velocities and self._joints.has_velocities,
         )
         return replace(self._view, joint_plot=plot)
-
-    def _hint_waiting(self) -> list[str]:
-        waited = self._clock() - self._started
-        if waited < self._next_hint:
-            return []
-        self._next_hint = max(10.0, 2 * self._next_hint)
-        return [
-            f"waiting for the robot's description on robot_description ({waited:.0f} s); "
-            "it comes from robot_state_publisher"
-        ]
-
-    def _complaints(self, missing: list[str]) -> list[str]:
-        """Say once for a description what keeps links from being shown."""
-        if not missing or self._clock() - self._changed < _COMPLAIN_AFTER:
-            return []
-        fixed = self.fixed_frame
-        names = self.frames.names
-        if fixed not in names and len(missing) > 1:
-            known = did_you_mean(fixed, names, "frames heard")
-            message = f'the fixed frame "{fixed}" is not on /tf or /tf_static{known}'
-        else:
-            message = (
-                f'no transform yet from "{fixed}" to {listing(missing, 5)}: '
-                "not shown until /tf or /tf_static brings it"
-            )
-        if message in self._complained:
-            return []
-        self._complained.add(message)
-        return [message]

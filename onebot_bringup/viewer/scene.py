@@ -5,7 +5,7 @@ one click shows or hides it) and ``frames/<frame>`` (axes and name). All are sta
 joins late, or opens the file later, has them. Where a frame stands comes from /tf only.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +53,7 @@ class Scene:
         *,
         axes_length: float = 0.5,
         axes_names: bool = True,
+        axes_of: Collection[str] = (),
         frame_prefix: str = "",
     ) -> None:
         """Draw into ``recording``.
@@ -61,18 +62,26 @@ class Scene:
             recording: where to log.
             axes_length: length of every frame's axes, metres.
             axes_names: write the frames' names beside them.
+            axes_of: draw the axes of these frames only (the prefix may be left out); empty for all.
             frame_prefix: put before link names, as robot_state_publisher's parameter of that name.
         """
         self._recording = recording
         self._axes_length = axes_length
         self._axes_names = axes_names
         self._prefix = frame_prefix
+        self._axes_of = {*axes_of, *map(self.frame_of, axes_of)}
         self._drawn: dict[str, _Drawn] = {}
         self._frames: set[str] = set()
 
     def frame_of(self, link: str) -> str:
         """Return the TF frame of ``link``."""
         return self._prefix + link
+
+    def entity_of(self, link: str) -> str:
+        """Return an entity that moves with ``link``: its first visual, or else its axes."""
+        start = _path(*VISUAL_ENTITY.split("/"), link) + "/"
+        visuals = sorted(path for path in self._drawn if path.startswith(start))
+        return visuals[0] if visuals else _path(FRAMES_ENTITY, self.frame_of(link))
 
     def set_robot(self, robot: Robot) -> list[str]:
         """Show ``robot`` and nothing else; what did not change is left alone.
@@ -98,7 +107,8 @@ class Scene:
 
     def show_frames(self, frames: Iterable[str]) -> None:
         """Draw axes and names of ``frames`` not drawn so far."""
-        for frame in set(frames) - self._frames:
+        wanted = self._axes_of.intersection(frames) if self._axes_of else set(frames)
+        for frame in wanted - self._frames:
             self._frames.add(frame)
             self._draw_axes(frame)
 

@@ -3,8 +3,8 @@
 Example (every key may be left out)::
 
     fixed_frame: base_link        # "" is the frame above all others
-    axes: {visible: true, length: 0.5, names: true}   # metres
-    grid: {visible: true, spacing: 1.0}               # metres
+    axes: {visible: true, length: 0.5, names: true, frames: []}   # metres; [] is all frames
+    grid: {visible: true, spacing: 1.0, height: 0.0}  # metres
     collision: false              # show collision shapes at the start
     background: [48, 48, 48]      # sRGB bytes
     camera:
@@ -12,6 +12,13 @@ Example (every key may be left out)::
       target: [0.0, 0.0, 0.5]
       follow: base_link           # the link the camera moves with
     joint_plot: {positions: true, velocities: true, window: 30.0}   # seconds
+    trails:                       # where it has been, by Odometry topics, under any names
+      odometry: {topic: velocity_controller/odom, color: [255, 176, 32], length: 60.0}   # seconds
+    speeds:                       # linear.x and angular.z, under any names
+      window: 20.0                # seconds
+      lines:
+        commanded: {topic: velocity_controller/cmd_vel, type: auto}
+        measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
@@ -22,28 +29,43 @@ from typing import Any, TypeVar
 
 import yaml
 
+from onebot_bringup.viewer import view_values as values
 from onebot_bringup.viewer.geometry import Vector
+from onebot_bringup.viewer.view_values import Color
 from onebot_description.errors import OneBotError
 from onebot_description.text import did_you_mean
-
-PANEL_STATES = ("hidden", "collapsed", "expanded")
 
 
 @dataclass(frozen=True)
 class AxesView:
-    """The frames' axes: drawn or not, length in metres (0: by the robot's size), named or not."""
+    """The frames' axes.
+
+    Attributes:
+        visible: they are drawn.
+        length: metres; 0 to choose it by the robot's size.
+        names: the frames' names are written beside them.
+        frames: of these frames only; empty for all.
+    """
 
     visible: bool = True
     length: float = 0.0
     names: bool = True
+    frames: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class GridView:
-    """The grid on the ground: drawn or not, spacing in metres (0: chosen by the robot's size)."""
+    """The grid on the ground: drawn or not.
+
+    Attributes:
+        visible: it is drawn.
+        spacing: metres; 0 to choose it by the robot's size.
+        height: metres above the fixed frame's origin; negative where that is up on an axle.
+    """
 
     visible: bool = True
     spacing: float = 0.0
+    height: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +87,48 @@ class JointPlotView:
 
 
 @dataclass(frozen=True)
+class TrailView:
+    """A line along the poses of an Odometry topic.
+
+    Attributes:
+        topic: relative, so that the node's namespace applies.
+        color: sRGB bytes; None for one of ours.
+        length: how many seconds of it are shown; 0 for all.
+        width: metres.
+        height: metres above the poses; negative to lay it on the ground.
+    """
+
+    topic: str = ""
+    color: Color | None = None
+    length: float = 60.0
+    width: float = 0.01
+    height: float = 0.0
+
+
+@dataclass(frozen=True)
+class SpeedLineView:
+    """A curve in each plot of speeds.
+
+    Attributes:
+        topic: relative, so that the node's namespace applies.
+        type: Twist, TwistStamped or Odometry; auto for what is on the topic.
+        color: sRGB bytes; None for one of ours.
+    """
+
+    topic: str = ""
+    type: str = "auto"
+    color: Color | None = None
+
+
+@dataclass(frozen=True)
+class SpeedsView:
+    """The curves of the speeds by name, and how many seconds of them are shown."""
+
+    window: float = 20.0
+    lines: Mapping[str, SpeedLineView] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class PanelsView:
     """The state of the viewer's panels: hidden, collapsed or expanded."""
 
@@ -82,9 +146,11 @@ class ViewConfig:
     axes: AxesView = field(default_factory=AxesView)
     grid: GridView = field(default_factory=GridView)
     collision: bool = False
-    background: tuple[int, int, int] | None = None
+    background: Color | None = None
     camera: CameraView = field(default_factory=CameraView)
     joint_plot: JointPlotView = field(default_factory=JointPlotView)
+    trails: Mapping[str, TrailView] = field(default_factory=dict)
+    speeds: SpeedsView = field(default_factory=SpeedsView)
     panels: PanelsView = field(default_factory=PanelsView)
 
 
@@ -130,63 +196,43 @@ def _value(key: str, current: object, value: object, where: str) -> object:
     if key in _SPECIAL:
         return _SPECIAL[key](value, where)
     if isinstance(current, bool):
-        return _boolean(value, where)
+        return values.boolean(value, where)
     if isinstance(current, float):
-        return _length(value, where)
+        return values.length(value, where)
     if isinstance(current, str):
-        return _text(value, where)
+        return values.text(value, where)
     return _read(type(current), value, where)
 
 
-def _boolean(value: object, where: str) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError(f'{where} must be true or false, not "{value}"')
-    return value
+def _named(kind: type[T]) -> Callable[[Any, str], dict[str, T]]:
+    """Return the reader of a mapping from names, freely chosen, to what has a topic."""
 
+    def read(content: Any, where: str) -> dict[str, T]:
+        if not isinstance(content, Mapping):
+            raise ValueError(f'{where} must be "name: {{topic: ...}}" lines')
+        found = {}
+        for name, entry in content.items():
+            path = f"{where}.{name}"
+            if not isinstance(name, str) or not name:
+                raise ValueError(f"{path}: a name must be text")
+            found[name] = _read(kind, entry, path)
+            if "topic" not in entry:
+                raise ValueError(f"{path} has no topic")
+        return found
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def _length(value: Any, where: str) -> float:
-    if not _is_number(value) or not 0 <= value < float("inf"):
-        raise ValueError(f'{where} must be a number of at least 0, such as 0.5, not "{value}"')
-    return float(value)
-
-
-def _text(value: object, where: str) -> str:
-    if not isinstance(value, str):
-        raise ValueError(f'{where} must be a name, not "{value}"')
-    return value
-
-
-def _vector(value: Any, where: str) -> Vector | None:
-    if value is None:
-        return None
-    numbers = isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
-    if not numbers or not all(abs(number) < float("inf") for number in value):
-        raise ValueError(f'{where} must be three metres, such as [3.0, -3.0, 2.0], not "{value}"')
-    return float(value[0]), float(value[1]), float(value[2])
-
-
-def _background(value: Any, where: str) -> tuple[int, int, int] | None:
-    if value is None:
-        return None
-    three = isinstance(value, list) and len(value) == 3
-    if not three or not all(type(number) is int and 0 <= number <= 255 for number in value):
-        raise ValueError(f'{where} must be three bytes, such as [48, 48, 48], not "{value}"')
-    return value[0], value[1], value[2]
-
-
-def _panel(value: object, where: str) -> str:
-    if value not in PANEL_STATES:
-        raise ValueError(f'{where} must be one of {", ".join(PANEL_STATES)}, not "{value}"')
-    return str(value)
+    return read
 
 
 _SPECIAL: dict[str, Callable[[Any, str], object]] = {
-    "background": _background,
-    "eye": _vector,
-    "target": _vector,
-    **{entry.name: _panel for entry in fields(PanelsView)},
+    "background": values.color,
+    "color": values.color,
+    "eye": values.vector,
+    "frames": values.names,
+    "target": values.vector,
+    "height": values.height,
+    "topic": values.topic,
+    "type": values.speed_type,
+    "trails": _named(TrailView),
+    "lines": _named(SpeedLineView),
+    **{entry.name: values.panel for entry in fields(PanelsView)},
 }

@@ -22,8 +22,10 @@ def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):
     ):
         peer.publisher(String, "robot_description", LATCHED).publish(String(data=ARM))
         wait_for(lambda: 'showing "arm"' in node.output, "the robot")
-        [address] = re.findall(r"open (http://127\.0\.0\.1:\d+)", node.output)
-        page.get(address)
+        address = wait_for(
+            lambda: re.search(r"open (http://127\.0\.0\.1:\d+)", node.output), "the address"
+        )
+        page.get(address[1])
         # Software WebGL takes some 20 s to the first picture on two cores.
         wait_for(
             lambda: colored(pixels(page.get_screenshot_as_png()), BLUE).sum() > 2000,

@@ -262,11 +262,13 @@ def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     now = [0.0]
     live = LiveView(recording.stream, ViewConfig(fixed_frame="odm"), clock=lambda: now[0])
     live.set_description(ARM)
+    live.add_transforms(transforms("base", "tip", 1.0))
     live.add_transforms(transforms("odom", "base", 0.0))
     assert live.tick(START_NS) == []
     now[0] = 4.0
     [message] = live.tick(START_NS)
     assert '"odm" is not on /tf' in message and 'did you mean "odom"' in message
+    assert 'shown in "odom"' in message and live.fixed_frame == "odom"
     assert live.tick(START_NS) == [], "said once"
     recording.close()
 

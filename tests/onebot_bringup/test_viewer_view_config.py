@@ -3,7 +3,8 @@ from pathlib import Path
 import pytest
 
 import mrm_description
-from onebot_bringup.viewer.view_config import ViewConfig, load_view
+import onebot_description
+from onebot_bringup.viewer.view_config import SpeedLineView, TrailView, ViewConfig, load_view
 from onebot_description.errors import OneBotError
 
 
@@ -25,18 +26,34 @@ def test_every_key_is_read(tmp_path):
         tmp_path,
         """
         fixed_frame: odom
-        axes: {visible: false, length: 1, names: false}
-        grid: {visible: false, spacing: 0.5}
+        axes: {visible: false, length: 1, names: false, frames: [odom]}
+        grid: {visible: false, spacing: 0.5, height: -0.06}
         collision: true
         background: [1, 2, 3]
         camera: {eye: [1, 2, 3], target: [0, 0, 0.5], follow: base_link}
         joint_plot: {positions: false, velocities: false, window: 5}
+        trails:
+          odometry: {topic: a/odom, color: [1, 2, 3], length: 5, width: 0.02, height: -0.1}
+          truth: {topic: /b}
+        speeds:
+          window: 7
+          lines: {asked: {topic: cmd_vel}, done: {topic: a/odom, type: Odometry, color: [4, 5, 6]}}
         panels: {time: hidden}
         """,
     )
     assert view.fixed_frame == "odom" and view.collision and view.background == (1, 2, 3)
     assert (view.axes.visible, view.axes.length, view.axes.names) == (False, 1.0, False)
-    assert (view.grid.visible, view.grid.spacing) == (False, 0.5)
+    assert view.axes.frames == ("odom",)
+    assert (view.grid.visible, view.grid.spacing, view.grid.height) == (False, 0.5, -0.06)
+    assert view.trails == {
+        "odometry": TrailView("a/odom", (1, 2, 3), 5.0, 0.02, -0.1),
+        "truth": TrailView("/b"),
+    }
+    assert view.speeds.window == 7.0
+    assert view.speeds.lines == {
+        "asked": SpeedLineView("cmd_vel", "auto", None),
+        "done": SpeedLineView("a/odom", "Odometry", (4, 5, 6)),
+    }
     assert view.camera.eye == (1.0, 2.0, 3.0) and view.camera.follow == "base_link"
     assert (view.joint_plot.positions, view.joint_plot.window) == (False, 5.0)
     assert (view.panels.time, view.panels.top) == ("hidden", "expanded")
@@ -48,6 +65,15 @@ def test_the_example_in_the_module_is_valid(tmp_path):
 
     text = view_config.__doc__.partition("::\n")[2]
     assert _load(tmp_path, text).camera.follow == "base_link"
+
+
+def test_the_view_of_onebot_is_valid():
+    """It follows the robot in odom, with trails of odometry and truth, and both kinds of speed."""
+    path = Path(onebot_description.__file__).parent / "config/view.yaml"
+    view = load_view(path)
+    assert (view.fixed_frame, view.camera.follow) == ("odom", "base_link")
+    assert set(view.trails) == {"odometry", "truth"}
+    assert set(view.speeds.lines) == {"commanded", "measured"}
 
 
 def test_the_view_of_mrm_is_valid():
@@ -66,7 +92,20 @@ def test_the_view_of_mrm_is_valid():
         ("axes: {length: long}", "axes.length must be a number of at least 0"),
         ("axes: {length: -1}", "axes.length must be a number of at least 0"),
         ("axes: {visible: 1}", "axes.visible must be true or false"),
-        ("axes: 3", 'axes must be "key: value" lines, with visible, length, names'),
+        ("axes: 3", 'axes must be "key: value" lines, with visible, length, names, frames'),
+        ("axes: {frames: odom}", "axes.frames must be a list of names"),
+        ("grid: {height: high}", "grid.height must be metres, such as -0.05"),
+        ("trails: [odom]", 'trails must be "name: {topic: ...}" lines'),
+        ("trails: {a: odom}", 'trails.a must be "key: value" lines, with topic'),
+        ("trails: {a: {length: 3}}", "trails.a has no topic"),
+        ("trails: {a: {topic: a b}}", "trails.a.topic must be a topic, such as"),
+        ("trails: {a: {topic: b, colour: [0, 0, 0]}}", 'unknown key "trails.a.colour" (did you'),
+        ("trails: {1: {topic: b}}", "trails.1: a name must be text"),
+        ("speeds: {a: {topic: b}}", 'unknown key "speeds.a" (known: lines, window)'),
+        (
+            "speeds: {lines: {a: {topic: b, type: twist}}}",
+            "speeds.lines.a.type must be one of auto, Twist, TwistStamped, Odometry",
+        ),
         ("collision: maybe", "collision must be true or false"),
         ("background: [1, 2, 300]", "background must be three bytes"),
         ("panels: {time: open}", "panels.time must be one of hidden, collapsed, expanded"),

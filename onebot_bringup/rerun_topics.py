@@ -1,0 +1,183 @@
+"""The topics of a robot that drives, heard for the viewer: Odometry, Twist and TwistStamped."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+
+from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.odometry_wire import (
+    OdometrySample,
+    TwistSample,
+    decode_odometry,
+    decode_twist,
+    decode_twist_stamped,
+)
+from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_description.errors import OneBotError
+from onebot_description.tf.wire import WireError
+
+RCLError = rclpy_implementation.RCLError
+
+# Best effort matches every publisher, and never makes one wait for us.
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+_ODOMETRY, _AUTO = "Odometry", "auto"
+_KINDS = {"Twist": Twist, "TwistStamped": TwistStamped, _ODOMETRY: Odometry}
+_KIND_OF = {
+    "geometry_msgs/msg/Twist": "Twist",
+    "geometry_msgs/msg/TwistStamped": "TwistStamped",
+    "nav_msgs/msg/Odometry": _ODOMETRY,
+}
+
+
+def wanted_topics(view: ViewConfig) -> dict[str, str]:
+    """Return the topics that ``view`` names and the type of each, "auto" where it is open."""
+    topics = {trail.topic: _ODOMETRY for trail in view.trails.values()}
+    for line in view.speeds.lines.values():
+        if topics.get(line.topic, _AUTO) == _AUTO:
+            topics[line.topic] = line.type
+    return topics
+
+
+@dataclass
+class _Heard:
+    """A subscription, and the type it is of."""
+
+    kind: str
+    subscription: Any
+
+
+class DriveTopics:
+    """Subscribes to what the view asks for, each topic once."""
+
+    def __init__(self, node: Node, live: LiveView, view: ViewConfig) -> None:
+        """Subscribe on ``node``, feed ``live``.
+
+        Raises:
+            OneBotError: the viewer hears one of the topics already, as another type.
+        """
+        self._node = node
+        self._live = live
+        self._heard: dict[str, _Heard] = {}
+        self._open: list[str] = []  # topics whose type the graph tells
+        for topic, kind in wanted_topics(view).items():
+            if kind == _AUTO:
+                self._open.append(topic)
+            else:
+                self._listen(topic, kind)
+
+    def watch(self) -> None:
+        """Subscribe to topics of type "auto" as what is found there; call it now and then."""
+        for topic in self._open:
+            kind = self._type_of(topic)
+            heard = self._heard.get(topic)
+            if kind is None or (heard is not None and heard.kind == kind):
+                continue
+            if heard is None:
+                self._listen(topic, kind)
+            else:
+                # A node can hear a topic as one type only, and the executor lets go of the old
+                # subscription after this callback: the new one is made when we are called again.
+                self._node.destroy_subscription(self._heard.pop(topic).subscription)
+
+    def _type_of(self, topic: str) -> str | None:
+        """The type on ``topic``: its publishers', or else its subscribers', so as to be early."""
+        name = self._node.resolve_topic_name(topic)
+        heard = self._heard.get(topic)
+        for ends in (
+            self._node.get_publishers_info_by_topic(name),
+            self._node.get_subscriptions_info_by_topic(name),
+        ):
+            kinds = {_KIND_OF[end.topic_type] for end in ends if end.topic_type in _KIND_OF}
+            if heard is not None and heard.kind in kinds:
+                return heard.kind
+            if kinds:
+                return min(kinds)
+        return None
+
+    def _listen(self, topic: str, kind: str) -> None:
+        on_message = self._on_odometry if kind == _ODOMETRY else self._on_twist
+        try:
+            subscription = self._node.create_subscription(
+                _KINDS[kind], topic, on_message(topic, kind), SENSOR, raw=True
+            )
+        except RCLError as error:
+            raise OneBotError(
+                f'the view\'s topic "{topic}" cannot be heard as {kind}: the viewer hears it as '
+                "another type"
+            ) from error
+        self._heard[topic] = _Heard(kind, subscription)
+
+    def _on_odometry(self, topic: str, _: str) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            sample = _odometry(data)
+            self._live.add_odometry(topic, sample.stamp_ns or self._now(), sample)
+
+        return take
+
+    def _on_twist(self, topic: str, kind: str) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            sample = _TWIST_READERS[kind](data)
+            self._live.add_command(topic, sample.stamp_ns or self._now(), sample)
+
+        return take
+
+    def _now(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
+
+
+def _odometry(data: bytes) -> OdometrySample:
+    """Decode quickly; whatever is not plain CDR, as rclpy does."""
+    try:
+        return decode_odometry(data)
+    except WireError:
+        message = deserialize_message(data, Odometry)
+    pose, twist = message.pose.pose, message.twist.twist
+    return OdometrySample(
+        _stamp(message),
+        message.header.frame_id,
+        message.child_frame_id,
+        _array(pose.position),
+        np.array([pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w]),
+        _array(twist.linear),
+        _array(twist.angular),
+    )
+
+
+def _twist(data: bytes) -> TwistSample:
+    try:
+        return decode_twist(data)
+    except WireError:
+        message = deserialize_message(data, Twist)
+    return TwistSample(0, _array(message.linear), _array(message.angular))
+
+
+def _twist_stamped(data: bytes) -> TwistSample:
+    try:
+        return decode_twist_stamped(data)
+    except WireError:
+        message = deserialize_message(data, TwistStamped)
+    return TwistSample(_stamp(message), _array(message.twist.linear), _array(message.twist.angular))
+
+
+_TWIST_READERS: Mapping[str, Callable[[bytes], TwistSample]] = {
+    "Twist": _twist,
+    "TwistStamped": _twist_stamped,
+}
+
+
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def _array(vector: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([vector.x, vector.y, vector.z], float)

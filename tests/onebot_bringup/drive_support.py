@@ -1,0 +1,57 @@
+"""A trail's messages, and what lies on an entity of a file, for the tests of a driving robot."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import rerun.chunk as rc
+
+from onebot_bringup.viewer.odometry_wire import OdometrySample
+from tests.onebot_bringup.viewer_support import START_NS
+
+NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def odometry(x, y=0.0, z=0.0, *, frame="odom", speed=0.0, turn=0.0, stamp_ns=START_NS):
+    """An Odometry message of a robot at (x, y, z) metres."""
+    linear, angular = np.array([speed, 0.0, 0.0]), np.array([0.0, 0.0, turn])
+    place = np.array([x, y, z], float)
+    return OdometrySample(stamp_ns, frame, "base", place, NO_TURN, linear, angular)
+
+
+def chunks(path: Path, entity: str) -> list:
+    """The chunks of ``entity`` in a file, the static ones first."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a recording without a footer is our choice
+        reader = rc.RrdReader(str(path))
+    found = [chunk for chunk in reader.stream() if str(chunk.entity_path) == entity]
+    return sorted(found, key=lambda chunk: not chunk.is_static)
+
+
+def column(path: Path, entity: str, name: str) -> list:
+    """All rows of a column of ``entity``, in the order they were logged."""
+    return [
+        row
+        for chunk in chunks(path, entity)
+        if name in chunk.to_record_batch().schema.names
+        for row in chunk.to_record_batch().column(name).to_pylist()
+    ]
+
+
+def while_written(read, *args) -> list:
+    """``read(*args)`` of a file that a node writes to; nothing if it ends within a message."""
+    try:
+        return read(*args)
+    except (RuntimeError, ValueError):  # as Rerun names an end within the header, or a message
+        return []
+
+
+def strips(path: Path, name: str) -> list:
+    """The pieces of a trail, (2, 3) each."""
+    rows = column(path, f"/trails/{name}", "LineStrips3D:strips")
+    return [np.array(strip) for row in rows if row for strip in row]
+
+
+def curve(path: Path, entity: str) -> list:
+    """The values of a curve, NaN for a gap."""
+    return [row[0] for row in column(path, entity, "Scalars:scalars") if row]

@@ -1,0 +1,176 @@
+"""The viewer of a robot that drives, fed over real DDS."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Transform, TransformStamped, Twist, TwistStamped, Vector3
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+
+from onebot_bringup.rerun_topics import wanted_topics
+from onebot_bringup.viewer.picture import headless_viewer, render, still
+from onebot_bringup.viewer.view_config import load_view
+from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_bringup.drive_support import curve, strips, while_written
+from tests.onebot_bringup.test_rerun_viewer import _uri
+from tests.onebot_bringup.viewer_support import ARM, BLUE
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.support import wait_for
+from tests.support_rendering import colored, pixels, require_renderer
+
+GREEN, MAGENTA = (0, 220, 60), (230, 20, 200)
+VIEW = """
+fixed_frame: odom
+axes: {visible: false}
+grid: {visible: false}
+camera: {eye: [-6.0, 2.0, 7.0], target: [0.0, 2.0, 0.0], follow: base}
+joint_plot: {positions: false, velocities: false}
+trails:
+  odometry: {topic: wheels/odom, color: [0, 220, 60], width: 0.2}
+  truth: {topic: wheels/truth, color: [230, 20, 200], width: 0.2}
+speeds:
+  lines:
+    commanded: {topic: wheels/cmd_vel, color: [255, 255, 255]}
+    measured: {topic: wheels/odom, type: Odometry, color: [255, 255, 255]}
+"""
+
+
+def _viewer(tmp_path: Path, **parameters: object) -> NodeProcess:
+    (tmp_path / "view.yaml").write_text(VIEW)
+    args = {"grpc_port": 0, "web_port": 0, "open_browser": "false"}
+    args |= {"save": tmp_path / "x.rrd", "view": tmp_path / "view.yaml"}
+    return NodeProcess("onebot_bringup.rerun_viewer", *ros_args(**{**args, **parameters}))
+
+
+class Driver:
+    """Publishes what a driving robot does: a circle of 2 m radius, 0.05 rad a step."""
+
+    def __init__(self, peer: Peer, namespace: str = "") -> None:
+        self._clock = peer.node.get_clock()
+        self._tf = peer.publisher(TFMessage, "/tf")
+        self._odom = peer.publisher(Odometry, f"{namespace}wheels/odom")
+        self._truth = peer.publisher(Odometry, f"{namespace}wheels/truth")
+        description = peer.publisher(String, f"{namespace}robot_description", LATCHED)
+        description.publish(String(data=ARM))
+        self.steps = 0
+
+    def step(self) -> bool:
+        """Go on; True after a quarter of the circle and more."""
+        self.steps += 1
+        angle = 0.05 * self.steps
+        x, y = 2 * math.sin(angle), 2 - 2 * math.cos(angle)
+        stamp = self._clock.now().to_msg()
+        edges = []
+        for parent, child, place in (("odom", "base", (x, y)), ("base", "tip", (0.0, 0.5))):
+            edge = TransformStamped(child_frame_id=child)
+            edge.header.frame_id, edge.header.stamp = parent, stamp
+            edge.transform = Transform(translation=Vector3(x=place[0], y=place[1]))
+            edges.append(edge)
+        self._tf.publish(TFMessage(transforms=edges))
+        for publisher, shift in ((self._odom, 0.0), (self._truth, 0.5)):
+            message = Odometry(child_frame_id="base")
+            message.header.frame_id, message.header.stamp = "odom", stamp
+            message.pose.pose.position.x, message.pose.pose.position.y = x + shift, y
+            message.twist.twist.linear.x, message.twist.twist.angular.z = 0.4, 0.2
+            publisher.publish(message)
+        return self.steps > 31
+
+
+def test_late_viewers_and_the_file_show_trails_and_speeds(ros_domain, tmp_path):
+    """A viewer that joins in mid-drive has the way so far; the file has it all."""
+    require_renderer()
+    with _viewer(tmp_path) as node, Peer(ros_domain) as peer:
+        driver = Driver(peer)
+        commands = peer.node.create_publisher(Twist, "wheels/cmd_vel", 10)
+        wait_for(lambda: commands.get_subscription_count(), "the viewer to find the type")
+
+        def drive() -> bool:
+            commands.publish(Twist(linear=Vector3(x=0.5), angular=Vector3(z=0.3)))
+            return driver.step()
+
+        wait_for(drive, "the drive")
+        with headless_viewer(_uri(node), 960, 480) as client:
+
+            def shown() -> bool:
+                image = pixels(still(client))
+                return all(colored(image, c).mean() > 0.001 for c in (GREEN, MAGENTA, BLUE))
+
+            wait_for(shown, "trails and robot")
+            assert [view.reports for view in client.get_state().views] == [[]] * 3
+        assert node.interrupt() == 0
+    pieces = np.array(strips(tmp_path / "x.rrd", "odometry"))
+    assert len(pieces) >= 30
+    np.testing.assert_allclose(np.hypot(pieces[..., 0], pieces[..., 1] - 2), 2.0, atol=1e-5)
+    truth = np.array(strips(tmp_path / "x.rrd", "truth"))
+    np.testing.assert_allclose(np.hypot(truth[..., 0] - 0.5, truth[..., 1] - 2), 2.0, atol=1e-5)
+    for name, value in (
+        ("linear/commanded", 0.5),
+        ("angular/commanded", 0.3),
+        ("linear/measured", 0.4),
+        ("angular/measured", 0.2),
+    ):
+        values = np.array(curve(tmp_path / "x.rrd", f"/speeds/{name}"))
+        assert len(values) > 5
+        assert set(values[np.isfinite(values)]) == {value}
+    render(tmp_path / "x.rrd", tmp_path / "x.png", 960, 480)
+    image = pixels(tmp_path / "x.png")
+    assert colored(image, GREEN).mean() > 0.001 and colored(image, MAGENTA).mean() > 0.001
+
+
+def test_the_type_of_a_command_is_found_out_and_followed(ros_domain, tmp_path):
+    """Twist first, TwistStamped later, on one topic: both are plotted."""
+    file = tmp_path / "x.rrd"
+    with _viewer(tmp_path, viewer="none") as node:
+        for kind, speed in ((Twist, 0.25), (TwistStamped, 0.75)):
+            with Peer(ros_domain) as peer:
+                commands = peer.publisher(kind, "wheels/cmd_vel")
+                message = kind()
+                (message.twist if kind is TwistStamped else message).linear.x = speed
+                wait_for(lambda: _recorded(commands, message, file, speed), f"the {kind} in it")  # noqa: B023
+        assert node.interrupt() == 0
+
+
+def _recorded(commands, message, file: Path, speed: float) -> bool:
+    """Publish ``message``; whether its speed is in the file."""
+    commands.publish(message)
+    return speed in while_written(curve, file, "/speeds/linear/commanded")
+
+
+def test_topics_are_in_the_node_s_namespace(ros_domain, tmp_path):
+    """With __ns the same view shows another robot's topics."""
+    (tmp_path / "view.yaml").write_text(VIEW)
+    args = ros_args(viewer="none", save=tmp_path / "x.rrd", view=tmp_path / "view.yaml")
+    args += ["-r", "__ns:=/r1"]
+    with NodeProcess("onebot_bringup.rerun_viewer", *args) as node, Peer(ros_domain) as peer:
+        driver = Driver(peer, "/r1/")
+        wait_for(driver.step, "the drive")
+        file = tmp_path / "x.rrd"
+        wait_for(lambda: while_written(strips, file, "truth"), "the trail in the file")
+        assert node.interrupt() == 0
+
+
+def test_a_topic_of_another_type_is_a_clear_error(ros_domain, tmp_path):
+    """A trail of joint_states is refused at the start, in one line."""
+    (tmp_path / "view.yaml").write_text("trails: {a: {topic: joint_states}}")
+    args = ros_args(viewer="none", save=tmp_path / "x.rrd", view=tmp_path / "view.yaml")
+    with NodeProcess("onebot_bringup.rerun_viewer", *args, check=False) as node:
+        assert node.wait(30.0) == 1
+        assert 'error: the view\'s topic "joint_states" cannot be heard as Odometry' in node.output
+        assert "Traceback" not in node.output
+
+
+@pytest.mark.parametrize(
+    ("text", "topics"),
+    [
+        ("", {}),
+        ("speeds: {lines: {a: {topic: v}}}", {"v": "auto"}),
+        ("{speeds: {lines: {a: {topic: v}}}, trails: {t: {topic: v}}}", {"v": "Odometry"}),
+        ("speeds: {lines: {a: {topic: v}, b: {topic: v, type: Twist}}}", {"v": "Twist"}),
+    ],
+)
+def test_each_topic_is_heard_once_as_what_the_view_says(tmp_path, text, topics):
+    """A trail's topic is an Odometry; otherwise a type that is named beats "auto"."""
+    (tmp_path / "view.yaml").write_text(text)
+    assert wanted_topics(load_view(tmp_path / "view.yaml")) == topics

@@ -1,0 +1,95 @@
+"""What is in the file after odometry was collected and flushed."""
+
+import numpy as np
+import pytest
+
+from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.trails import SPACING, TrailStream
+from onebot_bringup.viewer.view_config import TrailView
+from tests.onebot_bringup.drive_support import chunks, column, odometry, strips
+from tests.onebot_bringup.viewer_support import START_NS
+
+RED = (255, 0, 0)
+
+
+def _flushed(tmp_path, samples, view=None, connected=lambda frame: True):
+    """The pieces in the file after ``samples``, (time, message) each."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = TrailStream(recording.stream, "way", view or TrailView(topic="odom"), RED)
+    for stamp, sample in samples:
+        stream.add(stamp, sample)
+    stream.flush(connected)
+    recording.close()
+    return strips(tmp_path / "x.rrd", "way")
+
+
+def test_a_piece_begins_where_the_last_one_ended_at_its_own_time(tmp_path):
+    """One call carries all pieces, in the message's frame, in the trail's colour and width."""
+    samples = [(START_NS + i, odometry(0.1 * i, 0.2 * i)) for i in range(5)]
+    pieces = _flushed(tmp_path, samples, TrailView(topic="odom", height=-0.5, width=0.02))
+    ends = [[0.1 * i, 0.2 * i, -0.5] for i in range(5)]
+    np.testing.assert_allclose(pieces, list(zip(ends, ends[1:], strict=False)), atol=1e-6)
+    style, moving = chunks(tmp_path / "x.rrd", "/trails/way")
+    assert style.is_static and moving.num_rows == 4
+    times = moving.to_record_batch().column("ros_time").cast("int64").to_pylist()
+    assert times == [START_NS + i for i in range(1, 5)]
+    assert column(tmp_path / "x.rrd", "/trails/way", "CoordinateFrame:frame") == [["odom"]]
+    [[color]] = column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:colors")
+    assert color == 0xFF0000FF
+    [[radius]] = column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:radii")
+    assert radius == pytest.approx(0.01)
+
+
+def test_the_trail_grows_by_the_way_not_by_the_messages(tmp_path):
+    """A robot that stands, or trembles by less than the spacing, adds nothing."""
+    rng = np.random.default_rng(1)
+    still = [(START_NS + i, odometry(*rng.uniform(-0.4, 0.4, 2) * SPACING)) for i in range(500)]
+    assert _flushed(tmp_path, still) == []
+    slow = [(START_NS + i, odometry(0.0005 * i)) for i in range(2001)]
+    assert 90 <= len(_flushed(tmp_path, slow)) <= 100, "a metre, a piece a centimetre"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "sample"),
+    [
+        (5, odometry(1.0)),  # a teleport
+        (-1, odometry(0.2)),  # a simulation that begins anew
+        (5, odometry(0.2, frame="map")),
+    ],
+)
+def test_a_jump_breaks_the_line(tmp_path, stamp, sample):
+    """No piece leads there; the line goes on from there."""
+    after = sample._replace(translation=sample.translation + np.array([0.1, 0, 0]))
+    samples = [
+        (START_NS, odometry(0.0)),
+        (START_NS + 1, odometry(0.1)),
+        (START_NS + stamp, sample),
+        (START_NS + stamp + 1, after),
+    ]
+    pieces = _flushed(tmp_path, samples)
+    wanted = np.array([sample.translation, after.translation])
+    assert any(np.allclose(piece, wanted, atol=1e-6) for piece in pieces)
+    assert max(np.linalg.norm(piece[1] - piece[0]) for piece in pieces) < 0.11
+
+
+def test_nothing_that_is_not_finite_is_drawn(tmp_path):
+    """NaN and infinity break the line, and leave no trace."""
+    places = [0.0, 0.1, np.nan, 0.2, 0.3, np.inf, 0.4, 0.5]
+    samples = [(START_NS + i, odometry(x)) for i, x in enumerate(places)]
+    pieces = _flushed(tmp_path, samples)
+    assert np.isfinite(pieces).all()
+    np.testing.assert_allclose([p[:, 0] for p in pieces], [[0, 0.1], [0.2, 0.3], [0.4, 0.5]])
+
+
+def test_a_trail_waits_for_its_frame(tmp_path):
+    """What came before the first transform is drawn once that is there; not without end."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = TrailStream(recording.stream, "way", TrailView(topic="odom"), RED)
+    for i in range(20_000):
+        stream.add(START_NS + i, odometry(0.1 * i))
+    assert not stream.flush(lambda frame: False)
+    assert stream.flush(lambda frame: frame == "odom") and not stream.flush(lambda frame: True)
+    recording.close()
+    pieces = strips(tmp_path / "x.rrd", "way")
+    assert len(pieces) == 5000
+    np.testing.assert_allclose(pieces[-1][1], [1999.9, 0, 0], rtol=1e-6)
