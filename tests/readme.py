@@ -15,7 +15,7 @@ from pathlib import Path
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 UP = "Ctrl-C stops everything"
-BRINGUP = re.compile(r"\b(mrm_bringup|onebot view)\b(?!.*(--help|--show-args))")
+BRINGUP = re.compile(r"\b(mrm_bringup|onebot_bringup|onebot view)\b(?!.*(--help|--show-args))")
 
 
 def blocks() -> list[str]:
@@ -73,7 +73,8 @@ def run_until_up(
 def _is_up(output: bytes) -> bool:
     text = output.decode(errors="replace")
     shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)
-    return UP in text and "robot description taken up" in text and shown
+    moving = "robot description taken up" in text or "driving robot" in text
+    return UP in text and moving and shown
 
 
 def main() -> int:

@@ -2,28 +2,37 @@
 
 import os
 import re
+import signal
 import subprocess
+import tempfile
 from pathlib import Path
 
 import pytest
 
 from tests import readme
+from tests.support import wait_for
 
 CHECKOUT = readme.README.parent
 TEXT = readme.README.read_text()
-LINES = [line for block in readme.blocks()[2:] for line in block.splitlines() if line.strip()]
+BESIDE = re.compile(r"<!-- beside (.*?) -->\n```sh\n(.*?)```", re.DOTALL)
+ALONE = [
+    line
+    for block in re.findall(r"```sh\n(.*?)```", BESIDE.sub("", TEXT), re.DOTALL)[2:]
+    for line in block.splitlines()
+]
+ENDLESS = re.compile(r"topic pub (?!.*(--once|--times))|topic hz")
 
 
 def test_first_two_commands_are_what_ci_runs():
     """Installing and testing are shown by .ci/run itself, which takes them from the README."""
     first, second = readme.blocks()[:2]
-    assert "pip install" in first and "mrm_bringup" in first
+    assert "pip install" in first and "onebot_bringup" in first
     assert "[test]" in second and "pytest" in second
     script = (CHECKOUT / ".ci/run").read_text()
     assert "tests/readme.py until-up 1" in script and "tests/readme.py run 2" in script
 
 
-@pytest.mark.parametrize("command", LINES)
+@pytest.mark.parametrize("command", ALONE)
 def test_command(command, ros_domain, tmp_path):
     """It runs as written, in a folder with the checkout's files, and ends with exit code 0."""
     for entry in CHECKOUT.iterdir():
@@ -38,6 +47,46 @@ def test_command(command, ros_domain, tmp_path):
         ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, env=dict(os.environ)
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(("robot", "block"), BESIDE.findall(TEXT))
+def test_commands_beside_a_running_robot(robot, block, ros_domain):
+    """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
+    with RunningCommand(robot) as running:
+        wait_for(lambda: "driving robot" in running.output, "the robot")
+        for command in block.splitlines():
+            if ENDLESS.search(command):
+                with RunningCommand(command) as endless:
+                    wait_for(lambda endless=endless: "#50" in endless.output, command)
+                continue
+            done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+            assert done.returncode == 0 and done.stdout, command + done.stdout + done.stderr
+
+
+class RunningCommand:
+    """A shell command that is running meanwhile; Ctrl-C ends it with exit code 0."""
+
+    def __init__(self, command):
+        self._log = tempfile.NamedTemporaryFile("r", suffix=".log")
+        with open(self._log.name, "w") as log:
+            self.process = subprocess.Popen(
+                ["bash", "-c", f"exec {command}"],
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    @property
+    def output(self):
+        return Path(self._log.name).read_text()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        os.killpg(self.process.pid, signal.SIGINT)
+        assert self.process.wait(30) == 0, self.output
+        assert "Traceback" not in self.output
 
 
 def test_pictures_and_links_exist():

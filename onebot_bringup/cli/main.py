@@ -19,16 +19,27 @@ class Verb:
         summary: one line for ``onebot --help``.
         module: has ``run(argv) -> int``; ``argv`` holds what follows the verb, ``--help`` too.
         interrupted: the exit code after Ctrl-C.
+        group: a second word follows, such as ``pub`` in ``onebot topic pub``; the module lists
+            them as ``COMMANDS``.
     """
 
     summary: str
     module: str
     interrupted: int = 130
+    group: bool = False
 
 
+_HERE = "onebot_bringup.cli"
 VERBS: dict[str, Verb] = {
-    "check": Verb("check a URDF or xacro file and show its tree", "onebot_bringup.cli.check"),
-    "view": Verb("bring up any robot from its file and move it", "onebot_bringup.cli.view", 0),
+    "check": Verb("check a URDF or xacro file and show its tree", f"{_HERE}.check"),
+    "view": Verb("bring up any robot from its file and move it", f"{_HERE}.view", 0),
+    "topic": Verb("list, print, measure and publish topics", f"{_HERE}.topic", 0, group=True),
+    "node": Verb("list nodes and show what they do", f"{_HERE}.node", group=True),
+    "param": Verb("list, get, set and dump parameters", f"{_HERE}.param", group=True),
+    "service": Verb("list and call services", f"{_HERE}.service", group=True),
+    "interface": Verb("list types of messages and show them", f"{_HERE}.interface", group=True),
+    "accuracy": Verb("measure how true OneBot drives", f"{_HERE}.accuracy"),
+    "teleop": Verb("drive from the keyboard", f"{_HERE}.teleop", 0),
 }
 
 
@@ -36,8 +47,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run ``onebot`` with ``argv`` (default: the command line's) and return the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
     verb = VERBS.get(words[0]) if words else None
-    see = f"onebot {words[0]} --help" if verb else "onebot --help"
+    see = f"onebot {_name(words, verb)} --help" if verb else "onebot --help"
     return run_command(lambda: _run(words), see, verb.interrupted if verb else 130)
+
+
+def _name(words: list[str], verb: Verb) -> str:
+    """The words that make up the command."""
+    if not verb.group or len(words) < 2:
+        return words[0]
+    commands = importlib.import_module(verb.module).COMMANDS
+    return " ".join(words[: 2 if words[1] in commands else 1])
 
 
 def _run(words: list[str]) -> int:
@@ -46,7 +65,7 @@ def _run(words: list[str]) -> int:
         return 2
     first, *rest = words
     if first == "help" and rest:
-        first, rest = rest[0], ["--help"]
+        first, *rest = [*rest, "--help"]
     if first in ("-h", "--help", "help"):
         print(usage())
         return 0

@@ -1,0 +1,10 @@
+"""``onebot accuracy``: how true OneBot drives, as a table."""
+
+from collections.abc import Sequence
+
+from onebot_control.accuracy import main
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code; see onebot_control/accuracy."""
+    return main(list(argv))

@@ -1,0 +1,86 @@
+"""``onebot node ...``: which nodes there are, as ``ros2 node`` shows them."""
+
+import sys
+from collections.abc import Iterable, Sequence
+
+from onebot_bringup.cli.ros_session import Session, add_spin_time, is_hidden
+from onebot_bringup.cli.subcommands import Parser, Subcommand, dispatch
+
+COMMANDS = {
+    "list": Subcommand("list the nodes", "onebot_bringup.cli.node:nodes"),
+    "info": Subcommand("show a node's topics and services", "onebot_bringup.cli.node:info"),
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: there is no such node, or the command line is wrong.
+    """
+    return dispatch("node", COMMANDS, argv)
+
+
+def nodes(parser: Parser, argv: Sequence[str]) -> int:
+    """List the nodes; return the exit code."""
+    parser.add_argument("-a", "--all", action="store_true", help="hidden nodes too")
+    parser.add_argument("-c", "--count-nodes", action="store_true", help="show their number only")
+    add_spin_time(parser)
+    args = parser.parse(argv)
+    with Session(args.ros_args, spin_time=args.spin_time) as session:
+        session.discover()
+        found = session.nodes(args.all)
+        if args.count_nodes:
+            print(len(found))
+        else:
+            print("".join(f"{name}\n" for name in found), end="")
+        if len(set(found)) != len(found):
+            _warn_of_twins(found)
+    return 0
+
+
+def _warn_of_twins(names: Sequence[str]) -> None:
+    twins = ", ".join(sorted({name for name in names if names.count(name) > 1}))
+    print(
+        "WARNING: Be aware that there are nodes in the graph that share an exact name, which can "
+        f"have unintended side effects: {twins}",
+        file=sys.stderr,
+    )
+
+
+def info(parser: Parser, argv: Sequence[str]) -> int:
+    """Show a node's topics, services and actions; return the exit code."""
+    parser.add_argument("node", metavar="NODE", help="such as /robot_state_publisher")
+    parser.add_argument("--include-hidden", action="store_true", help="hidden ones too")
+    add_spin_time(parser)
+    args = parser.parse(argv)
+    from rclpy.action import (
+        get_action_client_names_and_types_by_node,
+        get_action_server_names_and_types_by_node,
+    )
+
+    with Session(args.ros_args, spin_time=args.spin_time) as session:
+        full = session.find_node(args.node)
+        session.discover()
+        space, _, name = full.rpartition("/")
+        where = name, space or "/"
+        node = session.node
+        print(full)
+        for title, found in (
+            ("Subscribers", node.get_subscriber_names_and_types_by_node(*where)),
+            ("Publishers", node.get_publisher_names_and_types_by_node(*where)),
+            ("Service Servers", node.get_service_names_and_types_by_node(*where)),
+            ("Service Clients", node.get_client_names_and_types_by_node(*where)),
+            ("Action Servers", get_action_server_names_and_types_by_node(node, *where)),
+            ("Action Clients", get_action_client_names_and_types_by_node(node, *where)),
+        ):
+            print(f"  {title}:\n{_rows(found, args.include_hidden)}")
+    return 0
+
+
+def _rows(found: Iterable[tuple[str, list[str]]], hidden: bool) -> str:
+    return "\n".join(
+        f"    {name}: {', '.join(types)}"
+        for name, types in sorted(found)
+        if hidden or not is_hidden(name)
+    )

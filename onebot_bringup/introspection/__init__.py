@@ -1,0 +1,1 @@
+"""Messages as text and text as messages, for any installed type; nothing here imports rclpy."""

@@ -1,0 +1,147 @@
+"""Which message and service types are installed, and the Python classes they have.
+
+The types are listed in the ament index; ``tf2_msgs/msg/TFMessage`` is this project's own where
+tf2_msgs is not installed.
+"""
+
+import importlib
+import importlib.util
+import os
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from onebot_description.ament import use_environment_prefix
+from onebot_description.errors import OneBotError
+from onebot_description.text import did_you_mean
+
+_TF_MESSAGE = "tf2_msgs/msg/TFMessage"
+_WHAT = {"msg": "message", "srv": "service", "action": "action"}
+
+
+def message_class(name: str) -> Any:
+    """Return the class of a message type, ready for rclpy.
+
+    Args:
+        name: ``geometry_msgs/msg/Twist``, or short ``geometry_msgs/Twist``.
+
+    Raises:
+        OneBotError: it is no installed message; the message lists near names.
+    """
+    full = full_name(name, "msg")
+    if full == _TF_MESSAGE:
+        from onebot_description.tf.tf_message import TFMessage
+
+        return TFMessage
+    return _import(full)
+
+
+def service_class(name: str) -> Any:
+    """Return the class of a service type, with its ``Request`` and ``Response``.
+
+    Args:
+        name: ``std_srvs/srv/SetBool``, or short ``std_srvs/SetBool``.
+
+    Raises:
+        OneBotError: it is no installed service; the message lists near names.
+    """
+    return _import(full_name(name, "srv"))
+
+
+def full_name(name: str, kind: str) -> str:
+    """Return ``package/kind/Type`` for a full or short name of an installed type.
+
+    Args:
+        name: what the user wrote.
+        kind: ``msg``, ``srv`` or ``action``.
+
+    Raises:
+        OneBotError: no such type is installed.
+    """
+    parts = name.split("/")
+    full = f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name
+    known = installed(kind)
+    if full in known:
+        return full
+    raise OneBotError(f'no {_WHAT[kind]} type "{name}"{_alike(full, known)}')
+
+
+def _alike(name: str, known: tuple[str, ...]) -> str:
+    """Say which type was meant; a right type in a wrong package is found too, and one alone."""
+    package, _, kind = name.rpartition("/")
+    package = package.partition("/")[0]
+    namesakes = [full for full in known if full.rpartition("/")[2].lower() == kind.lower()]
+    if namesakes:
+        return f" (did you mean {' or '.join(namesakes)}?)"
+    siblings = [full for full in known if full.startswith(f"{package}/")]
+    if siblings:
+        return did_you_mean(name, siblings, f"in {package}")
+    return did_you_mean(name, known, "installed")
+
+
+@cache
+def installed(kind: str) -> tuple[str, ...]:
+    """Return the full names of all installed types of a kind that Python can use, sorted.
+
+    Args:
+        kind: ``msg``, ``srv`` or ``action``.
+    """
+    names = {_TF_MESSAGE} if kind == "msg" else set()
+    for package, listed in _index():
+        if importlib.util.find_spec(package) is None:
+            continue  # such as rmw_dds_common: for C++ only
+        for line in listed.split():
+            folder, _, file = line.rpartition("/")
+            if folder == kind:
+                names.add(f"{package}/{kind}/{Path(file).stem}")
+    return tuple(sorted(names))
+
+
+def _index() -> list[tuple[str, str]]:
+    """Return (package, its index entry) of all packages with interfaces."""
+    use_environment_prefix()
+    found: dict[str, str] = {}
+    for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
+        folder = Path(prefix) / "share/ament_index/resource_index/rosidl_interfaces"
+        if folder.is_dir():
+            for entry in folder.iterdir():
+                found.setdefault(entry.name, entry.read_text())
+    return sorted(found.items())
+
+
+def definition_file(name: str) -> Path:
+    """Return the .msg, .srv or .action file that defines a type.
+
+    Args:
+        name: its full name.
+
+    Raises:
+        OneBotError: the file is not installed.
+    """
+    package, kind, type_name = name.split("/")
+    use_environment_prefix()
+    for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
+        path = Path(prefix) / "share" / package / kind / f"{type_name}.{kind}"
+        if path.is_file():
+            return path
+    raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
+
+
+def _import(full: str) -> Any:
+    package, kind, name = full.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{kind}"), name)
+    except (ImportError, AttributeError) as error:
+        raise OneBotError(f"{full} is installed but cannot be used: {error}") from error
+
+
+def nested_class(slot: Any) -> Any:
+    """Return the class for a ``NamespacedType`` of rosidl, as fields of messages have."""
+    return getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
+
+
+def type_name(message: Any) -> str:
+    """Return ``package/msg/Type`` of a message or of its class."""
+    kind = message if isinstance(message, type) else type(message)
+    package, folder, *_ = kind.__module__.split(".")
+    return f"{package}/{folder}/{kind.__name__}"

@@ -1,0 +1,170 @@
+"""Parameter values as text and text as parameter values, as ``ros2 param`` has them.
+
+Values are rcl_interfaces/msg/ParameterValue; its ``type`` is one of the numbers named here.
+"""
+
+import array
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+
+from onebot_description.errors import OneBotError
+
+NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
+BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)
+
+# By type: the field of ParameterValue, what `param get` says, what `param list` calls it.
+_TYPES: dict[int, tuple[str, str, str]] = {
+    BOOL: ("bool_value", "Boolean value is:", "boolean"),
+    INTEGER: ("integer_value", "Integer value is:", "integer"),
+    DOUBLE: ("double_value", "Double value is:", "double"),
+    STRING: ("string_value", "String value is:", "string"),
+    BYTES: ("byte_array_value", "Byte values are:", "byte array"),
+    BOOLS: ("bool_array_value", "Boolean values are:", "boolean array"),
+    INTEGERS: ("integer_array_value", "Integer values are:", "integer array"),
+    DOUBLES: ("double_array_value", "Double values are:", "double array"),
+    STRINGS: ("string_array_value", "String values are:", "string array"),
+}
+
+
+def value_of(value: Any) -> Any:
+    """Return what a ParameterValue holds: as Python has it, arrays as they come; None if unset."""
+    return getattr(value, _TYPES[value.type][0]) if value.type in _TYPES else None
+
+
+def label(value: Any) -> str:
+    """Return what stands before the value, such as ``Double value is:``."""
+    return _TYPES[value.type][1] if value.type in _TYPES else "Parameter not set."
+
+
+def type_label(kind: int) -> str:
+    """Return the name of a type, such as ``double``."""
+    return _TYPES[kind][2] if kind in _TYPES else "not set"
+
+
+def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
+    """Return (field of ParameterValue, type, value) for what a user wrote, in YAML.
+
+    A whole number becomes a double, and anything a string, where that is what is ``declared``:
+    ROS parameters are strictly typed, and nobody means the type when writing ``0.5`` or ``1``.
+
+    Args:
+        text: such as ``0.5``, ``true``, ``[a, b]``.
+        declared: the type the parameter has; NOT_SET if unknown.
+
+    Raises:
+        OneBotError: no parameter can have such a value.
+    """
+    if declared == STRING:
+        kind, value = STRING, _unquoted(text)
+    else:
+        kind, value = _guess(text, _load(text))
+        kind, value = _adapt(kind, value, declared)
+    return _TYPES[kind][0], kind, value
+
+
+def _unquoted(text: str) -> str:
+    """Take quotes off as YAML does, but nothing else."""
+    found = _load(text)
+    return found if isinstance(found, str) and text.strip()[:1] in "'\"" else text
+
+
+def _load(text: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text  # a string with YAML's characters in it, as rclpy does it
+
+
+def _guess(text: str, value: Any) -> tuple[int, Any]:
+    if isinstance(value, bool):
+        return BOOL, value
+    if isinstance(value, int):
+        return INTEGER, _int64(value)
+    if isinstance(value, float):
+        return DOUBLE, value
+    if isinstance(value, list):
+        return _guess_list(value)
+    if isinstance(value, str) and value == text.strip():
+        number = _number(value)
+        return (STRING, value) if number is None else (DOUBLE, number)
+    return STRING, value if isinstance(value, str) else text
+
+
+def _number(text: str) -> float | None:
+    """YAML 1.1 takes 1e-3 for a string."""
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) and any(c in "0123456789" for c in text) else None
+
+
+def _guess_list(values: list[Any]) -> tuple[int, Any]:
+    kinds = {type(value) for value in values}
+    if kinds <= {str}:
+        return STRINGS, values
+    if kinds == {bool}:
+        return BOOLS, values
+    if kinds == {int}:
+        return INTEGERS, [_int64(value) for value in values]
+    if kinds <= {int, float}:
+        return DOUBLES, [float(value) for value in values]
+    raise OneBotError(f"a list has values of one type only, not {values}")
+
+
+def _adapt(kind: int, value: Any, declared: int) -> tuple[int, Any]:
+    if kind == INTEGER and declared == DOUBLE:
+        return DOUBLE, float(value)
+    if kind == INTEGERS and declared == DOUBLES:
+        return DOUBLES, [float(number) for number in value]
+    if kind == STRINGS and not value and declared in (BYTES, BOOLS, INTEGERS, DOUBLES):
+        return declared, []
+    if kind == INTEGERS and declared == BYTES and all(0 <= number < 256 for number in value):
+        return BYTES, [bytes([number]) for number in value]
+    return kind, value
+
+
+def _int64(value: int) -> int:
+    if not -(2**63) <= value < 2**63:
+        raise OneBotError(f"{value} is too large for an integer parameter (64 bits)")
+    return value
+
+
+def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
+    """Return a node's parameters as a parameter file has them.
+
+    Args:
+        node: its full name.
+        names: of the parameters; a dot separates levels.
+        values: a ParameterValue each.
+    """
+    tree: dict[str, Any] = {}
+    for name, value in zip(names, values, strict=True):
+        _insert(tree, name.split("."), _yaml_value(value_of(value)))
+    return yaml.safe_dump({node: {"ros__parameters": tree}}, default_flow_style=False)
+
+
+def _insert(tree: dict[str, Any], path: list[str], value: Any) -> None:
+    for depth, step in enumerate(path[:-1]):
+        inner = tree.setdefault(step, {})
+        if not isinstance(inner, dict):
+            # Both "a" and "a.b" exist: the rest of the path stays one name.
+            tree[".".join(path[depth:])] = value
+            return
+        tree = inner
+    last = path[-1]
+    if isinstance(tree.get(last), dict):
+        for key, nested in tree.pop(last).items():
+            tree[f"{last}.{key}"] = nested
+    tree[last] = value
+
+
+def _yaml_value(value: Any) -> Any:
+    if isinstance(value, array.array):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [item[0] if isinstance(item, bytes) else item for item in value]
+    return value

@@ -1,0 +1,71 @@
+"""``onebot`` in processes of its own, and nodes for it to find."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.support import wait_for
+
+MODULE = "onebot_bringup.cli.main"
+
+
+def onebot(*words: str, text: str | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run(
+        [sys.executable, "-m", MODULE, *words],
+        input=text,
+        stdin=subprocess.DEVNULL if text is None else None,
+        capture_output=True,
+        text=True,
+        timeout=90,
+    )
+
+
+class Running:
+    """A command that runs on; its output so far."""
+
+    def __init__(self, words: Sequence[str], folder: Path) -> None:
+        self._files = folder / f"out-{words[1]}", folder / f"err-{words[1]}"
+        with self._files[0].open("w") as out, self._files[1].open("w") as err:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", MODULE, *words],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                env=dict(os.environ),
+                start_new_session=True,
+            )
+
+    @property
+    def out(self) -> str:
+        return self._files[0].read_text()
+
+    @property
+    def err(self) -> str:
+        return self._files[1].read_text()
+
+    def says(self, text: str) -> None:
+        """Wait until it has printed ``text``."""
+        wait_for(lambda: text in self.out or text in self.err, f'"{text}" from the command')
+
+    def interrupt(self) -> int:
+        """Press Ctrl-C; the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        return self.process.wait(30)
+
+
+@contextmanager
+def running(folder: Path, *words: str) -> Iterator[Running]:
+    """Run a command until the end of the context, if it has not ended by then."""
+    command = Running(words, folder)
+    try:
+        yield command
+    finally:
+        if command.process.poll() is None:
+            command.process.kill()
+            command.process.wait(30)

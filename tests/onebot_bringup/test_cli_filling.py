@@ -1,0 +1,189 @@
+"""YAML into messages: ROS 2's form, type by type, and one clear error for each mistake."""
+
+import math
+
+import pytest
+from geometry_msgs.msg import PoseWithCovariance, Twist, TwistStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from rcl_interfaces.msg import ParameterValue
+from sensor_msgs.msg import JointState
+from shape_msgs.msg import SolidPrimitive
+from std_msgs.msg import Bool, Byte, ByteMultiArray, Float32, Int8, String, UInt8, UInt64
+from std_srvs.srv import SetBool
+
+from onebot_bringup.introspection.filling import fill, stamp
+from onebot_bringup.introspection.interfaces import installed, message_class, service_class
+from onebot_bringup.introspection.printing import Style, to_yaml
+from onebot_description.errors import OneBotError
+
+
+def filled(message: object, text: str, finite: bool = True) -> object:
+    assert fill(message, text, finite=finite) == []
+    return message
+
+
+def refusal(message: object, text: str) -> str:
+    with pytest.raises(OneBotError) as caught:
+        fill(message, text)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_nested_fields_in_flow_and_block_style() -> None:
+    """Both styles of YAML fill the same message; what is left out keeps its default."""
+    flow = filled(Twist(), "{linear: {x: 0.2}, angular: {z: -1}}")
+    block = filled(Twist(), "linear:\n  x: 0.2\nangular:\n  z: -1\n")
+    assert flow == block and flow.linear.x == 0.2 and flow.angular.z == -1.0
+    assert flow.linear.y == 0.0
+
+
+@pytest.mark.parametrize("text", ["", "{}", "  ", "linear:"])
+def test_nothing_given_is_the_default(text: str) -> None:
+    """No values at all leave the message as it is."""
+    assert filled(Twist(), text) == Twist()
+
+
+@pytest.mark.parametrize("written", ["12:30", "on", "5", "1.0", "true", "010", "'quoted'", "~x"])
+def test_a_string_stays_what_was_written(written: str) -> None:
+    """A string field never gets what YAML makes of a word, such as 750 of 12:30."""
+    assert filled(String(), f"{{data: {written}}}").data == written.strip("'")
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "value"),
+    [
+        (Bool, "true", True), (Bool, "False", False), (Bool, "1", True),
+        (Float32, "1e-3", pytest.approx(1e-3)), (Float32, "2", 2.0),
+        (Int8, "-128", -128), (UInt8, "0xff", 255), (UInt8, "2.0", 2), (UInt8, "08", 8),
+        (UInt64, "18446744073709551615", 2**64 - 1), (Byte, "7", b"\x07"),
+    ],
+)  # fmt: skip
+def test_scalars(kind: type, text: str, value: object) -> None:
+    """Each basic type reads its usual forms."""
+    assert filled(kind(), f"data: {text}").data == value
+
+
+def test_lists_and_arrays() -> None:
+    """Sequences, fixed arrays, lists of strings and of bytes take lists."""
+    state = filled(JointState(), "{name: [a, b], position: [1, 2.5]}")
+    assert state.name == ["a", "b"] and list(state.position) == [1.0, 2.5]
+    pose = filled(PoseWithCovariance(), f"covariance: {list(range(36))}")
+    assert pose.covariance.tolist() == list(range(36))
+    assert filled(ByteMultiArray(), "data: [1, 2]").data == [b"\x01", b"\x02"]
+    assert filled(ParameterValue(), "bool_array_value: [true, no]").bool_array_value == [1, 0]
+
+
+def test_messages_within_lists() -> None:
+    """A list of messages is a list of dictionaries."""
+    message = filled(
+        message_class("tf2_msgs/msg/TFMessage")(),
+        "transforms: [{child_frame_id: a}, {transform: {translation: {x: 1}}}]",
+    )
+    assert message.transforms[0].child_frame_id == "a"
+    assert message.transforms[1].transform.translation.x == 1.0
+
+
+def test_now_and_auto_are_the_time_of_sending() -> None:
+    """A header that is auto and a stamp that is now get the time, each time anew."""
+    for text in ("{header: auto}", "{header: {stamp: now}}"):
+        message = TwistStamped()
+        times = fill(message, text)
+        for nanoseconds in (5_000_000_006, 7_000_000_008):
+            stamp(times, nanoseconds)
+            time = message.header.stamp
+            assert time.sec * 10**9 + time.nanosec == nanoseconds
+
+
+def test_services_are_filled_alike() -> None:
+    """A request is a message."""
+    assert filled(SetBool.Request(), "data: true").data is True
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "parts"),
+    [
+        (Twist, "{liner: {x: 1}}", ['"liner"', 'mean "linear"', "fields: angular, linear"]),
+        (Twist, "{linear: {v: 1}}", ["(linear)", '"v"', "fields: x, y, z"]),
+        (Twist, "{linear: {x:1}}", ['"x:1"', 'space after each ":"']),
+        (Twist, "{linear: {x: fast}}", ["linear.x is a number", '"fast"']),
+        (Twist, "{linear: {x: [1]}}", ["linear.x is one value (double), not a list"]),
+        (Twist, "{linear: 3}", ["geometry_msgs/msg/Vector3", "x, y, z", '"3"']),
+        (Twist, "{linear: {x: .nan}}", ["linear.x is a finite number", "--allow-non-finite"]),
+        (Twist, "{linear: {x: -inf}}", ["linear.x is a finite number"]),
+        (Twist, "{linear: {x: 1e999}}", ["finite"]),
+        (Twist, "fast", ["dictionary in YAML format", "fast"]),
+        (Twist, "[1, 2]", ["dictionary in YAML format"]),
+        (Twist, "{linear: {x: 1}", ["no YAML", "line 1, column"]),
+        (Twist, "{linear: {x: 1}, linear: {y: 1}}", ['"linear" is given twice']),
+        (Int8, "data: 128", ["-128 to 127", "128"]),
+        (UInt8, "data: -1", ["0 to 255"]),
+        (UInt8, "data: 2.5", ["whole number", "2.5"]),
+        (Bool, "data: maybe", ["true or false", '"maybe"']),
+        (Float32, "data: 1e39", ["float32"]),
+        (JointState, "position: 3", ["position is a list of double"]),
+        (JointState, "position: [1, a]", ["position[1] is a number"]),
+        (PoseWithCovariance, "covariance: [1, 2]", ["36 values, not 2"]),
+        (SolidPrimitive, "dimensions: [1, 2, 3, 4]", ["at most 3 values, not 4"]),
+        (TwistStamped, "header: now", ["std_msgs/msg/Header", '"auto"']),
+    ],
+)  # fmt: skip
+def test_mistakes(kind: type, text: str, parts: list[str]) -> None:
+    """What does not fit is refused in one line that names the field and what would be right."""
+    said = refusal(kind(), text)
+    for part in parts:
+        assert part in said
+
+
+def test_non_finite_on_request() -> None:
+    """Infinity and NaN pass when asked for, in YAML's and in Python's spelling."""
+    twist = filled(Twist(), "{linear: {x: .inf, y: -.INF, z: nan}}", finite=False)
+    assert twist.linear.x == math.inf and twist.linear.y == -math.inf
+    assert math.isnan(twist.linear.z)
+
+
+@given(
+    st.builds(
+        lambda names, values: (names, values),
+        st.lists(st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]))),
+        st.lists(st.floats(allow_nan=False, allow_infinity=False)),
+    )
+)
+def test_printed_and_read_back(data: tuple[list[str], list[float]]) -> None:
+    """What is printed as YAML fills an equal message."""
+    state = JointState(name=data[0], position=data[1])
+    state.header.frame_id = "".join(data[0])
+    for flow in (False, True):
+        text = to_yaml(state, Style(longest=None, flow=flow))
+        assert filled(JointState(), text) == state
+
+
+def test_every_installed_message_is_printed_and_read_back() -> None:
+    """No type of message is left out: the default of each survives the round trip."""
+    assert len(installed("msg")) > 100
+    for name in installed("msg"):
+        message = message_class(name)()
+        assert filled(message_class(name)(), to_yaml(message, Style(longest=None))) == message
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("geometry_msgs/msg/Twst", 'did you mean "geometry_msgs/msg/Twist"'),
+        ("geometry_msg/msg/Twist", "did you mean geometry_msgs/msg/Twist"),
+        ("Twist", "did you mean geometry_msgs/msg/Twist"),
+        ("geometry_msgs/srv/Twist", "did you mean geometry_msgs/msg/Twist"),
+        ("", "no message type"),
+    ],
+)
+def test_unknown_types(name: str, part: str) -> None:
+    """A type that is not installed is refused with those that are alike."""
+    with pytest.raises(OneBotError, match="no message type") as caught:
+        message_class(name)
+    assert part in str(caught.value)
+
+
+def test_short_names() -> None:
+    """The short form of a type's name is the long one."""
+    assert message_class("geometry_msgs/Twist") is message_class("geometry_msgs/msg/Twist")
+    assert service_class("std_srvs/SetBool") is SetBool

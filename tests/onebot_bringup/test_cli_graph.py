@@ -1,0 +1,177 @@
+"""``onebot node, param, service, interface``, on real DDS, in the forms that ros2 prints."""
+
+import pytest
+import yaml
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from std_srvs.srv import SetBool
+
+from onebot_bringup.introspection.parameters import DOUBLE, INTEGER, STRING, parse_value
+from onebot_description.errors import OneBotError
+from tests.onebot_bringup.cli_support import onebot
+from tests.ros_support import Peer
+
+
+def with_parameters(peer: Peer) -> None:
+    node = peer.node
+    node.declare_parameter("rate", 10.0)
+    node.declare_parameter("label", "x")
+    node.declare_parameter("limits.speed", 0.5)
+    node.declare_parameter("weights", [1.0, 2.0])
+    node.declare_parameter("fixed", 3, ParameterDescriptor(read_only=True))
+    node.add_on_set_parameters_callback(
+        lambda found: SetParametersResult(
+            successful=all(p.name != "rate" or p.value > 0 for p in found),
+            reason="the rate is above zero",
+        )
+    )
+
+
+def test_nodes(ros_domain: int) -> None:
+    """All nodes but hidden ones; what one does, with empty lists shown as empty lines."""
+    with Peer(ros_domain, "talker") as peer:
+        peer.node.create_service(SetBool, "switch", lambda _, response: response)
+        assert onebot("node", "list").stdout == "/talker\n"
+        assert "/_onebot_" in onebot("node", "list", "--all").stdout
+        info = onebot("node", "info", "/talker").stdout
+        assert info.startswith("/talker\n  Subscribers:\n\n  Publishers:\n    /parameter_events: ")
+        assert "  Service Servers:\n    /switch: std_srvs/srv/SetBool\n" in info
+        assert info.endswith("  Service Clients:\n\n  Action Servers:\n\n  Action Clients:\n\n")
+        wrong = onebot("node", "info", "/talkr")
+        assert wrong.returncode == 1 and 'did you mean "/talker"' in wrong.stderr
+
+
+def test_param_list_get_and_dump(ros_domain: int) -> None:
+    """The names, sorted; each value with its type; all as a file that ROS reads again."""
+    with Peer(ros_domain, "robot") as peer:
+        with_parameters(peer)
+        names = onebot("param", "list", "/robot").stdout
+        assert names.startswith("  fixed\n  label\n  limits.speed\n  rate\n")
+        every = onebot("param", "list", "--param-type").stdout
+        assert every.startswith("/robot:\n  fixed (type: integer)\n  label (type: string)\n")
+        for name, shown in {
+            "rate": "Double value is: 10.0",
+            "label": "String value is: x",
+            "fixed": "Integer value is: 3",
+            "use_sim_time": "Boolean value is: False",
+            "weights": "Double values are: array('d', [1.0, 2.0])",
+        }.items():
+            assert onebot("param", "get", "/robot", name).stdout == f"{shown}\n"
+        assert onebot("param", "get", "robot", "rate", "--hide-type").stdout == "10.0\n"
+        text = onebot("param", "dump", "/robot").stdout
+        assert text.startswith("/robot:\n  ros__parameters:\n    fixed: 3\n")
+        assert text.endswith("\n\n")
+        values = yaml.safe_load(text)["/robot"]["ros__parameters"]
+        assert values["limits"] == {"speed": 0.5} and values["weights"] == [1.0, 2.0]
+        wrong = onebot("param", "get", "/robot", "rat")
+        assert wrong.returncode == 1 and 'did you mean "rate"' in wrong.stderr
+
+
+def test_param_set(ros_domain: int) -> None:
+    """Values in YAML, a whole number for a double too; a refusal shows its reason, exit code 1."""
+    with Peer(ros_domain, "robot") as peer:
+        with_parameters(peer)
+        node = peer.node
+        for text, value in {"20": 20.0, "1e-3": 0.001, "0.5": 0.5}.items():
+            done = onebot("param", "set", "/robot", "rate", text)
+            assert (done.returncode, done.stdout) == (0, "Set parameter successful\n"), done.stderr
+            assert node.get_parameter("rate").value == value
+        refused = onebot("param", "set", "/robot", "rate", "-1e-3")
+        assert refused.returncode == 1 and not refused.stdout
+        assert refused.stderr == "Setting parameter failed: the rate is above zero\n"
+        both = onebot("param", "set", "/robot", "label", "12", "weights", "[3, 4]")
+        assert both.stdout.splitlines()[0].startswith("label: Set parameter successful")
+        assert node.get_parameter("label").value == "12"
+        assert list(node.get_parameter("weights").value) == [3.0, 4.0]
+        fixed = onebot("param", "set", "/robot", "fixed", "4")
+        assert fixed.returncode == 1 and "Setting parameter failed: " in fixed.stderr
+        odd = onebot("param", "set", "/robot", "rate")
+        assert odd.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "declared", "expected"),
+    [
+        ("1", 0, (INTEGER, 1)), ("1", DOUBLE, (DOUBLE, 1.0)), ("1", STRING, (STRING, "1")),
+        ("true", STRING, (STRING, "true")), ("'1'", 0, (STRING, "1")),
+        ("'1'", STRING, (STRING, "1")),
+        ("-1e-3", 0, (DOUBLE, -0.001)), ("a: b", 0, (STRING, "a: b")), ("{", 0, (STRING, "{")),
+        ("true", 0, (1, True)), ("[1, 2.5]", 0, (8, [1.0, 2.5])), ("[true]", 0, (6, [True])),
+        ("[a, b]", 0, (9, ["a", "b"])), ("[]", 8, (8, [])), ("[1, 2]", 8, (8, [1.0, 2.0])),
+        ("", 0, (STRING, "")), ("/ns/topic", 0, (STRING, "/ns/topic")), ("nan", 0, (STRING, "nan")),
+    ],
+)  # fmt: skip
+def test_parameter_values(text: str, declared: int, expected: tuple[int, object]) -> None:
+    """YAML's types, adapted to the type that the parameter is declared to have."""
+    assert parse_value(text, declared)[1:] == expected
+
+
+@pytest.mark.parametrize("text", ["[1, a]", "[true, 1]", str(2**63)])
+def test_impossible_parameter_values(text: str) -> None:
+    """Mixed lists and what 64 bits do not hold are refused."""
+    with pytest.raises(OneBotError):
+        parse_value(text)
+
+
+def test_services(ros_domain: int) -> None:
+    """A call prints request and response as ros2 does; a wrong type is said, not awaited."""
+    with Peer(ros_domain, "robot") as peer:
+
+        def answer(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            response.success, response.message = request.data, "done"
+            return response
+
+        peer.node.create_service(SetBool, "/switch", answer)
+        done = onebot("service", "call", "switch", "std_srvs/srv/SetBool", "{data: true}")
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.endswith(
+            "requester: making request: std_srvs.srv.SetBool_Request(data=True)\n\n"
+            "response:\nstd_srvs.srv.SetBool_Response(success=True, message='done')\n\n"
+        )
+        wrong = onebot("service", "call", "/switch", "std_srvs/srv/Trigger")
+        assert wrong.returncode == 1 and "is a std_srvs/srv/SetBool, not a" in wrong.stderr
+        assert "/switch [std_srvs/srv/SetBool]\n" in onebot("service", "list", "-t").stdout
+        assert onebot("service", "type", "switch").stdout == "std_srvs/srv/SetBool\n"
+
+
+def test_service_mistakes(ros_domain: int) -> None:
+    """Types and fields are checked before anything is sent."""
+    wrong = onebot("service", "call", "/switch", "std_srvs/srv/SetBol")
+    assert wrong.returncode == 1 and 'did you mean "std_srvs/srv/SetBool"' in wrong.stderr
+    field = onebot("service", "call", "/switch", "std_srvs/srv/SetBool", "{dat: true}")
+    assert field.returncode == 1 and 'did you mean "data"' in field.stderr
+
+
+def test_interfaces() -> None:
+    """The definition, nested ones indented by tabs; the list of all types."""
+    shown = onebot("interface", "show", "geometry_msgs/msg/Twist", "--no-comments").stdout
+    assert shown == (
+        "Vector3  linear\n\tfloat64 x\n\tfloat64 y\n\tfloat64 z\n"
+        "Vector3  angular\n\tfloat64 x\n\tfloat64 y\n\tfloat64 z\n"
+    )
+    service = onebot("interface", "show", "std_srvs/srv/SetBool").stdout
+    assert "bool data" in service and "\n---\n" in service
+    assert (
+        "\n\tstd_msgs/Header header\n\t\t"
+        in onebot("interface", "show", "tf2_msgs/msg/TFMessage").stdout
+    )
+    listed = onebot("interface", "list").stdout
+    assert "Messages:\n" in listed and "    geometry_msgs/msg/Twist\n" in listed
+    assert "Services:\n" in listed and "    std_srvs/srv/SetBool\n" in listed
+
+
+@pytest.mark.parametrize("group", ["topic", "node", "param", "service", "interface"])
+def test_groups(group: str) -> None:
+    """Each group has help, and says what is wrong with its second word."""
+    done = onebot(group, "--help")
+    assert done.returncode == 0 and done.stdout.startswith(f"usage: onebot {group} COMMAND")
+    none = onebot(group)
+    assert none.returncode == 2 and f"see: onebot {group} --help" in none.stderr
+    wrong = onebot(group, "lst")
+    assert wrong.returncode == 2 and "lst" in wrong.stderr and "commands: " in wrong.stderr
+
+
+def test_help_of_each_command() -> None:
+    """Both onebot GROUP COMMAND --help and onebot help GROUP COMMAND show the usage."""
+    for words in (["topic", "pub", "--help"], ["help", "topic", "pub"]):
+        done = onebot(*words)
+        assert done.returncode == 0 and done.stdout.startswith("usage: onebot topic pub ")

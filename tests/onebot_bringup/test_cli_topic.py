@@ -1,0 +1,215 @@
+"""``onebot topic``, on real DDS, against the very forms that ros2 prints."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+from std_msgs.msg import String
+
+from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_bringup.cli_support import MODULE, onebot, running
+from tests.ros_support import LATCHED, Peer
+from tests.support import wait_for
+
+TWIST = "geometry_msgs/msg/Twist"
+SHOWN = (
+    "geometry_msgs.msg.Twist(linear=geometry_msgs.msg.Vector3(x=0.2, y=0.0, z=0.0), "
+    "angular=geometry_msgs.msg.Vector3(x=0.0, y=0.0, z=0.0))"
+)
+
+
+@pytest.mark.parametrize("kind", [TWIST, "geometry_msgs/Twist"])
+def test_pub_once(ros_domain: int, kind: str) -> None:
+    """--once waits for a listener, publishes one message, prints it as ros2 does, and ends."""
+    with Peer(ros_domain) as peer:
+        heard = peer.hear(Twist, "/cmd_vel")
+        done = onebot("topic", "pub", "--once", "cmd_vel", kind, "{linear: {x: 0.2}}")
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.endswith(f"publisher: beginning loop\npublishing #1: {SHOWN}\n\n")
+        wait_for(lambda: heard, "the message")
+        assert len(heard) == 1 and heard[0].linear.x == 0.2
+
+
+def test_pub_at_a_rate(ros_domain: int) -> None:
+    """-r and --times: so many messages, evenly, each with the time of its sending."""
+    with Peer(ros_domain) as peer:
+        heard = peer.hear(TwistStamped, "/cmd_vel")
+        done = onebot(
+            "topic", "pub", "-r", "50", "-t", "26", "-p", "10", "/cmd_vel",
+            "geometry_msgs/msg/TwistStamped", "{header: auto, twist: {linear: {x: 0.2}}}",
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert re.findall(r"publishing #(\d+)", done.stdout) == ["10", "20"]
+        wait_for(lambda: len(heard) == 26, "26 messages")
+        stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in heard]
+        assert stamps[-1] - stamps[0] == pytest.approx(0.5, abs=0.1)
+        assert stamps == sorted(stamps) and len(set(stamps)) == 26
+
+
+def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
+    """Without a number it goes on, also when nobody listens, which it says; Ctrl-C ends it with 0.
+
+    Its own TFMessage stands in for tf2_msgs.
+    """
+    with running(
+        tmp_path, "topic", "pub", "-r", "10", "/tf", "tf2_msgs/msg/TFMessage",
+        "{transforms: [{header: {stamp: now, frame_id: a}, child_frame_id: b}]}",
+    ) as command:  # fmt: skip
+        command.says("note: nobody listens to /tf")
+        with Peer(ros_domain) as peer:
+            heard = peer.hear(TFMessage, "/tf")
+            wait_for(lambda: len(heard) > 3, "transforms")
+            assert heard[0].transforms[0].child_frame_id == "b"
+            assert heard[1].transforms[0].header.stamp.sec > 0
+        assert command.interrupt() == 0
+        assert "publishing #1: tf2_msgs.msg.TFMessage(transforms=[" in command.out
+        assert "Traceback" not in command.err
+
+
+def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
+    """A listener of another type does not count, and is named; the wait can be limited."""
+    with Peer(ros_domain) as peer:
+        peer.hear(TwistStamped, "/cmd_vel")
+        done = onebot("topic", "pub", "-1", "--max-wait-time-secs", "4", "/cmd_vel", TWIST)
+        assert done.returncode == 1
+        assert "Waiting for at least 1 matching subscription(s)..." in done.stdout
+        assert "waited 4 s in vain" in done.stderr
+        assert "geometry_msgs/msg/TwistStamped" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "part"),
+    [
+        (("/x", TWIST, "{linear: {x: .nan}}"), 1, "linear.x is a finite number"),
+        (("/x", TWIST, "{liner: 1}"), 1, 'did you mean "linear"? fields: angular, linear'),
+        (("/x", "geometry_msgs/msg/Twst"), 1, f'did you mean "{TWIST}"'),
+        (("bad name", TWIST), 1, '"bad name" is no name'),
+        (("/x",), 2, "TYPE"),
+        (("/x", TWIST, "-r", "0"), 2, "not above zero"),
+        (("/x", TWIST, "-1", "-t", "3"), 2, "not allowed with"),
+        (("/x", TWIST, "--no-such"), 2, "--no-such"),
+    ],
+)  # fmt: skip
+def test_pub_mistakes(ros_domain: int, words: tuple[str, ...], code: int, part: str) -> None:
+    """Each mistake is one line on stderr; usage exits with 2 and points to the help."""
+    done = onebot("topic", "pub", *words)
+    assert done.returncode == code and part in done.stderr, done.stderr
+    assert done.stderr.startswith("error: ") and not done.stdout
+    assert ("see: onebot topic pub --help" in done.stderr) == (code == 2)
+
+
+def test_echo_of_a_latched_topic(ros_domain: int) -> None:
+    """QoS suits the publisher, so what was published before is heard; type discovered."""
+    with Peer(ros_domain) as peer:
+        peer.node.create_publisher(String, "/robot_description", LATCHED).publish(
+            String(data="<robot/>")
+        )
+        done = onebot("topic", "echo", "--once", "robot_description")
+        assert (done.returncode, done.stdout) == (0, "data: <robot/>\n---\n"), done.stderr
+
+
+def test_echo_forms(ros_domain: int) -> None:
+    """The forms of output: YAML, one line, values, a part, a part's value."""
+    forms = {
+        (): "linear:\n  x: 0.5\n  y: 0.0\n  z: 0.0\nangular:\n  x: 0.0\n  y: 0.0\n  z: 0.0\n---\n",
+        ("--flow-style",):
+            "{linear: {x: 0.5, y: 0.0, z: 0.0}, angular: {x: 0.0, y: 0.0, z: 0.0}}\n---\n",
+        ("--csv",): "0.5,0.0,0.0,0.0,0.0,0.0\n",
+        ("--field", "linear"): "x: 0.5\ny: 0.0\nz: 0.0\n---\n",
+        ("--field", "linear.x"): "0.5\n---\n",
+    }  # fmt: skip
+    with Peer(ros_domain) as peer:
+        publisher = peer.node.create_publisher(Twist, "/cmd_vel", LATCHED)
+        message = Twist()
+        message.linear.x = 0.5
+        publisher.publish(message)
+        for options, expected in forms.items():
+            done = onebot("topic", "echo", "--once", "/cmd_vel", *options)
+            assert (done.returncode, done.stdout) == (0, expected), done.stderr
+        wrong = onebot("topic", "echo", "--once", "/cmd_vel", "--field", "linar.x")
+        assert wrong.returncode == 1 and 'did you mean "linear"' in wrong.stderr
+
+
+def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
+    """What is not there yet is awaited, and said; then it runs until Ctrl-C, with exit code 0."""
+    with running(tmp_path, "topic", "echo", "/later") as command:
+        command.says("WARNING: topic [/later] does not appear to be published yet")
+        with Peer(ros_domain) as peer:
+            publisher = peer.publisher(String, "/later")
+            for text in ("one", "two"):
+                publisher.publish(String(data=text))
+            wait_for(lambda: "data: two\n---\n" in command.out, "both messages")
+        assert command.interrupt() == 0 and command.out == "data: one\n---\ndata: two\n---\n"
+
+
+def test_echo_into_head(ros_domain: int) -> None:
+    """A reader that leaves ends it quietly."""
+    with Peer(ros_domain) as peer:
+        publisher = peer.node.create_publisher(String, "/chatter", 10)
+        peer.node.create_timer(0.02, lambda: publisher.publish(String(data="hello")))
+        done = subprocess.run(
+            f"{sys.executable} -m {MODULE} topic echo /chatter | head -n 2",
+            shell=True, capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
+        assert done.stdout == "data: hello\n---\n" and done.stderr == ""
+
+
+def test_echo_of_nothing(ros_domain: int) -> None:
+    """--timeout ends the wait for a first message, with exit code 1."""
+    with Peer(ros_domain) as peer:
+        peer.node.create_publisher(String, "/silent", 10)
+        done = onebot("topic", "echo", "/silent", "--timeout", "1")
+        assert done.returncode == 1 and "no message on /silent within 1 s" in done.stderr
+
+
+def test_list(ros_domain: int) -> None:
+    """Names; with types; their number; the lists of -v; hidden ones on request."""
+    with Peer(ros_domain) as peer:
+        peer.node.create_publisher(String, "/chatter", 10)
+        peer.node.create_publisher(String, "/_secret", 10)
+        peer.hear(Twist, "/cmd_vel")
+        plain = onebot("topic", "list").stdout.splitlines()
+        assert plain == ["/chatter", "/cmd_vel", "/parameter_events", "/rosout"]
+        typed = onebot("topic", "list", "-t").stdout
+        assert "/chatter [std_msgs/msg/String]\n/cmd_vel [geometry_msgs/msg/Twist]\n" in typed
+        assert onebot("topic", "list", "--count-topics").stdout == "4\n"
+        assert "/_secret" in onebot("topic", "list", "--include-hidden-topics").stdout
+        verbose = onebot("topic", "list", "-v").stdout
+        assert verbose.startswith("Published topics:\n * /chatter [std_msgs/msg/String] 1 publi")
+        assert verbose.endswith(
+            "\n\nSubscribed topics:\n * /cmd_vel [geometry_msgs/msg/Twist] 1 subscriber\n\n"
+        )
+
+
+def test_info_type_and_find(ros_domain: int) -> None:
+    """The counts; with -v each endpoint, its node and QoS; a topic's type and a type's topics."""
+    with Peer(ros_domain, "talker") as peer:
+        peer.node.create_publisher(String, "/chatter", LATCHED)
+        assert onebot("topic", "info", "chatter").stdout == (
+            "Type: std_msgs/msg/String\nPublisher count: 1\nSubscription count: 0\n"
+        )
+        verbose = onebot("topic", "info", "-v", "/chatter").stdout
+        assert verbose.startswith(
+            "Type: std_msgs/msg/String\n\nPublisher count: 1\n\n"
+            "Node name: talker\nNode namespace: /\nTopic type: std_msgs/msg/String\n"
+        )
+        assert "  Durability: TRANSIENT_LOCAL\n" in verbose
+        assert verbose.endswith("\n\nSubscription count: 0\n\n")
+        assert onebot("topic", "type", "/chatter").stdout == "std_msgs/msg/String\n"
+        assert onebot("topic", "find", "std_msgs/msg/String").stdout == "/chatter\n"
+        wrong = onebot("topic", "info", "/chater")
+        assert wrong.returncode == 1 and 'did you mean "/chatter"' in wrong.stderr
+
+
+def test_hz(ros_domain: int, tmp_path: Path) -> None:
+    """The rate, in ros2's form, once a second, until Ctrl-C."""
+    form = r"average rate: (\d+\.\d{3})\n\tmin: \d\.\d{3}s max: \d\.\d{3}s std dev: \d\.\d{5}s w"
+    with Peer(ros_domain) as peer, running(tmp_path, "topic", "hz", "-w", "50", "/x") as command:
+        publisher = peer.node.create_publisher(String, "/x", 10)
+        peer.node.create_timer(0.05, lambda: publisher.publish(String()))
+        rates = wait_for(lambda: len(found := re.findall(form, command.out)) > 1 and found, "rates")
+        assert float(rates[1]) == pytest.approx(20.0, rel=0.2)
+        assert command.interrupt() == 0

@@ -1,0 +1,267 @@
+"""``onebot teleop``: what the keys mean, and the command on a pseudo-terminal and real DDS."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+
+from onebot_bringup.cli.driving_keys import Driver, Velocity
+from onebot_bringup.cli.terminal import split_keys
+from tests.onebot_bringup.cli_support import MODULE, onebot
+from tests.ros_support import Peer
+from tests.support import wait_for
+
+TOPIC = "/velocity_controller/cmd_vel"
+STILL = Velocity()
+
+
+def test_the_keys_of_teleop_twist_keyboard() -> None:
+    """Each key moves in its direction, at the speeds set."""
+    expected = {
+        "i": (1, 0, 0, 0), ",": (-1, 0, 0, 0), "j": (0, 0, 0, 1), "l": (0, 0, 0, -1),
+        "u": (1, 0, 0, 1), "o": (1, 0, 0, -1), "m": (-1, 0, 0, -1), ".": (-1, 0, 0, 1),
+        "U": (1, 1, 0, 0), "O": (1, -1, 0, 0), "J": (0, 1, 0, 0), "L": (0, -1, 0, 0),
+        "M": (-1, 1, 0, 0), ">": (-1, -1, 0, 0), "I": (1, 0, 0, 0), "<": (-1, 0, 0, 0),
+        "t": (0, 0, 1, 0), "b": (0, 0, -1, 0), "up": (1, 0, 0, 0), "left": (0, 0, 0, 1),
+    }  # fmt: skip
+    for key, (x, y, z, turn) in expected.items():
+        driver = Driver(0.5, 2.0, 0.7)
+        driver.press(key, 0.0)
+        assert driver.velocity(0.0) == Velocity(0.5 * x, 0.5 * y, 0.5 * z, 2.0 * turn), key
+
+
+@pytest.mark.parametrize(
+    ("key", "speed", "turn"),
+    [("q", 1.1, 1.1), ("z", 0.9, 0.9), ("w", 1.1, 1), ("x", 0.9, 1), ("e", 1, 1.1), ("c", 1, 0.9)],
+)
+def test_speed_keys(key: str, speed: float, turn: float) -> None:
+    """They change the speeds by 10 %, and the motion goes on at the new ones."""
+    driver = Driver(0.5, 1.0, 0.7)
+    driver.press("u", 0.0)
+    driver.press(key, 0.1)
+    assert (driver.speed, driver.turn) == pytest.approx((0.5 * speed, turn))
+    assert driver.velocity(0.2).x == driver.speed and driver.velocity(0.2).turn == driver.turn
+
+
+@pytest.mark.parametrize("key", ["k", " ", "K", "5", ""])
+def test_any_other_key_stops(key: str) -> None:
+    """At once."""
+    driver = Driver(0.5, 1.0, 0.7)
+    driver.press("i", 0.0)
+    driver.press(key, 0.1)
+    assert driver.velocity(0.1) == STILL
+
+
+def test_one_press_bridges_the_delay_of_the_keyboard() -> None:
+    """A key counts as held until its first repeat may come, and no longer."""
+    driver = Driver(0.5, 1.0, 0.7)
+    driver.press("i", 0.0)
+    assert driver.moving(0.66) and not driver.moving(0.7)
+    assert driver.velocity(0.71) == STILL
+
+
+@pytest.mark.parametrize("delay", [0.25, 0.5, 0.66])
+@pytest.mark.parametrize("interval", [0.02, 0.033, 0.1])
+def test_a_held_key_moves_throughout_and_stops_soon(delay: float, interval: float) -> None:
+    """No gap while the key repeats; after it is let go, stopped within a few of its repeats."""
+    driver = Driver(0.5, 1.0, 0.7)
+    driver.press("i", 0.0)
+    moment = delay
+    for _ in range(30):
+        assert driver.moving(moment - 1e-6)
+        driver.press("i", moment)
+        moment += interval
+    let_go = moment - interval
+    assert not driver.moving(let_go + max(0.2, 4 * interval) + 1e-6)
+
+
+def test_another_key_takes_over() -> None:
+    """The latest key counts, with the full delay of a first press."""
+    driver = Driver(0.5, 1.0, 0.7)
+    for moment in (0.0, 0.5, 0.53):
+        driver.press("i", moment)
+    driver.press("j", 0.6)
+    assert driver.velocity(1.2) == Velocity(turn=1.0) and driver.velocity(1.3) == STILL
+
+
+def test_keys_of_a_terminal() -> None:
+    """Arrows are words, other function keys nothing, Esc alone itself."""
+    assert split_keys("iq") == ["i", "q"]
+    assert split_keys("\x1b[A\x1b[B\x1bOC\x1b[D") == ["up", "down", "right", "left"]
+    assert split_keys("\x1b") == ["\x1b"]
+    assert split_keys("\x1b[3~\x1b[1;5Ai\x1b[5~") == ["", "", "i", ""]
+
+
+class Terminal:
+    """The command on a pseudo-terminal; its keyboard, and what it shows."""
+
+    def __init__(self, *words: str) -> None:
+        self._keyboard, self._screen = pty.openpty()
+        self.before = termios.tcgetattr(self._screen)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", MODULE, "teleop", *words],
+            stdin=self._screen, stdout=self._screen, stderr=self._screen,
+            start_new_session=True, preexec_fn=_own_terminal,
+        )  # fmt: skip
+        self._shown = b""
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        while True:
+            try:
+                self._shown += os.read(self._keyboard, 4096)
+            except OSError:
+                return
+
+    @property
+    def shown(self) -> str:
+        return self._shown.decode()
+
+    @property
+    def mode(self) -> list[object]:
+        return termios.tcgetattr(self._screen)
+
+    def type(self, keys: str) -> None:
+        os.write(self._keyboard, keys.encode())
+
+    def says(self, text: str) -> None:
+        wait_for(lambda: text in self.shown, f'"{text}" on the terminal')
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait(30)
+        os.close(self._screen)
+        os.close(self._keyboard)
+
+
+def _own_terminal() -> None:
+    """Make stdin the controlling terminal, so that its Ctrl-C becomes a signal."""
+    import fcntl
+
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
+@contextmanager
+def teleop(*words: str) -> Iterator[Terminal]:
+    terminal = Terminal(*words)
+    try:
+        yield terminal
+    finally:
+        terminal.close()
+
+
+def ready(peer: Peer, terminal: Terminal, topic: str = TOPIC) -> None:
+    """Wait until the command listens to the keyboard and the peer to the command."""
+    terminal.says("currently:\tspeed")
+    wait_for(lambda: peer.node.count_publishers(topic), "the publisher")
+    wait_for(lambda: terminal.mode != terminal.before, "single keys")
+
+
+def met(terminal: Terminal, heard: list[Twist]) -> None:
+    """Press a key until it is heard, then wait until it counts as let go."""
+    deadline = time.monotonic() + 30
+    while not heard and time.monotonic() < deadline:
+        terminal.type("i")
+        time.sleep(0.1)
+    wait_for(lambda: heard and heard[-1] == Twist(), "a stop")
+    heard.clear()
+
+
+def test_drives_while_a_key_is_held(ros_domain: int) -> None:
+    """While a key repeats a Twist comes at a fixed rate; when it does not, zero, then silence."""
+    with Peer(ros_domain) as peer, teleop() as terminal:
+        heard = peer.hear(Twist, TOPIC)
+        ready(peer, terminal)
+        met(terminal, heard)
+        began = time.monotonic()
+        while time.monotonic() - began < 1.5:  # as a keyboard repeats
+            terminal.type("i")
+            time.sleep(0.03)
+        wait_for(lambda: heard[-1] == Twist(), "a stop")
+        stopped = time.monotonic()
+        moving = [m for m in heard if m != Twist()]
+        assert {(m.linear.x, m.angular.z) for m in moving} == {(0.5, 0.0)}
+        assert 20 <= len(moving) <= 45  # 20 Hz for about 1.7 s
+        assert heard.index(Twist()) == len(moving)  # no gap
+        assert stopped - began < 3.0
+        time.sleep(0.5)
+        assert len(heard) - len(moving) <= 3
+        assert terminal.process.poll() is None
+
+
+def test_speeds_are_shown_and_used(ros_domain: int) -> None:
+    """The keys of q to c change the speeds shown, and the next motion has them."""
+    with Peer(ros_domain) as peer, teleop("--speed", "0.2", "--turn", "0.5") as terminal:
+        heard = peer.hear(Twist, TOPIC)
+        ready(peer, terminal)
+        terminal.says("currently:\tspeed 0.2\tturn 0.5 ")
+        met(terminal, heard)
+        terminal.type("q")
+        terminal.says("currently:\tspeed 0.22\tturn 0.55 ")
+        terminal.type("z")
+        terminal.says("currently:\tspeed 0.198\tturn 0.495 ")
+        terminal.type("m")
+        wait_for(lambda: heard, "a Twist")
+        assert heard[0].linear.x == pytest.approx(-0.198)
+        assert heard[0].angular.z == pytest.approx(-0.495)
+        terminal.type("J")
+        wait_for(lambda: heard[-1].linear.y, "sideways")
+        assert heard[-1].linear.y == pytest.approx(0.198)
+
+
+@pytest.mark.parametrize("leave", ["\x03", "\x1b", "\x04", "SIGTERM"])
+def test_leaving_stops_the_robot_and_restores_the_terminal(ros_domain: int, leave: str) -> None:
+    """However it is left, also while a key is held: zero is published and the terminal as was."""
+    with Peer(ros_domain) as peer, teleop("/drive", "--stamped", "--frame-id", "base") as terminal:
+        heard = peer.hear(TwistStamped, "/drive")
+        ready(peer, terminal, "/drive")
+        while not heard:
+            terminal.type("u")
+            time.sleep(0.1)
+        assert heard[-1].header.frame_id == "base" and heard[-1].header.stamp.sec > 0
+        assert heard[-1].twist.linear.x == 0.5 and heard[-1].twist.angular.z == 1.0
+        if leave == "SIGTERM":
+            terminal.process.send_signal(signal.SIGTERM)
+        else:
+            terminal.type(leave)
+        assert terminal.process.wait(30) == 0, terminal.shown
+        wait_for(lambda: heard[-1].twist == Twist(), "a stop")
+        assert terminal.mode == terminal.before
+        assert "Traceback" not in terminal.shown
+
+
+def test_ctrl_z_stops_the_robot_only(ros_domain: int) -> None:
+    """It does not suspend the command, which would leave the robot driving."""
+    with Peer(ros_domain) as peer, teleop() as terminal:
+        heard = peer.hear(Twist, TOPIC)
+        ready(peer, terminal)
+        while not heard:
+            terminal.type("i")
+            time.sleep(0.1)
+        terminal.type("\x1a")
+        wait_for(lambda: heard[-1] == Twist(), "a stop")
+        assert terminal.process.poll() is None
+
+
+def test_a_robot_that_wants_the_other_type_is_said(ros_domain: int) -> None:
+    """Twist for a TwistStamped listener would be silently ignored."""
+    with Peer(ros_domain) as peer, teleop() as terminal:
+        peer.hear(TwistStamped, TOPIC)
+        terminal.says("the robot wants TwistStamped: use --stamped")
+
+
+def test_without_a_terminal(ros_domain: int) -> None:
+    """A pipe has no keys: one clear error."""
+    done = onebot("teleop", text="iii")
+    assert done.returncode == 1 and "terminal" in done.stderr
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
