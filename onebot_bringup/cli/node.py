@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from onebot_bringup.cli.ros_session import Session, add_spin_time, is_hidden
 from onebot_bringup.cli.subcommands import Parser, Subcommand, dispatch
+from onebot_description.errors import OneBotError
 
 COMMANDS = {
     "list": Subcommand("list the nodes", "onebot_bringup.cli.node:nodes"),
@@ -58,6 +59,7 @@ def info(parser: Parser, argv: Sequence[str]) -> int:
         get_action_client_names_and_types_by_node,
         get_action_server_names_and_types_by_node,
     )
+    from rclpy.node import NodeNameNonExistentError
 
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         full = session.find_node(args.node)
@@ -65,15 +67,19 @@ def info(parser: Parser, argv: Sequence[str]) -> int:
         space, _, name = full.rpartition("/")
         where = name, space or "/"
         node = session.node
+        try:
+            tables = (
+                ("Subscribers", node.get_subscriber_names_and_types_by_node(*where)),
+                ("Publishers", node.get_publisher_names_and_types_by_node(*where)),
+                ("Service Servers", node.get_service_names_and_types_by_node(*where)),
+                ("Service Clients", node.get_client_names_and_types_by_node(*where)),
+                ("Action Servers", get_action_server_names_and_types_by_node(node, *where)),
+                ("Action Clients", get_action_client_names_and_types_by_node(node, *where)),
+            )
+        except NodeNameNonExistentError:
+            raise OneBotError(f'node "{full}" has just ended') from None
         print(full)
-        for title, found in (
-            ("Subscribers", node.get_subscriber_names_and_types_by_node(*where)),
-            ("Publishers", node.get_publisher_names_and_types_by_node(*where)),
-            ("Service Servers", node.get_service_names_and_types_by_node(*where)),
-            ("Service Clients", node.get_client_names_and_types_by_node(*where)),
-            ("Action Servers", get_action_server_names_and_types_by_node(node, *where)),
-            ("Action Clients", get_action_client_names_and_types_by_node(node, *where)),
-        ):
+        for title, found in tables:
             print(f"  {title}:\n{_rows(found, args.include_hidden)}")
     return 0
 

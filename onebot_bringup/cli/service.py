@@ -111,7 +111,7 @@ def _await_service(session: Session, client: Any, name: str, wanted: str) -> Non
 
 def _offered(session: Session, name: str) -> set[str]:
     """The types of a service's servers; the graph's own answer would count clients, and us."""
-    from rclpy.exceptions import NodeNameNonExistentError
+    from rclpy.node import NodeNameNonExistentError
 
     types: set[str] = set()
     for node, space in session.node.get_node_names_and_namespaces():
