@@ -18,7 +18,7 @@ from onebot_description.ament import use_environment_prefix
 from onebot_description.errors import OneBotError
 from onebot_description.text import did_you_mean
 
-_QUIET = 0.3  # s without any news, after which discovery is taken to be complete
+_QUIET = 0.5  # s without any news, over two announcements: discovery is taken to be complete
 _LEAST = 0.5  # s
 _MOST = 2.0  # s
 _LOOKUP = 3.5  # s for what was asked for by name: all participants announce themselves every 3 s
@@ -51,6 +51,9 @@ class Session:
         if not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         use_environment_prefix()
+        from onebot_description.ros import use_quick_discovery  # brings rclpy, which takes a while
+
+        use_quick_discovery()
         # SIGINT too: a shell starts what it puts in the background with SIGINT ignored.
         self._old_handlers = {
             number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)

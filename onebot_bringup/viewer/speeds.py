@@ -7,6 +7,7 @@ import rerun as rr
 
 from onebot_bringup.viewer.streams import TIMELINE
 
+_DECIMALS = 6  # of m/s and rad/s
 LINEAR_ENTITY = "speeds/linear"
 ANGULAR_ENTITY = "speeds/angular"
 # Seconds without a message over which a curve is not drawn on: nobody said anything there.
@@ -60,7 +61,8 @@ class SpeedStream:
         self._rows = []
         time = rr.TimeColumn(TIMELINE, timestamp=np.array(stamps, "datetime64[ns]"))
         for entity, values in ((LINEAR_ENTITY, linear), (ANGULAR_ENTITY, angular)):
-            columns = rr.Scalars.columns(scalars=np.array(values))
+            # A plot zooms in on whatever there is: without the last digits a steady speed is flat.
+            columns = rr.Scalars.columns(scalars=np.round(values, _DECIMALS))
             self._recording.send_columns(self._path(entity), indexes=[time], columns=columns)
         return True
 
