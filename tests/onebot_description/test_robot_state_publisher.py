@@ -161,22 +161,33 @@ def test_publish_frequency_throttles_by_stamp(ros_domain, arm):
     with NodeProcess(MODULE, str(arm), *args), Peer(ros_domain) as peer:
         moving = peer.hear(TFMessage, "/tf")
         reliable = peer.publisher(JointState, "joint_states", 100)
-        _send_until(reliable, moving, 0.0, 100)
+        # Until its answers are heard, a second more each time, for the throttle to let it pass.
+        seconds = iter(range(100, 100_000))
+
+        def heard():
+            reliable.publish(_state(0.0, next(seconds)))
+            return moving
+
+        wait_for(heard, "a first transform")
+        start = next(seconds) + 100
+        reliable.publish(_state(0.0, start))
+        wait_for(lambda: moving[-1].transforms[0].header.stamp.sec == start, "the start")
         moving.clear()
         quarter = 250_000_000
         for step in range(41):
             message = _state(0.0)
-            message.header.stamp = Time(sec=101 + step // 4, nanosec=step % 4 * quarter)
+            message.header.stamp = Time(sec=start + 1 + step // 4, nanosec=step % 4 * quarter)
             reliable.publish(message)
             if step % 4 == 0:  # the subscription keeps only the last five
                 wait_for(
                     lambda step=step: (
-                        moving and moving[-1].transforms[0].header.stamp.sec == 101 + step // 4
+                        moving
+                        and moving[-1].transforms[0].header.stamp.sec == start + 1 + step // 4
                     ),
                     "a transform a second",
                 )
         assert [m.transforms[0].header.stamp for m in moving] == [
-            Time(sec=101 + second) for second in range(11)
+            Time(sec=start + 1 + second) for second in range(11)
         ]
 
 
