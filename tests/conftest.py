@@ -1,35 +1,11 @@
 """Fixtures shared by all tests."""
 
-import os
 import random
 import socket
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-
-_status = pytest.StashKey[int]()
-
-
-def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Keep the run's result for the end."""
-    session.config.stash[_status] = int(exitstatus)
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_unconfigure(config: pytest.Config) -> None:
-    """End with the run's result, without the interpreter's own end.
-
-    So many contexts of DDS, worlds of PyBullet and renderers have lived in this process that one of
-    the libraries' destructors has been seen to die (SIGBUS) when the process ends, after all tests
-    had passed; what a node's own end leaves is tested on processes of its own.
-    """
-    if _status in config.stash:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(config.stash[_status])
-
 
 # Beyond 101 the ports of a domain (RTPS 2.2, section 9.6.1.1) meet those that Linux hands out.
 _DOMAINS = range(1, 101)

@@ -5,7 +5,6 @@ The build hook of the wheel loads this file by its path, before the package can 
 the standard library may be used here.
 """
 
-import ctypes
 import hashlib
 import importlib.util
 import os
@@ -103,10 +102,15 @@ def _compile(command: list[str], library: Path) -> str | None:
     if result.returncode != 0:
         output = (result.stderr or result.stdout).strip()
         return f"failed with exit code {result.returncode}: {output[-2000:]}"
-    try:
-        ctypes.CDLL(str(library))
-    except OSError as error:
-        return f"made a library that this Python cannot load: {error}"
+    # Loaded by a process that ends: here the file would stay mapped, and writing to it later would
+    # kill this process (SIGBUS) when it ends.
+    load = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
+    loaded = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", load, str(library)], capture_output=True, text=True
+    )
+    if loaded.returncode != 0:
+        why = (loaded.stderr.strip().splitlines() or ["no reason given"])[-1]
+        return f"made a library that this Python cannot load: {why}"
     return None
 
 
