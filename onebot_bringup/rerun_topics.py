@@ -4,25 +4,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 
+from onebot_bringup.raw_messages import odometry_sample, twist_sample, twist_stamped_sample
 from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.odometry_wire import (
-    OdometrySample,
-    TwistSample,
-    decode_odometry,
-    decode_twist,
-    decode_twist_stamped,
-)
+from onebot_bringup.viewer.odometry_wire import TwistSample
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.errors import OneBotError
-from onebot_description.tf.wire import WireError
 
 RCLError = rclpy_implementation.RCLError
 
@@ -118,7 +110,7 @@ class DriveTopics:
 
     def _on_odometry(self, topic: str, _: str) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
-            sample = _odometry(data)
+            sample = odometry_sample(data)
             self._live.add_odometry(topic, sample.stamp_ns or self._now(), sample)
 
         return take
@@ -134,50 +126,7 @@ class DriveTopics:
         return int(self._node.get_clock().now().nanoseconds)
 
 
-def _odometry(data: bytes) -> OdometrySample:
-    """Decode quickly; whatever is not plain CDR, as rclpy does."""
-    try:
-        return decode_odometry(data)
-    except WireError:
-        message = deserialize_message(data, Odometry)
-    pose, twist = message.pose.pose, message.twist.twist
-    return OdometrySample(
-        _stamp(message),
-        message.header.frame_id,
-        message.child_frame_id,
-        _array(pose.position),
-        np.array([pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w]),
-        _array(twist.linear),
-        _array(twist.angular),
-    )
-
-
-def _twist(data: bytes) -> TwistSample:
-    try:
-        return decode_twist(data)
-    except WireError:
-        message = deserialize_message(data, Twist)
-    return TwistSample(0, _array(message.linear), _array(message.angular))
-
-
-def _twist_stamped(data: bytes) -> TwistSample:
-    try:
-        return decode_twist_stamped(data)
-    except WireError:
-        message = deserialize_message(data, TwistStamped)
-    return TwistSample(_stamp(message), _array(message.twist.linear), _array(message.twist.angular))
-
-
 _TWIST_READERS: Mapping[str, Callable[[bytes], TwistSample]] = {
-    "Twist": _twist,
-    "TwistStamped": _twist_stamped,
+    "Twist": twist_sample,
+    "TwistStamped": twist_stamped_sample,
 }
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
-
-
-def _array(vector: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return np.array([vector.x, vector.y, vector.z], float)

@@ -25,16 +25,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_bringup.raw_messages import joint_state_arrays, tf_arrays
 from onebot_bringup.rerun_topics import SENSOR, DriveTopics
 from onebot_bringup.viewer.display import Display
 from onebot_bringup.viewer.live_view import LiveView
@@ -43,13 +42,6 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros import run_node
 from onebot_description.text import did_you_mean
 from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import (
-    JointStateArrays,
-    TfArrays,
-    WireError,
-    decode_joint_state,
-    decode_tf,
-)
 
 VIEWERS = ("web", "native", "none")
 FLUSH_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
@@ -185,13 +177,13 @@ class RerunViewer(Node):
         self.get_logger().info(f'showing "{robot.name}" ({len(robot.links)} links)')
 
     def _on_tf(self, data: bytes) -> None:
-        self._guard(lambda: self._live.add_transforms(_tf(data)))
+        self._guard(lambda: self._live.add_transforms(tf_arrays(data)))
 
     def _on_tf_static(self, data: bytes) -> None:
-        self._guard(lambda: self._live.add_transforms(_tf(data), static=True))
+        self._guard(lambda: self._live.add_transforms(tf_arrays(data), static=True))
 
     def _on_joints(self, data: bytes) -> None:
-        state = _joint_state(data)
+        state = joint_state_arrays(data)
         stamp = state.stamp_ns or self.get_clock().now().nanoseconds
         self._live.add_joints(stamp, state.names, state.positions, state.velocities)
 
@@ -208,34 +200,6 @@ class RerunViewer(Node):
             self._live.finish(self.get_clock().now().nanoseconds)
             self._display.close()
         super().destroy_node()
-
-
-def _tf(data: bytes) -> TfArrays:
-    """Decode quickly; whatever is not plain CDR, as rclpy does."""
-    try:
-        return decode_tf(data)
-    except WireError:
-        transforms = deserialize_message(data, TFMessage).transforms
-    stamps = [t.header.stamp.sec * 10**9 + t.header.stamp.nanosec for t in transforms]
-    shifts = [t.transform.translation for t in transforms]
-    turns = [t.transform.rotation for t in transforms]
-    return TfArrays(
-        [t.header.frame_id for t in transforms],
-        [t.child_frame_id for t in transforms],
-        np.array(stamps, np.int64),
-        np.array([(v.x, v.y, v.z) for v in shifts], float).reshape(-1, 3),
-        np.array([(q.x, q.y, q.z, q.w) for q in turns], float).reshape(-1, 4),
-    )
-
-
-def _joint_state(data: bytes) -> JointStateArrays:
-    try:
-        return decode_joint_state(data)
-    except WireError:
-        state = deserialize_message(data, JointState)
-    stamp = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
-    values = (np.array(field) for field in (state.position, state.velocity, state.effort))
-    return JointStateArrays(stamp, state.header.frame_id, tuple(state.name), *values)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,0 +1,99 @@
+"""Raw CDR messages into arrays, quickly; whatever is not plain CDR, as rclpy does it."""
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from onebot_bringup.viewer.odometry_wire import (
+    OdometrySample,
+    TwistSample,
+    decode_odometry,
+    decode_twist,
+    decode_twist_stamped,
+)
+from onebot_description.tf.tf_message import TFMessage
+from onebot_description.tf.wire import (
+    JointStateArrays,
+    TfArrays,
+    WireError,
+    decode_joint_state,
+    decode_tf,
+)
+
+
+def tf_arrays(data: bytes) -> TfArrays:
+    """Decode a TFMessage."""
+    try:
+        return decode_tf(data)
+    except WireError:
+        transforms = deserialize_message(data, TFMessage).transforms
+    stamps = [t.header.stamp.sec * 10**9 + t.header.stamp.nanosec for t in transforms]
+    shifts = [t.transform.translation for t in transforms]
+    turns = [t.transform.rotation for t in transforms]
+    return TfArrays(
+        [t.header.frame_id for t in transforms],
+        [t.child_frame_id for t in transforms],
+        np.array(stamps, np.int64),
+        np.array([(v.x, v.y, v.z) for v in shifts], float).reshape(-1, 3),
+        np.array([(q.x, q.y, q.z, q.w) for q in turns], float).reshape(-1, 4),
+    )
+
+
+def joint_state_arrays(data: bytes) -> JointStateArrays:
+    """Decode a JointState."""
+    try:
+        return decode_joint_state(data)
+    except WireError:
+        state = deserialize_message(data, JointState)
+    stamp = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
+    values = (np.array(field) for field in (state.position, state.velocity, state.effort))
+    return JointStateArrays(stamp, state.header.frame_id, tuple(state.name), *values)
+
+
+def odometry_sample(data: bytes) -> OdometrySample:
+    """Decode an Odometry."""
+    try:
+        return decode_odometry(data)
+    except WireError:
+        message = deserialize_message(data, Odometry)
+    pose, twist = message.pose.pose, message.twist.twist
+    return OdometrySample(
+        _stamp(message),
+        message.header.frame_id,
+        message.child_frame_id,
+        _array(pose.position),
+        np.array([pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w]),
+        _array(twist.linear),
+        _array(twist.angular),
+    )
+
+
+def twist_sample(data: bytes) -> TwistSample:
+    """Decode a Twist, which has no stamp: its time is 0."""
+    try:
+        return decode_twist(data)
+    except WireError:
+        message = deserialize_message(data, Twist)
+    return TwistSample(0, _array(message.linear), _array(message.angular))
+
+
+def twist_stamped_sample(data: bytes) -> TwistSample:
+    """Decode a TwistStamped."""
+    try:
+        return decode_twist_stamped(data)
+    except WireError:
+        message = deserialize_message(data, TwistStamped)
+    return TwistSample(_stamp(message), _array(message.twist.linear), _array(message.twist.angular))
+
+
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def _array(vector: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([vector.x, vector.y, vector.z], float)
