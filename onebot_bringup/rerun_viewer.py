@@ -7,6 +7,10 @@ Subscribes:
     joint_states (sensor_msgs/JointState): plotted.
     what the view names (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped): trails and speeds.
 
+Publishes:
+    ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
+        server, too, so that another page can show the robot.
+
 Parameters:
     viewer (string, "web"): web, native (a window) or none.
     save (string, ""): a .rrd file to write the recording to, alone or beside the viewer.
@@ -89,6 +93,8 @@ class RerunViewer(Node):
             blueprint=blueprint,
             frame_prefix=self._text("frame_prefix"),
         )
+        self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
+        self._page_told = ""
         self._subscribe()
         self._drive = DriveTopics(self, self._live, config)
 
@@ -151,12 +157,20 @@ class RerunViewer(Node):
         # Not ROS time: it may stand still or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(FLUSH_PERIOD, self._tick, clock=steady)
-        self.create_timer(0.25, self._display.watch, clock=steady)
+        self.create_timer(0.25, self._watch_display, clock=steady)
         self.create_timer(0.25, self._watch_topics, clock=steady)
 
     def _tick(self) -> None:
         for message in self._live.tick(self.get_clock().now().nanoseconds):
             self.get_logger().warning(message)
+
+    def _watch_display(self) -> None:
+        assert self._display is not None
+        self._display.watch()
+        address = self._display.page_address
+        if address != self._page_told:
+            self._page_told = address
+            self._page_publisher.publish(String(data=address))
 
     def _watch_topics(self) -> None:
         try:

@@ -81,6 +81,11 @@ class Display:
         if wanted and got != wanted:
             self._log.warning(f"{name} {wanted} is in use; using {got} instead")
 
+    @property
+    def page_address(self) -> str:
+        """The page's whole address, once it can be opened; "" before, or if there is no page."""
+        return self._page.address if self._page is not None and self._announced else ""
+
     def watch(self) -> None:
         """Announce the page once it is up, host it anew if it dies; say if a window was closed.
 

@@ -21,6 +21,7 @@ class WebPage:
     Attributes:
         port: where it listens, on 127.0.0.1.
         url: what to open in a browser.
+        address: where that leads to: the page, told which recording to show.
     """
 
     def __init__(self, port: int, recording_uri: str) -> None:
@@ -35,6 +36,7 @@ class WebPage:
         )
         self.port = free_port(port)
         self.url = f"http://{LOOPBACK}:{self.port}"
+        self.address = self.url + start
         self._server = PageServer(self.port, self._backend, start)
 
     def _start(self) -> Child:
