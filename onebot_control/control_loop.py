@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 from onebot_control.drive import Drive, Snapshot
 from onebot_control.pacing import Pacer, SystemStamps
 from onebot_description.errors import OneBotError
+from onebot_description.stamps import NANO
 
 T = TypeVar("T")
-_NANO = 1_000_000_000
 _PATIENCE = 10.0  # s for the loop to answer
 _PAUSED_WAIT = 0.01  # s between looks at the inbox where nothing else sets a pace
 
@@ -114,7 +114,7 @@ class ControlLoop:
         """Return the current cycle's stamp, ns."""
         if self.simulated:
             # One period ahead, because a stamp of 0 means "not known" in ROS.
-            return round((self.drive.ticks + 1) * _NANO / self.drive.config.update_rate)
+            return round((self.drive.ticks + 1) * NANO / self.drive.config.update_rate)
         return self._stamps.at(self._pacer.due)
 
     def _run(self) -> None:

@@ -3,7 +3,8 @@
 import time
 from collections.abc import Callable
 
-_NANO = 1_000_000_000
+from onebot_description.stamps import NANO
+
 # The system clock is followed when it is this far from the cycles' own count, ns.
 _DRIFT = 2_000_000
 
@@ -80,7 +81,7 @@ class SystemStamps:
         offset = self._system() - self._monotonic()
         if abs(offset - self._offset) > _DRIFT:
             self._offset = offset
-        return round(due * _NANO) + self._offset
+        return round(due * NANO) + self._offset
 
 
 class Divider:

@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from onebot_control.ros_messages import nanoseconds
+from onebot_description.stamps import nanoseconds
 
 _TOPIC = "~/cmd_vel"
 _DEPTH = 10  # ROS's system default

@@ -3,7 +3,6 @@
 from array import array
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import (
     Point,
     PoseStamped,
@@ -19,21 +18,9 @@ from sensor_msgs.msg import JointState
 from onebot_control.drive import Snapshot
 from onebot_control.frames import PlanarPose, yaw_of
 from onebot_control.joint_state_broadcaster import JointStateBroadcaster
-
-_NANO = 1_000_000_000
+from onebot_description.tf.messages import time_message
 
 Floats = NDArray[np.float64]
-
-
-def time_message(stamp_ns: int) -> Time:
-    """Return nanoseconds as builtin_interfaces/Time."""
-    sec, nanosec = divmod(stamp_ns, _NANO)
-    return Time(sec=sec, nanosec=nanosec)
-
-
-def nanoseconds(stamp: Time) -> int:
-    """Return builtin_interfaces/Time as nanoseconds."""
-    return int(stamp.sec) * _NANO + int(stamp.nanosec)
 
 
 def transform_row(pose: PlanarPose) -> Floats:

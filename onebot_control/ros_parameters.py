@@ -1,10 +1,8 @@
 """velocity_controller's parameters: declared, checked against each other and against the robot."""
 
-from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -13,6 +11,7 @@ from onebot_control.control_files import read_control_files
 from onebot_control.control_parameters import DEFAULTS, READ_AT_START
 from onebot_description.joints.problems import ConfigError, Problem
 from onebot_description.ros_arguments import RosArguments
+from onebot_description.ros_parameters import declare, plain
 
 
 class ControlParameters:
@@ -36,8 +35,8 @@ class ControlParameters:
         if problems := unknown_parameters(dict.fromkeys(given)):
             raise ConfigError(problems)
         for key, default in {**DEFAULTS, **file.values}.items():
-            _declare(node, key, default)
-        self.values = {key: _plain(node.get_parameter(key).value) for key in DEFAULTS}
+            declare(node, key, default)
+        self.values = {key: plain(node.get_parameter(key).value) for key in DEFAULTS}
         places = {k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]}
         try:
             self.config = ControlConfig.from_parameters(self.values)
@@ -59,7 +58,7 @@ class ControlParameters:
         Raises:
             ConfigError: they cannot be set, and why.
         """
-        changes = {p.name: _plain(p.value) for p in parameters if p.name in DEFAULTS}
+        changes = {p.name: plain(p.value) for p in parameters if p.name in DEFAULTS}
         problems = [
             Problem(name, "is read when the node starts; restart it to change it")
             for name, value in changes.items()
@@ -75,7 +74,7 @@ class ControlParameters:
 
     def accept(self, parameters: Sequence[Parameter]) -> None:
         """Take up parameters that ``changed`` found nothing wrong with."""
-        changes = {p.name: _plain(p.value) for p in parameters if p.name in DEFAULTS}
+        changes = {p.name: plain(p.value) for p in parameters if p.name in DEFAULTS}
         self.values.update(changes)
         self.config = ControlConfig.from_parameters(self.values)
 
@@ -89,23 +88,3 @@ class ControlParameters:
             text = "this node keeps the system's time; start it with use_sim_time:=true"
             problems.append(Problem("real_time_factor", f"{text} to change the pace while it runs"))
         return problems
-
-
-def _declare(node: Node, name: str, default: Any) -> None:
-    """Declare one parameter; its type is left open, so that 1 and 1.0 are both right."""
-    if node.has_parameter(name):
-        return
-    node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
-    if node.get_parameter(name).value is None:
-        node.set_parameters([_parameter(name, default)])
-
-
-def _parameter(name: str, value: Any) -> Parameter:
-    if value == []:
-        return Parameter(name, Parameter.Type.STRING_ARRAY, [])
-    return Parameter(name, value=value)
-
-
-def _plain(value: Any) -> Any:
-    """Arrays come as array.array or lists; make all of them lists."""
-    return list(value) if isinstance(value, array | tuple | list) else value

@@ -5,7 +5,6 @@ from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -16,16 +15,16 @@ from onebot_control.ros_messages import (
     OdometryMessage,
     joint_state,
     limited_command,
-    time_message,
     transform_message,
     transform_row,
 )
 from onebot_description.model import quaternions
+from onebot_description.ros_description import LATCHED
+from onebot_description.tf.messages import time_message
 from onebot_description.tf.tf_message import TFMessage
 from onebot_description.tf.wire import TfTemplate, pack_stamp
 
 _DEPTH = 10  # ROS's system default
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +39,7 @@ class Publishers:
         self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
         self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
-        self._tf_static = node.create_publisher(TFMessage, "/tf_static", _LATCHED)
+        self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._limited = node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
         self._clock = node.create_publisher(Clock, "/clock", _DEPTH) if simulated else None
         self._origin: PlanarPose | None = None

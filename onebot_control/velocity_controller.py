@@ -48,42 +48,35 @@ are read from the URDF where they are 0.0, the default. A change of any paramete
 once, or is refused with the reason.
 """
 
-import argparse
 import gc
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.control_loop import ControlLoop
 from onebot_control.drive import Drive, geometry_of
-from onebot_control.frames import PlanarPose
 from onebot_control.joint_state_broadcaster import JointStateBroadcaster
 from onebot_control.ros_command_topic import CommandTopic
-from onebot_control.ros_messages import planar_pose
 from onebot_control.ros_parameters import ControlParameters
+from onebot_control.ros_pose_topics import PoseTopics
 from onebot_control.ros_publishers import Publishers
+from onebot_control.ros_services import Services
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.joints.problems import ConfigError
-from onebot_description.ros import run_node
-from onebot_description.ros_arguments import RosArguments, ros_arguments
+from onebot_description.node_main import run_described_node
+from onebot_description.ros_arguments import RosArguments
+from onebot_description.ros_description import DescriptionTopic, described_by
+from onebot_description.throttle import Throttled
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_DEPTH = 10
 _LOOK_EVERY = 0.1  # s between looks at who publishes commands
-_PATIENCE = 2.0  # s without a description before saying so
-_WARN_EVERY = 5.0  # s
 _TOO_LATE = 0.05  # s of lag worth a warning
 # s after which the interpreter hands its lock to the control thread; 5 ms by default.
 _SWITCH_INTERVAL = 0.0005
@@ -105,24 +98,20 @@ class VelocityController(Node):
         super().__init__("velocity_controller")
         self._loop: ControlLoop | None = None
         self._failure: BaseException | None = None
-        self._warned: dict[str, float] = {}
+        self._warn = Throttled(self.get_logger().warning)
         self._settings = ControlParameters(self, arguments or RosArguments())
         config = self._settings.config
         self._simulated = self.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         self._output = Publishers(self, self._simulated)
-        self._start(file)
         self._commands = CommandTopic(self, config.cmd_vel_type, self._on_command, self._warn)
-        self.create_subscription(PoseStamped, "~/teleport", self._on_teleport, _DEPTH)
-        self.create_subscription(PoseStamped, "~/set_odometry", self._on_set_odometry, _DEPTH)
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(Trigger, "~/reset_odometry", self._on_reset_odometry)
-        self.create_service(SetBool, "~/pause", self._on_pause)
-        self.create_service(Trigger, "~/step", self._on_step)
+        PoseTopics(self, self._robot, lambda: self._output.odom_frame, self._warn)
+        Services(self, self._robot)
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._accept)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_LOOK_EVERY, self._look, clock=steady)
-        self._impatience = self.create_timer(_PATIENCE, self._say_waiting, clock=steady)
+        # Last, because from here on the robot moves: whoever stops us must find a whole node.
+        self._start(file)
 
     def destroy_node(self) -> None:
         """Stop the control loop, and with it the robot, and then the node."""
@@ -138,11 +127,9 @@ class VelocityController(Node):
         if file:
             self._drive(load_description(file))
         elif text:
-            is_urdf = "<" in text
-            name = "robot_description"
-            self._drive(parse_description(text, name) if is_urdf else load_description(text))
+            self._drive(described_by(text))
         else:
-            self.create_subscription(String, "robot_description", self._on_description, _LATCHED)
+            DescriptionTopic(self, self._on_description, lambda: self._loop is not None)
 
     def _drive(self, description: Description) -> None:
         try:
@@ -168,12 +155,15 @@ class VelocityController(Node):
         gc.freeze()
         self._loop.start()
 
-    def _on_description(self, message: String) -> None:
+    def _robot(self) -> ControlLoop | None:
+        return self._loop
+
+    def _on_description(self, urdf: str) -> None:
         loop = self._loop
-        if loop is not None and loop.drive.description.urdf == message.data:
+        if loop is not None and loop.drive.description.urdf == urdf:
             return
         try:
-            description = parse_description(message.data, "robot_description")
+            description = parse_description(urdf, "robot_description")
             if loop is None:
                 self._drive(description)
             elif description.urdf != loop.drive.description.urdf:
@@ -206,70 +196,6 @@ class VelocityController(Node):
         refused = drive.accept(linear, angular, age)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
-
-    def _on_teleport(self, message: PoseStamped) -> None:
-        self._with_pose("teleport", message, self._teleport)
-
-    def _on_set_odometry(self, message: PoseStamped) -> None:
-        self._with_pose("set_odometry", message, self._place_odometry)
-
-    def _with_pose(
-        self, topic: str, message: PoseStamped, use: Callable[[ControlLoop, str, PlanarPose], None]
-    ) -> None:
-        loop, pose = self._loop, planar_pose(message)
-        if loop is None:
-            self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
-        elif not all(math.isfinite(value) for value in pose):
-            text = "the pose is not finite, or its orientation no unit quaternion"
-            self._warn(topic, f"~/{topic} is ignored: {text}")
-        else:
-            try:
-                loop.call(lambda: use(loop, message.header.frame_id, pose))
-            except (OneBotError, ValueError) as error:
-                self._warn(topic, f"~/{topic} is ignored: {error}")
-
-    def _teleport(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
-        world, odom = loop.drive.config.world_frame_id, self._output.odom_frame
-        if frame == odom or not (frame or world):
-            pose = loop.drive.origin.then(pose)
-        elif frame not in ("", world):
-            raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
-        loop.drive.teleport(pose)
-
-    def _place_odometry(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
-        odom = self._output.odom_frame
-        if frame not in ("", odom):
-            raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
-        loop.drive.place_odometry(pose)
-
-    # Services --------------------------------------------------------------------------------
-
-    def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.drive.reset())
-
-    def _on_reset_odometry(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.drive.place_odometry(PlanarPose()))
-
-    def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
-        return self._answer(answer, lambda loop: setattr(loop, "paused", request.data))
-
-    def _on_step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.step())
-
-    def _answer(
-        self,
-        answer: Trigger.Response | SetBool.Response,
-        action: Callable[[ControlLoop], object],
-    ) -> Trigger.Response | SetBool.Response:
-        loop = self._loop
-        try:
-            if loop is None:
-                raise OneBotError("there is no robot yet")
-            loop.call(lambda: action(loop))
-            answer.success = True
-        except OneBotError as error:
-            answer.success, answer.message = False, str(error)
-        return answer
 
     # Parameters ------------------------------------------------------------------------------
 
@@ -311,50 +237,24 @@ class VelocityController(Node):
     def _fail(self, error: BaseException) -> None:
         self._failure = error
 
-    def _say_waiting(self) -> None:
-        self._impatience.cancel()
-        if self._loop is None:
-            topic = self.resolve_topic_name("robot_description")
-            self.get_logger().warning(
-                f"waiting for the robot description on {topic}; is robot_state_publisher running?"
-            )
-
     def _say_late(self, lag: float) -> None:
         if lag > _TOO_LATE:
             text = f"control cycles were left out for {lag:.3f} s: the machine is too busy"
             self._warn("late", text)
 
-    def _warn(self, key: str, text: str, every: float = _WARN_EVERY) -> None:
-        """Log ``text``, but of one kind (``key``) only so often."""
-        now = time.monotonic()
-        if now - self._warned.get(key, -math.inf) >= every:
-            self._warned[key] = now
-            self.get_logger().warning(text)
-
 
 def main(args: list[str] | None = None) -> int:
     """Run the node; ``args`` are as in sys.argv. Return the exit code."""
-    arguments = sys.argv if args is None else args
-    parser = argparse.ArgumentParser(
-        prog="velocity_controller",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("description", nargs="?", metavar="FILE", help="URDF or xacro file")
-    chosen = parser.parse_args(ros_arguments(arguments).others)
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    try:
-        if not ros_arguments(arguments).files:
-            # First, for whatever is on the command line to come first.
-            file = ["--ros-args", "--params-file", str(default_control_file()), "--"]
-            arguments = [*arguments[:1], *file, *arguments[1:]]
-        ros = ros_arguments(arguments)
-        # rcl would refuse a broken file too, but say neither where nor what to write.
-        read_control_files(ros.files, "/", "velocity_controller")
-    except OneBotError as error:
-        print(f"error: {error}", file=sys.stderr, flush=True)
-        return 1
-    return run_node(lambda: VelocityController(chosen.description, ros), arguments, events=True)
+    return run_described_node(
+        "velocity_controller",
+        __doc__,
+        VelocityController,
+        lambda files: read_control_files(files, "/", "velocity_controller"),
+        args,
+        default_file=default_control_file,
+        events=True,
+    )
 
 
 if __name__ == "__main__":

@@ -22,7 +22,6 @@ Parameters (all can be changed while it runs):
 Floating and planar joints are published at their origin, static: no JointState tells their pose.
 """
 
-import math
 import sys
 import time
 from collections.abc import Sequence
@@ -37,7 +36,7 @@ from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -52,14 +51,13 @@ from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.ros import run_node
 from onebot_description.ros_arguments import ros_arguments
+from onebot_description.ros_description import LATCHED
+from onebot_description.stamps import NANO
 from onebot_description.tf.messages import joint_state_arrays, to_message
 from onebot_description.tf.state_converter import StateConverter
 from onebot_description.tf.tf_message import TFMessage
 from onebot_description.tf.wire import WireError
-
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_WARN_EVERY = 5.0  # seconds
-_NANO = 1_000_000_000
+from onebot_description.throttle import Throttled
 
 
 class RobotStatePublisher(Node):
@@ -73,16 +71,16 @@ class RobotStatePublisher(Node):
             OneBotError: there is none.
         """
         super().__init__("robot_state_publisher")
-        self._warned: dict[str, float] = {}
+        self._warn = Throttled(self.get_logger().warning)
         self._declare(description)
         self._tf = self.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
-        self._tf_static = self.create_publisher(TFMessage, "/tf_static", _LATCHED)
-        self._description = self.create_publisher(String, "robot_description", _LATCHED)
+        self._tf_static = self.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self._description = self.create_publisher(String, "robot_description", LATCHED)
         if description is None:
             description = _parse(self.get_parameter("robot_description").value)
         # The validated text of a live change, so that it need not be parsed twice.
         self._accepted = description
-        self._publish_description(description)
+        self._take_up_description()
         self._apply(self._values())
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._changed)
@@ -130,21 +128,23 @@ class RobotStatePublisher(Node):
         return {name: self.get_parameter(name).value for name in names}
 
     def _apply(self, values: dict[str, object]) -> None:
-        """Serve the accepted description with these parameters from now on."""
+        """Serve the robot with these parameters from now on."""
         frequency = float(values["publish_frequency"])  # type: ignore[arg-type]
         self._converter = StateConverter(
-            RobotModel.from_description(self._accepted),
+            self._model,
             frame_prefix=str(values["frame_prefix"]),
-            interval_ns=round(_NANO / frequency) if frequency else 0,
+            interval_ns=round(NANO / frequency) if frequency else 0,
             ignore_timestamp=bool(values["ignore_timestamp"]),
             warn=self._warn,
         )
         self._tf_static.publish(self._converter.static_transforms(self._now_ns()))
 
-    def _publish_description(self, description: Description) -> None:
-        for warning in description.warnings:
+    def _take_up_description(self) -> None:
+        """Make the accepted description the one that is served."""
+        self._model = RobotModel.from_description(self._accepted)
+        for warning in self._accepted.warnings:
             self.get_logger().warning(warning)
-        self._description.publish(String(data=published_urdf(description)))
+        self._description.publish(String(data=published_urdf(self._accepted)))
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         for parameter in parameters:
@@ -158,7 +158,7 @@ class RobotStatePublisher(Node):
     def _changed(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}
         if "robot_description" in names:
-            self._publish_description(self._accepted)
+            self._take_up_description()
             self.get_logger().info(f'now publishing robot "{self._accepted.robot_name}"')
         if names & {"robot_description", *self._values()}:
             self._apply(self._values())
@@ -189,13 +189,6 @@ class RobotStatePublisher(Node):
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
-
-    def _warn(self, key: str, text: str) -> None:
-        """Log ``text``, but of one kind (``key``) only so often."""
-        now = time.monotonic()
-        if now - self._warned.get(key, -math.inf) >= _WARN_EVERY:
-            self._warned[key] = now
-            self.get_logger().warning(text)
 
 
 def _parse(urdf: str) -> Description:

@@ -1,10 +1,7 @@
 """What every node's ``main`` shares: start, spin, stop cleanly, and say one clear error."""
 
 import os
-import signal
-import socket
 import sys
-import threading
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -19,6 +16,7 @@ from rclpy.task import Future
 
 from onebot_description.ament import package_share, use_environment_prefix
 from onebot_description.errors import OneBotError
+from onebot_description.stop_signals import StopSignals
 
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600
@@ -56,33 +54,34 @@ def run_node(
     use_environment_prefix()
     use_quick_discovery()
     stop: Future = Future()
-    with _Signals(lambda: _finish(stop)):
+    with StopSignals(lambda: _finish(stop)) as signals:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy raises several kinds, none of them public
-            return _complain(f"bad ROS arguments: {_first_line(error)}")
+            return complain(f"bad ROS arguments: {_first_line(error)}")
         try:
-            return _spin(make_node, stop, events)
+            return _spin(make_node, stop, signals, events)
         finally:
             rclpy.try_shutdown()
 
 
-def _spin(make_node: Callable[[], Node], stop: Future, events: bool) -> int:
+def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
     node: Node | None = None
     executor: Executor | None = None
     try:
-        node = make_node()
+        with signals.interrupting():
+            node = make_node()
         executor = _make_executor(events)
         executor.add_node(node)
-        executor.spin_until_future_complete(stop, _A_YEAR)
+        _spin_until(stop, executor)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except OneBotError as error:
-        return _complain(str(error))
+        return complain(str(error))
     except InvalidParameterTypeException as error:
-        return _complain(_wrong_type(error))
+        return complain(_wrong_type(error))
     except ParameterUninitializedException as error:
-        return _complain(f"{error}; set it with -p name:=value or --params-file")
+        return complain(f"{error}; set it with -p name:=value or --params-file")
     finally:
         if executor is not None and node is not None:
             executor.remove_node(node)
@@ -99,6 +98,16 @@ def _make_executor(events: bool) -> Executor:
 
         return EventsExecutor()
     return SingleThreadedExecutor()
+
+
+def _spin_until(stop: Future, executor: Executor) -> None:
+    if not isinstance(executor, SingleThreadedExecutor):
+        executor.spin_until_future_complete(stop, _A_YEAR)
+        return
+    # That would hang one more callback on the future with each message, and never take one off.
+    stop.add_done_callback(lambda _: executor.create_task(lambda: None))
+    while not stop.done():
+        executor.spin_once()
 
 
 def _finish(stop: Future) -> None:
@@ -118,38 +127,7 @@ def _first_line(error: BaseException) -> str:
     return lines[0] if lines else type(error).__name__
 
 
-def _complain(message: str) -> int:
+def complain(message: str) -> int:
+    """Print a user's mistake as one error; return the exit code for it."""
     print(f"error: {message}", file=sys.stderr, flush=True)
     return 1
-
-
-class _Signals:
-    """Call ``on_stop`` from a thread as soon as SIGINT or SIGTERM arrives.
-
-    A Python handler alone would run only once the executor's C++ code returns to Python. The
-    wake-up socket is written by the C-level handler, whatever the main thread is in.
-    """
-
-    def __init__(self, on_stop: Callable[[], None]) -> None:
-        self._on_stop = on_stop
-        self._read, self._write = socket.socketpair()
-        self._write.setblocking(False)
-
-    def __enter__(self) -> "_Signals":
-        self._old_fd = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
-        self._old = {
-            number: signal.signal(number, lambda *_: None)
-            for number in (signal.SIGINT, signal.SIGTERM)
-        }
-        threading.Thread(target=self._watch, daemon=True).start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        signal.set_wakeup_fd(self._old_fd)
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
-        self._write.close()  # ends the thread's recv
-
-    def _watch(self) -> None:
-        if self._read.recv(1):
-            self._on_stop()

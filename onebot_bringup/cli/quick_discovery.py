@@ -5,6 +5,9 @@ that answers at once, within a tenth of a millisecond on the same host; an answe
 early is dropped, and the next chance is the other's periodic announcement, every 3 s. Here the
 thread that receives only gets to run once the thread that creates is done: both share one
 processor, and no thread preempts another (SCHED_BATCH). The answer waits in the socket till then.
+
+OneBot's own nodes are found without this: they announce themselves five times a second (see
+``use_quick_discovery``). It is for the nodes of others, and for a wider discovery range.
 """
 
 import contextlib

@@ -8,7 +8,8 @@
 Standard library only: no ROS, no threads.
 """
 
-from onebot_bringup.launcher.launcher import Grace, Launcher
+from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.node import Node, OnExit, Restart, python_node
+from onebot_bringup.launcher.stopping import Grace
 
 __all__ = ["Grace", "Launcher", "Node", "OnExit", "Restart", "python_node"]

@@ -4,12 +4,21 @@
 
 The launcher starts this with SIGINT blocked, so that none can hit the interpreter while it starts
 up. Then SIGINT gets its default action, which ends the process at once and without a traceback,
-until the node installs its own handler (rclpy does so in ``rclpy.init``).
+until the node installs its own handler (``run_node`` does so before it starts ROS).
+
+When the module has ended, and all that is registered to be done at exit has been done, the process
+ends as well. To take down the modules of ROS and Rerun one by one would cost the interpreter up to
+half a second of a processor; on a busy machine that is longer than a Ctrl-C may take.
 """
 
+import atexit
+import contextlib
+import ctypes
+import os
 import runpy
 import signal
 import sys
+from typing import NoReturn
 
 
 def main() -> None:
@@ -17,7 +26,30 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     del sys.argv[0]
-    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+    codes = [1]  # of an error that nobody catches
+    # What is registered first is called last.
+    atexit.register(lambda: _leave(codes[-1]))
+    try:
+        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+        codes.append(0)
+    except SystemExit as end:
+        codes.append(_number(end.code))
+        raise
+
+
+def _number(code: object) -> int:
+    """Return the exit code that ``sys.exit(code)`` means."""
+    if code is None:
+        return 0
+    return code if isinstance(code, int) else 1
+
+
+def _leave(code: int) -> NoReturn:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or never open
+            stream.flush()
+    ctypes.CDLL(None).fflush(None)  # what libraries have printed
+    os._exit(code)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from xml.dom import minidom
 
-from onebot_description.description import explaining, reading
+from onebot_description.description import explaining, powers, reading
 from onebot_description.description.meshes import find_package
 from onebot_description.errors import DescriptionError
 from onebot_description.text import did_you_mean
@@ -24,10 +24,8 @@ _lock = threading.RLock()
 _MOST_ELEMENTS = 30_000  # some seconds of work; large robots have a tenth of that
 _MOST_INCLUDES = 50
 _MOST_PLACES = 4
-_REPLACED = (
-    "parse warning error print_location handle_macro_call _global_symbols all_includes "
-    "filestack macrostack root_dir verbosity"
-).split()
+_STAND_INS = "parse warning error print_location handle_macro_call safe_eval".split()
+_STATE = "_global_symbols all_includes filestack macrostack root_dir verbosity".split()
 # Arguments that are used without being declared are arguments all the same.
 _USED_ARGUMENT = re.compile(rb"\$\(\s*arg\s+([^\s)]+)\s*\)|xacro\.arg\(\s*['\"]([^'\"]+)['\"]")
 
@@ -64,6 +62,7 @@ class _Run:
         self._elements = 0
         self._copy_places = _CopyPlaces()
         self._handle_macro_call = xacro.handle_macro_call
+        self._safe_eval = xacro.safe_eval
 
     def parse(self, source: Any, filename: str | None = None) -> minidom.Document:
         """Stand in for ``xacro.parse``: scans first and notes places."""
@@ -115,6 +114,10 @@ class _Run:
             self._copy_places.call = node.getUserData("places") or ()
         return bool(self._handle_macro_call(node, macros, symbols))
 
+    def safe_eval(self, expression: str, *symbols: Any) -> Any:
+        """Stand in for ``xacro.safe_eval``: refuses powers that would take for ever."""
+        return self._safe_eval(powers.bounded(expression), *symbols)
+
     def find(self, package: str) -> str:
         """Stand in for ``$(find package)``: an installed package or one being worked on."""
         return str(find_package(package, Path(self.xacro.filestack[-1]).absolute().parent))
@@ -124,16 +127,17 @@ class _Run:
 def _own_globals(run: _Run, path: Path) -> Iterator[None]:
     """Give ``run`` globals of its own inside xacro."""
     xacro, substitution = run.xacro, importlib.import_module("xacro.substitution_args")
-    kept = {name: getattr(xacro, name) for name in _REPLACED}
+    kept = {name: getattr(xacro, name) for name in (*_STAND_INS, *_STATE)}
     kept_find = getattr(substitution, "_eval_find")  # noqa: B009 (private in an untyped module)
     try:
-        for name in "parse warning error print_location handle_macro_call".split():
+        for name in _STAND_INS:
             setattr(xacro, name, getattr(run, name))
         setattr(substitution, "_eval_find", run.find)  # noqa: B010
         xacro.root_dir, xacro.verbosity, xacro.all_includes = ".", 1, []
         xacro.substitution_args_context.clear()
         xacro.substitution_args_context["filename"] = str(path)
         xacro._global_symbols = xacro.create_global_symbols()
+        xacro._global_symbols[powers.NAME] = powers.bounded_power
         yield
     finally:
         for name, value in kept.items():

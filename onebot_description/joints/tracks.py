@@ -69,24 +69,33 @@ class _Bank:
         return np.asarray(np.maximum(time - self._origins, 0.0))
 
 
-class _Sines(_Bank):
-    KIND = Sine
+class _Table(_Bank):
+    """Motions that some numbers of their own describe, whatever the joint; a row a number."""
+
+    NUMBERS: tuple[str, ...]
 
     def __init__(
         self,
-        motions: Sequence[Sine],
+        motions: Sequence[Motion],
         index: NDArray[np.intp],
         origins: FloatArray,
         _starts: FloatArray,
         _endless: NDArray[np.bool_],
     ) -> None:
         super().__init__(index, origins)
-        table = np.array([(m.amplitude, m.frequency, m.phase, m.offset) for m in motions])
-        self._amplitude, self._frequency, self._phase, self._offset = table.T
+        self._table = np.array(
+            [[getattr(motion, name) for motion in motions] for name in self.NUMBERS]
+        )
+
+
+class _Sines(_Table):
+    KIND = Sine
+    NUMBERS = ("amplitude", "frequency", "phase", "offset")
 
     def at(self, time: float) -> FloatArray:
-        angle = _TURN * self._frequency * self._since(time) + self._phase
-        return np.asarray(self._offset + self._amplitude * np.sin(angle))
+        amplitude, frequency, phase, offset = self._table
+        angle = _TURN * frequency * self._since(time) + phase
+        return np.asarray(offset + amplitude * np.sin(angle))
 
 
 class _Keyframes(_Bank):
@@ -139,26 +148,16 @@ class _Keyframes(_Bank):
         return np.asarray(from_ + share * (to - from_))
 
 
-class _Sweeps(_Bank):
+class _Sweeps(_Table):
     KIND = Sweep
-
-    def __init__(
-        self,
-        motions: Sequence[Sweep],
-        index: NDArray[np.intp],
-        origins: FloatArray,
-        _starts: FloatArray,
-        _endless: NDArray[np.bool_],
-    ) -> None:
-        super().__init__(index, origins)
-        table = np.array([(m.speed, m.start, m.lower, m.upper) for m in motions])
-        self._speed, self._start, self._lower, self._upper = table.T
+    NUMBERS = ("speed", "start", "lower", "upper")
 
     def at(self, time: float) -> FloatArray:
-        ahead = self._start + self._speed * self._since(time)
-        bounded = np.isfinite(self._lower) & np.isfinite(self._upper)
-        lower = np.where(bounded, self._lower, 0.0)
-        span = np.where(bounded, self._upper - self._lower, 1.0)
+        speed, start, lowest, highest = self._table
+        ahead = start + speed * self._since(time)
+        bounded = np.isfinite(lowest) & np.isfinite(highest)
+        lower = np.where(bounded, lowest, 0.0)
+        span = np.where(bounded, highest - lowest, 1.0)
         # A triangle wave: up to the upper end, back to the lower one.
         way = (ahead - lower) % np.where(span > 0.0, 2.0 * span, 1.0)
         folded = np.where(span > 0.0, lower + span - np.abs(way - span), lower)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.model import RobotModel
+from onebot_description.stamps import NANO
 from onebot_description.tf.joint_state_plan import JointStatePlan, LastPublished, RecentlyUsed
 from onebot_description.tf.wire import (
     ENCAPSULATION,
@@ -26,7 +27,6 @@ from onebot_description.tf.wire import (
 
 _STAMP = slice(4, 12)
 _NAMES_START = 12
-_NANO = 1_000_000_000
 # Publishers of one topic, times the subsets of joints each sends; more only costs time.
 _KEPT_LAYOUTS = 64
 
@@ -141,7 +141,7 @@ class StateConverter:
         positions = np.frombuffer(data, "<f8", count, layout.first)
         stamp = data[_STAMP]
         seconds = int.from_bytes(stamp[:4], "little", signed=True)
-        stamp_ns = seconds * _NANO + int.from_bytes(stamp[4:], "little")
+        stamp_ns = seconds * NANO + int.from_bytes(stamp[4:], "little")
         if not np.isfinite(positions).all():
             state = JointStateArrays(stamp_ns, "", layout.names, positions, positions, positions)
             result = self.convert(state, now_ns)

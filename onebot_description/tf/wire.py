@@ -17,11 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.stamps import NANO
+
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _BODY = len(ENCAPSULATION)
 _U32 = struct.Struct("<I")
 _STAMP = struct.Struct("<iI")
-_NANO = 1_000_000_000
 DOUBLES_PER_TRANSFORM = 7
 
 Floats = NDArray[np.float64]
@@ -108,7 +109,7 @@ class Reader:
     def stamp_ns(self) -> int:
         """Read a builtin_interfaces/Time, as nanoseconds."""
         seconds, nanoseconds = self._unpack(_STAMP)
-        return seconds * _NANO + nanoseconds
+        return seconds * NANO + nanoseconds
 
     def string(self) -> str:
         """Read a string (UTF-8, as rclpy writes it)."""
@@ -220,13 +221,13 @@ class TfTemplate:
 
 def pack_stamp(stamp_ns: int) -> bytes:
     """Return a builtin_interfaces/Time as it lies on the wire."""
-    return _STAMP.pack(*divmod(stamp_ns, _NANO))
+    return _STAMP.pack(*divmod(stamp_ns, NANO))
 
 
 def unpack_stamp(stamp: bytes) -> int:
     """Return the nanoseconds of a builtin_interfaces/Time as it lies on the wire."""
     seconds, nanoseconds = _STAMP.unpack(stamp)
-    return int(seconds * _NANO + nanoseconds)
+    return int(seconds * NANO + nanoseconds)
 
 
 def _string(text: str) -> bytes:

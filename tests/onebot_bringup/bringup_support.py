@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from onebot_description.ament import use_environment_prefix
 from onebot_description.tf.tf_message import TFMessage
-from tests.onebot_bringup.launcher_support import RunningCommand
+from tests.onebot_bringup.launcher_support import RunningCommand, alive
 from tests.support import wait_for
 
 MARK = "ONEBOT_TEST_MARK"
@@ -97,3 +97,39 @@ def stop(running: RunningCommand) -> None:
     assert running.wait() == 0
     assert time.monotonic() - begin < 5.0
     assert "Traceback" not in running.out + running.err
+
+
+def stop_by_first_signal(running: RunningCommand) -> None:
+    """Press Ctrl-C and check that every node heeds it, however long the machine takes.
+
+    The launcher stands still meanwhile: on a slow machine it would go on to the next signal. When
+    it goes on, it finds its own SIGINT waiting, and all nodes gone.
+    """
+    nodes = nodes_of(running.process.pid)
+    running.send(signal.SIGSTOP)
+    running.send(signal.SIGINT)
+    for pid in nodes.values():
+        os.kill(pid, signal.SIGINT)
+    try:
+        for name, pid in nodes.items():
+            wait_for(lambda pid=pid: not alive(pid), f"{name} to heed SIGINT")
+    finally:
+        running.send(signal.SIGCONT)
+    assert running.wait() == 0
+    assert "Traceback" not in running.out + running.err
+    assert "has not stopped yet" not in running.err
+    assert "stopped with an error" not in running.err
+
+
+def nodes_of(launcher: int) -> dict[str, int]:
+    """Return the nodes that a launcher runs now: module to process id."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            words = (folder / "cmdline").read_bytes().decode().split("\0")
+        except (OSError, IndexError):
+            continue  # it ended while we looked
+        if parent == launcher and "onebot_bringup.launcher.start_module" in words:
+            found[words[words.index("onebot_bringup.launcher.start_module") + 1]] = int(folder.name)
+    return found

@@ -117,6 +117,7 @@ FAULTS: dict[str, tuple[str, ...]] = {
     "xacro_unknown_package.xacro": (":3: no ROS package", 'mean "onebot_description"?'),
     "xacro_argument_without_value.xacro": (":4: argument", 'mean "side"?', "sied:=<value>"),
     "xacro_endless_macro.xacro": (":4 (called at", 'macro "again" calls itself without end'),
+    "xacro_endless_power.xacro": (":4: cannot evaluate ${10**10**10}", "too large a number"),
     "xacro_macro_bomb.xacro": ("expand to more than 30000 elements",),
     "xacro_includes_itself.xacro": ("include each other without end",),
     "xacro_includes_malformed.xacro": ("malformed.urdf:3:3: malformed XML",),

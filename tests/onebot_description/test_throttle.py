@@ -1,0 +1,24 @@
+"""Saying the same thing only so often."""
+
+import math
+
+from onebot_description.throttle import Throttled
+
+
+def test_each_kind_is_said_once_within_its_time() -> None:
+    """Another kind is said all the same, and of one kind only the first text."""
+    said: list[str] = []
+    say = Throttled(said.append, every=math.inf)
+    for kind, text in (("a", "1"), ("a", "2"), ("b", "3"), ("b", "4"), ("a", "5")):
+        say(kind, text)
+    assert said == ["1", "3"]
+
+
+def test_a_text_may_have_a_time_of_its_own() -> None:
+    """Zero says everything, whatever the others wait for."""
+    said: list[str] = []
+    say = Throttled(said.append, every=math.inf)
+    say("a", "1")
+    say("a", "2", every=0.0)
+    say("a", "3")
+    assert said == ["1", "2"]
