@@ -15,6 +15,8 @@ from onebot_bringup.viewer.odometry_wire import (
     decode_twist,
     decode_twist_stamped,
 )
+from onebot_description.stamps import nanoseconds
+from onebot_description.tf import messages
 from onebot_description.tf.tf_message import TFMessage
 from onebot_description.tf.wire import (
     JointStateArrays,
@@ -31,7 +33,7 @@ def tf_arrays(data: bytes) -> TfArrays:
         return decode_tf(data)
     except WireError:
         transforms = deserialize_message(data, TFMessage).transforms
-    stamps = [t.header.stamp.sec * 10**9 + t.header.stamp.nanosec for t in transforms]
+    stamps = [nanoseconds(t.header.stamp) for t in transforms]
     shifts = [t.transform.translation for t in transforms]
     turns = [t.transform.rotation for t in transforms]
     return TfArrays(
@@ -48,10 +50,7 @@ def joint_state_arrays(data: bytes) -> JointStateArrays:
     try:
         return decode_joint_state(data)
     except WireError:
-        state = deserialize_message(data, JointState)
-    stamp = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
-    values = (np.array(field) for field in (state.position, state.velocity, state.effort))
-    return JointStateArrays(stamp, state.header.frame_id, tuple(state.name), *values)
+        return messages.joint_state_arrays(deserialize_message(data, JointState))
 
 
 def odometry_sample(data: bytes) -> OdometrySample:
@@ -62,13 +61,14 @@ def odometry_sample(data: bytes) -> OdometrySample:
         message = deserialize_message(data, Odometry)
     pose, twist = message.pose.pose, message.twist.twist
     return OdometrySample(
-        _stamp(message),
+        nanoseconds(message.header.stamp),
         message.header.frame_id,
         message.child_frame_id,
         _array(pose.position),
         np.array([pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w]),
         _array(twist.linear),
         _array(twist.angular),
+        np.array(message.pose.covariance, float),
     )
 
 
@@ -87,12 +87,11 @@ def twist_stamped_sample(data: bytes) -> TwistSample:
         return decode_twist_stamped(data)
     except WireError:
         message = deserialize_message(data, TwistStamped)
-    return TwistSample(_stamp(message), _array(message.twist.linear), _array(message.twist.angular))
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+    return TwistSample(
+        nanoseconds(message.header.stamp),
+        _array(message.twist.linear),
+        _array(message.twist.angular),
+    )
 
 
 def _array(vector: Any) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -33,6 +33,7 @@ _KIND_OF = {
 def wanted_topics(view: ViewConfig) -> dict[str, str]:
     """Return the topics that ``view`` names and the type of each, "auto" where it is open."""
     topics = {trail.topic: _ODOMETRY for trail in view.trails.values()}
+    topics |= {item.topic: _ODOMETRY for item in view.covariance.values()}
     for line in view.speeds.lines.values():
         if topics.get(line.topic, _AUTO) == _AUTO:
             topics[line.topic] = line.type
@@ -59,26 +60,49 @@ class DriveTopics:
         self._node = node
         self._live = live
         self._heard: dict[str, _Heard] = {}
-        self._open: list[str] = []  # topics whose type the graph tells
-        for topic, kind in wanted_topics(view).items():
-            if kind == _AUTO:
-                self._open.append(topic)
-            else:
+        self._wanted: dict[str, str] = {}
+        self.set_view(view)
+
+    def set_view(self, view: ViewConfig) -> None:
+        """Hear what ``view`` asks for, and nothing else.
+
+        Raises:
+            OneBotError: the viewer hears one of the topics already, as another type; the others
+                are heard.
+        """
+        self._wanted = wanted_topics(view)
+        for topic in set(self._heard) - set(self._wanted):
+            self._drop(topic)
+        said = [topic for topic, kind in self._wanted.items() if kind != _AUTO]
+        self._hear({topic: self._wanted[topic] for topic in said if topic not in self._heard})
+
+    def _hear(self, topics: Mapping[str, str]) -> None:
+        """Subscribe to topics as the types given; what does not work is raised at the end."""
+        problems = []
+        for topic, kind in topics.items():
+            try:
                 self._listen(topic, kind)
+            except OneBotError as error:
+                problems.append(str(error))
+        if problems:
+            raise OneBotError("; ".join(problems))
 
     def watch(self) -> None:
-        """Subscribe to topics of type "auto" as what is found there; call it now and then."""
-        for topic in self._open:
-            kind = self._type_of(topic)
+        """Hear each topic as what the view says, or else as what is there; call it now and then."""
+        new: dict[str, str] = {}
+        for topic, said in self._wanted.items():
+            kind = self._type_of(topic) if said == _AUTO else said
             heard = self._heard.get(topic)
-            if kind is None or (heard is not None and heard.kind == kind):
-                continue
-            if heard is None:
-                self._listen(topic, kind)
-            else:
+            if heard is None and kind is not None:
+                new[topic] = kind
+            elif heard is not None and kind not in (None, heard.kind):
                 # A node can hear a topic as one type only, and the executor lets go of the old
                 # subscription after this callback: the new one is made when we are called again.
-                self._node.destroy_subscription(self._heard.pop(topic).subscription)
+                self._drop(topic)
+        self._hear(new)
+
+    def _drop(self, topic: str) -> None:
+        self._node.destroy_subscription(self._heard.pop(topic).subscription)
 
     def _type_of(self, topic: str) -> str | None:
         """The type on ``topic``: its publishers', or else its subscribers', so as to be early."""

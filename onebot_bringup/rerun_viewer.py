@@ -11,12 +11,20 @@ Publishes:
     ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
         server, too, so that another page can show the robot.
 
+Serves:
+    ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
+
 Parameters:
     viewer (string, "web"): web, native (a window) or none.
     save (string, ""): a .rrd file to write the recording to, alone or beside the viewer.
+    view (string, ""): a saved view: .yaml (see viewer/view_config.py), or .rbl, a layout saved in
+        the viewer; "" for config/view.yaml of the package <robot name>_description, if there is
+        one; "none" for none. Edits of the file are shown at once.
+    save_view_to (string, ""): the file that ~/save_view writes; "" for the one the view is from.
     fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
         frame above the robot's root link (odom, say, where there is one; else the root link).
-    view (string, ""): a saved view: .yaml (see viewer/view_config.py), or .rbl saved in the viewer.
+    axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
+        trails, covariance and speeds.lines); they can be changed while the viewer runs.
     frame_prefix (string, ""): as robot_state_publisher's parameter of that name.
     grpc_port (int, 9876), web_port (int, 9090): on 127.0.0.1; another if it is in use, 0 for any.
     open_browser (bool, true): open the page, if there is a display.
@@ -26,7 +34,6 @@ Parameters:
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -39,9 +46,10 @@ from std_msgs.msg import String
 
 from onebot_bringup.raw_messages import joint_state_arrays, tf_arrays
 from onebot_bringup.rerun_topics import SENSOR, DriveTopics
+from onebot_bringup.rerun_view_parameters import ViewParameters
 from onebot_bringup.viewer.display import Display
 from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.view_config import ViewConfig, load_view
+from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.errors import OneBotError
 from onebot_description.ros import run_node
 from onebot_description.text import did_you_mean
@@ -55,8 +63,7 @@ STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PARAMETERS: dict[str, tuple[str | int | bool, str]] = {
     "viewer": ("web", "web, native or none"),
     "save": ("", "a .rrd file to write the recording to"),
-    "fixed_frame": ("", 'the frame to show everything in; "" for the one above all others'),
-    "view": ("", "a saved view, .yaml or .rbl"),
+    "view": ("", 'a saved view, .yaml or .rbl; "" for the robot\'s own, "none" for none'),
     "frame_prefix": ("", "put before link names, as robot_state_publisher does"),
     "grpc_port": (9876, "port on 127.0.0.1 for viewers; 0 for any"),
     "web_port": (9090, "port on 127.0.0.1 for the page; 0 for any"),
@@ -85,18 +92,19 @@ class RerunViewer(Node):
         if viewer == "none" and save is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
-        config, blueprint = self._view()
+        self._source = ViewSource(self._text("view"))
+        self._settings = ViewParameters(self, self._source, self._show_view)
         self._display = self._open(viewer, save)
         self._live = LiveView(
             self._display.stream,
-            config,
-            blueprint=blueprint,
+            self._source.view,
+            blueprint=self._source.layout,
             frame_prefix=self._text("frame_prefix"),
         )
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
         self._page_told = ""
         self._subscribe()
-        self._drive = DriveTopics(self, self._live, config)
+        self._drive = DriveTopics(self, self._live, self._source.view)
 
     # --- parameters -----------------------------------------------------------------------------
 
@@ -123,17 +131,6 @@ class RerunViewer(Node):
             raise OneBotError(f"memory_limit:={text}: write a size such as 256MB, 1GiB or 10%")
         return text
 
-    def _view(self) -> tuple[ViewConfig, Path | None]:
-        path, fixed = self._path("view"), self._text("fixed_frame")
-        config, blueprint = ViewConfig(), None
-        if path is not None and path.suffix == ".rbl":
-            if not path.is_file():
-                raise OneBotError(f"view:={path}: there is no such file")
-            blueprint = path
-        elif path is not None:
-            config = load_view(path)
-        return (replace(config, fixed_frame=fixed) if fixed else config), blueprint
-
     def _open(self, viewer: str, save: Path | None) -> Display:
         return Display(
             viewer,
@@ -159,6 +156,7 @@ class RerunViewer(Node):
         self.create_timer(FLUSH_PERIOD, self._tick, clock=steady)
         self.create_timer(0.25, self._watch_display, clock=steady)
         self.create_timer(0.25, self._watch_topics, clock=steady)
+        self.create_timer(0.25, self._watch_view, clock=steady)
 
     def _tick(self) -> None:
         for message in self._live.tick(self.get_clock().now().nanoseconds):
@@ -178,6 +176,42 @@ class RerunViewer(Node):
         except OneBotError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=10.0)
 
+    # --- the view -------------------------------------------------------------------------------
+
+    def _watch_view(self) -> None:
+        """Show what the user has edited; a mistake is said once, and changes nothing."""
+        for file in self._source.saved():
+            try:
+                if file == self._source.layout:
+                    self._live.use_blueprint(file)
+                elif self._source.reload():
+                    self._settings.mirror()
+                    self._show_view()
+                    self.get_logger().info(f"{file} was edited: the view is up to date")
+            except OneBotError as error:
+                self.get_logger().warning(f"keeping the view shown so far: {error}")
+
+    def _take_view_of(self, robot: str) -> None:
+        """Look at the robot as its own description says, if the user asks for no other view."""
+        try:
+            if self._source.set_robot(robot):
+                self._settings.mirror()
+                self._show_view()
+                self.get_logger().info(f"its view is {self._source.file or 'the usual one'}")
+        except OneBotError as error:
+            self.get_logger().warning(f"keeping the view shown so far: {error}")
+
+    def _show_view(self) -> None:
+        view = self._source.view
+        for problem in self._live.set_view(view):
+            self.get_logger().warning(problem)
+        try:
+            self._drive.set_view(view)
+        except OneBotError as error:
+            self.get_logger().warning(str(error))
+
+    # --- messages -------------------------------------------------------------------------------
+
     def _on_description(self, message: String) -> None:
         try:
             problems = self._live.set_description(message.data)
@@ -189,6 +223,7 @@ class RerunViewer(Node):
         robot = self._live.robot
         assert robot is not None
         self.get_logger().info(f'showing "{robot.name}" ({len(robot.links)} links)')
+        self._take_view_of(robot.name)
 
     def _on_tf(self, data: bytes) -> None:
         self._guard(lambda: self._live.add_transforms(tf_arrays(data)))

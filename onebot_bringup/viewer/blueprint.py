@@ -5,11 +5,13 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
+from onebot_bringup.viewer.covariance import COVARIANCE_ENTITY, covariance_entity
 from onebot_bringup.viewer.geometry import Vector
+from onebot_bringup.viewer.joint_curves import POSITION_ENTITY, VELOCITY_ENTITY
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, FRAMES_ENTITY
-from onebot_bringup.viewer.speeds import ANGULAR_ENTITY, LINEAR_ENTITY
-from onebot_bringup.viewer.streams import POSITION_ENTITY, TIMELINE, VELOCITY_ENTITY
-from onebot_bringup.viewer.trails import trail_entity
+from onebot_bringup.viewer.speeds import ANGULAR_ENTITY, LINEAR_ENTITY, speed_entity
+from onebot_bringup.viewer.streams import TIMELINE
+from onebot_bringup.viewer.trails import TRAILS_ENTITY, trail_entity
 from onebot_bringup.viewer.view_config import JointPlotView, PanelsView, SpeedsView, ViewConfig
 
 ROBOT_VIEW = "Robot"
@@ -54,7 +56,7 @@ def _robot_view(
         optional["background"] = rrb.Background(color=view.background)
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ /**"],
+        contents=_shown(view),
         name=ROBOT_VIEW,
         overrides={
             COLLISION_ENTITY: rrb.EntityBehavior(visible=view.collision),
@@ -78,6 +80,13 @@ def _robot_view(
     )
 
 
+def _shown(view: ViewConfig) -> list[str]:
+    """Everything, but no trail nor covariance that an earlier version of the view had."""
+    names = [*map(trail_entity, view.trails), *map(covariance_entity, view.covariance)]
+    old = [f"- /{entity}/**" for entity in (TRAILS_ENTITY, COVARIANCE_ENTITY)]
+    return ["+ /**", *old, *(f"+ /{name}/**" for name in names)]
+
+
 def _joint_plots(plot: JointPlotView) -> list[rrb.TimeSeriesView]:
     shown = [
         (plot.positions, POSITION_ENTITY, "Joint positions (rad, m)"),
@@ -90,13 +99,21 @@ def _speed_plots(speeds: SpeedsView) -> list[rrb.TimeSeriesView]:
     if not speeds.lines:
         return []
     return [
-        _plot(LINEAR_ENTITY, "Speed (m/s)", speeds.window),
-        _plot(ANGULAR_ENTITY, "Turn rate (rad/s)", speeds.window),
+        _plot(entity, name, speeds.window, [speed_entity(entity, line) for line in speeds.lines])
+        for entity, name in (
+            (LINEAR_ENTITY, "Speed (m/s)"),
+            (ANGULAR_ENTITY, "Turn rate (rad/s)"),
+        )
     ]
 
 
-def _plot(entity: str, name: str, window: float) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(origin=entity, name=name, time_ranges=_last(window))
+def _plot(
+    entity: str, name: str, window: float, lines: list[str] | None = None
+) -> rrb.TimeSeriesView:
+    contents = "$origin/**" if lines is None else [f"+ /{line}" for line in lines]
+    return rrb.TimeSeriesView(
+        origin=entity, contents=contents, name=name, time_ranges=_last(window)
+    )
 
 
 def _last(seconds: float) -> rrb.VisibleTimeRanges:

@@ -1,12 +1,14 @@
-"""A robot that drives: its trails and its speeds, as a view asks for them."""
+"""A robot that drives: its trails, its speeds and how sure it is, as a view asks for them."""
 
 from collections.abc import Callable
 
 import rerun as rr
 
+from onebot_bringup.viewer.covariance import CovarianceStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.odometry_wire import OdometrySample, TwistSample
 from onebot_bringup.viewer.speeds import SpeedStream
+from onebot_bringup.viewer.streams import TransformStream
 from onebot_bringup.viewer.trails import TrailStream
 from onebot_bringup.viewer.view_config import ViewConfig
 
@@ -25,6 +27,7 @@ class DriveStream:
         self,
         recording: rr.RecordingStream,
         view: ViewConfig,
+        transforms: TransformStream,
         frames: FrameTree,
         clock: Callable[[], float],
     ) -> None:
@@ -32,7 +35,8 @@ class DriveStream:
 
         Args:
             recording: where to log.
-            view: its trails and speeds.
+            view: its trails, speeds and covariances.
+            transforms: what logs /tf there.
             frames: what is known of /tf.
             clock: seconds.
         """
@@ -42,12 +46,19 @@ class DriveStream:
             name: TrailStream(recording, name, trail, COLORS[index % len(COLORS)])
             for index, (name, trail) in enumerate(view.trails.items())
         }
+        self._covariances = {
+            name: CovarianceStream(
+                recording, transforms, name, item, COLORS[index % len(COLORS)], clock
+            )
+            for index, (name, item) in enumerate(view.covariance.items())
+        }
         self._speeds = {
             name: SpeedStream(recording, name, line.color or COLORS[index % len(COLORS)])
             for index, (name, line) in enumerate(view.speeds.lines.items())
         }
         self._trails_of = _by_topic({name: item.topic for name, item in view.trails.items()})
         self._speeds_of = _by_topic({name: item.topic for name, item in view.speeds.lines.items()})
+        self._covariances_of = _by_topic({n: item.topic for n, item in view.covariance.items()})
         self._waiting_since: dict[str, float] = {}
         self._flushed_ns: int | None = None
 
@@ -55,6 +66,8 @@ class DriveStream:
         """Take in an Odometry message of ``topic``, of the time ``stamp_ns``."""
         for name in self._trails_of.get(topic, ()):
             self._trails[name].add(stamp_ns, sample)
+        for name in self._covariances_of.get(topic, ()):
+            self._covariances[name].add(stamp_ns, sample)
         for name in self._speeds_of.get(topic, ()):
             linear, angular = float(sample.linear[0]), float(sample.angular[2])
             self._speeds[name].add(stamp_ns, linear, angular, held=False)
@@ -73,7 +86,7 @@ class DriveStream:
             now_ns: the time, nanoseconds.
 
         Returns:
-            Trails that cannot be shown, a sentence each.
+            What cannot be shown, a sentence each.
         """
         if self._flushed_ns is None or abs(now_ns - self._flushed_ns) >= _FLUSH_EVERY:
             self._flushed_ns = now_ns
@@ -87,18 +100,22 @@ class DriveStream:
         top = self._frames.top(fixed_frame)
         for trail in self._trails.values():
             trail.flush(lambda frame: self._frames.top(frame) == top)
+        for covariance in self._covariances.values():
+            covariance.flush(lambda frame: self._frames.top(frame) == top)
 
     def _problems(self, fixed_frame: str) -> list[str]:
         top = self._frames.top(fixed_frame)
+        shown = [(f'trail "{name}"', trail.frame) for name, trail in self._trails.items()]
+        shown += [(f'covariance "{name}"', item.frame) for name, item in self._covariances.items()]
         return [
-            f'trail "{name}" is in the frame "{trail.frame}", which no transform connects with '
+            f'{what} is in the frame "{frame}", which no transform connects with '
             f'"{fixed_frame}": not shown until /tf or /tf_static brings one'
-            for name, trail in self._trails.items()
-            if trail.frame and self._waits(name, self._frames.top(trail.frame) != top)
+            for what, frame in shown
+            if frame and self._waits(what, self._frames.top(frame) != top)
         ]
 
     def _waits(self, name: str, waiting: bool) -> bool:
-        """Whether a trail has waited for its frame so long that it must be said."""
+        """Whether something has waited for its frame so long that it must be said."""
         if not waiting:
             self._waiting_since.pop(name, None)
             return False

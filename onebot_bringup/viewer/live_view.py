@@ -5,15 +5,12 @@ It says where it stands and what it waits for; it waits for nothing itself and n
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.blueprint import make_blueprint
-from onebot_bringup.viewer.bounds import fitting_eye, robot_bounds
 from onebot_bringup.viewer.complaints import (
     COMPLAIN_AFTER,
     Complaints,
@@ -23,9 +20,12 @@ from onebot_bringup.viewer.complaints import (
 from onebot_bringup.viewer.drive import DriveStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.geometry import Robot, read_robot
+from onebot_bringup.viewer.joint_curves import JointStream
+from onebot_bringup.viewer.joint_ranges import JointRange, RangeMarks, read_ranges
+from onebot_bringup.viewer.layout import Fit, Layout
 from onebot_bringup.viewer.odometry_wire import OdometrySample, TwistSample
 from onebot_bringup.viewer.scene import Scene
-from onebot_bringup.viewer.streams import JointStream, Transforms, TransformStream
+from onebot_bringup.viewer.streams import Transforms, TransformStream
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.text import did_you_mean
 
@@ -34,15 +34,6 @@ _PATIENCE = 1.0
 _DEFAULT_AXES = 0.5  # metres
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """What the current blueprint was made for; it is sent again when this changes."""
-
-    fixed_frame: str
-    complete: bool
-    velocities: bool
 
 
 class LiveView:
@@ -62,17 +53,18 @@ class LiveView:
         Args:
             stream: the recording.
             view: how to look at it.
-            blueprint: a ``.rbl`` file, saved in the viewer, in the place of ``view``.
+            blueprint: a ``.rbl`` file, saved in the viewer, whose layout takes the place of ours.
             frame_prefix: put before link names to get their frames.
             clock: seconds, for tests.
         """
         self._stream = stream
         self._view = view or ViewConfig()
-        self._own_layout = blueprint is None
+        self._own_layout = True
         self._clock = clock
         self._changed = clock()
         self._robot: Robot | None = None
-        self._layout: _Layout | None = None
+        self._ranges: tuple[JointRange, ...] = ()
+        self._marked: tuple[object, ...] = ()  # what the marks of the ranges were drawn for
         self._retired: set[str] = set()
         self._complaints = Complaints(clock)
         self.frames = FrameTree()
@@ -86,9 +78,52 @@ class LiveView:
         )
         self._transforms = TransformStream(stream, self.frames)
         self._joints = JointStream(stream)
-        self._drive = DriveStream(stream, self._view, self.frames, clock)
+        self._marks = RangeMarks(stream, self._scene.frame_of)
+        self._layout = Layout(stream, self._scene, self.frames)
+        self._drive = self._make_drive()
         if blueprint is not None:
-            stream.log_file_from_path(blueprint)
+            self.use_blueprint(blueprint)
+
+    def _make_drive(self) -> DriveStream:
+        return DriveStream(self._stream, self._view, self._transforms, self.frames, self._clock)
+
+    def use_blueprint(self, blueprint: Path | None) -> None:
+        """Arrange the viewer as a ``.rbl`` file says that was saved in it; None: as the view."""
+        self._own_layout = blueprint is None
+        if blueprint is None:
+            self._layout.forget()
+        else:
+            self._stream.log_file_from_path(blueprint)
+
+    def set_view(self, view: ViewConfig) -> list[str]:
+        """Look at the robot in another way.
+
+        Returns:
+            What in it does not fit the robot, a sentence each.
+        """
+        before, self._view = self._view, view
+        if (before.trails, before.speeds, before.covariance) != (
+            view.trails,
+            view.speeds,
+            view.covariance,
+        ):
+            self._drive.flush(self.fixed_frame)
+            self._drive = self._make_drive()
+        self._complaints.forget()
+        if self._robot is None:
+            return []
+        self._changed = self._clock()
+        axes, home = view.axes, self._scene.frame_of(self._robot.root)
+        self._scene.set_axes(axes.names, axes.frames, home)
+        self._show_ranges()
+        return self._wrong_names(self._robot)
+
+    def _wrong_names(self, robot: Robot) -> list[str]:
+        follow = self._view.camera.follow
+        if not follow or follow in robot.links:
+            return []
+        known = did_you_mean(follow, robot.links, "links")
+        return [f'camera.follow: the robot has no link "{follow}"{known}']
 
     @property
     def robot(self) -> Robot | None:
@@ -125,17 +160,28 @@ class LiveView:
         """
         robot = read_robot(urdf)
         problems = self._scene.set_robot(robot)
-        follow = self._view.camera.follow
-        if follow and follow not in robot.links:
-            known = did_you_mean(follow, robot.links, "links")
-            problems.append(f'camera.follow: the robot has no link "{follow}"{known}')
+        problems += self._wrong_names(robot)
+        self._ranges = read_ranges(urdf)
         self._retire_frames(robot)
         if self._robot is None or robot.name != self._robot.name:
             self._stream.send_recording_name(robot.name)
         self._robot = robot
         self._changed = self._clock()
         self._complaints.forget()
+        self._show_ranges()
         return problems
+
+    def _show_ranges(self) -> None:
+        """Draw the limits of the joints, in the plot and in the robot, where the view asks."""
+        assert self._robot is not None
+        limits = {joint.name: (joint.lower, joint.upper) for joint in self._ranges}
+        self._joints.set_limits(limits if self._view.joint_plot.limits else {})
+        wanted = self._view.joint_ranges
+        radius = wanted.radius or self._layout.fitting_length(self._robot)
+        what = (self._ranges if wanted.visible and radius else (), radius, self._joints.colors)
+        if (*what[:2], len(what[2])) != self._marked:
+            self._marked = (*what[:2], len(what[2]))
+            self._marks.show(*what, self._scene.frame_of(self._robot.root))
 
     def _retire_frames(self, robot: Robot) -> None:
         """Hide the frames of links that are no more."""
@@ -188,6 +234,7 @@ class LiveView:
         self._show_frames()
         if self._robot is None:
             return self._complaints.waiting()
+        self._show_ranges()
         missing = self._missing_links()
         as_wanted = not self._view.fixed_frame or bool(self._wanted_frame())
         self._lay_out(complete=as_wanted and not missing)
@@ -214,50 +261,11 @@ class LiveView:
         return [frame for frame in frames if self.frames.top(frame) != top]
 
     def _lay_out(self, complete: bool) -> None:
-        """Send the blueprint once all frames are known (or do not come), and on a new fixed frame.
-
-        Never otherwise: it would undo what the user has arranged and turned meanwhile.
-        """
-        if not self._own_layout:
-            return
+        """Send the layout once all frames are known, or do not come."""
+        assert self._robot is not None
         if not complete and self._clock() - self._changed < _PATIENCE:
             return
-        before = self._layout
-        if before is not None:  # what was once complete, or heard, stays so
-            complete = complete or before.complete
-        wanted = _Layout(self.fixed_frame, complete, self._joints.has_velocities)
-        if wanted != before:
-            self._layout = wanted
-            self._send_blueprint(wanted.fixed_frame)
-
-    def _send_blueprint(self, fixed_frame: str) -> None:
-        assert self._robot is not None
-        links = {self._scene.frame_of(link): link for link in self._robot.links}
-        poses = self.frames.poses(links, fixed_frame)
-        by_link = {links[frame]: pose for frame, pose in poses.items()}
-        bounds = robot_bounds(self._robot.geometries, by_link)
-        eye = target = None
-        spacing = 1.0
-        if bounds is not None:
-            eye, target = fitting_eye(bounds)
-            size = float(np.linalg.norm(bounds[1] - bounds[0]))
-            spacing = 1.0 if size > 1.0 else 0.1
-            if not self._view.axes.length:
-                # Long enough to come out of a few big links, short enough for many small ones.
-                crowd = len(self._robot.links) ** 0.7
-                self._scene.set_axes_length(round(0.55 * size / crowd, 3))
-        follow = self._view.camera.follow
-        entity = self._scene.entity_of(follow) if follow in self._robot.links else None
-        blueprint = make_blueprint(self._shown(), fixed_frame, eye, target, spacing, entity)
-        self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
-
-    def _shown(self) -> ViewConfig:
-        """The view without plots that would stay empty."""
-        assert self._robot is not None
-        plot = self._view.joint_plot
-        plot = replace(
-            plot,
-            positions=plot.positions and self._robot.moves,
-            velocities=plot.velocities and self._joints.has_velocities,
-        )
-        return replace(self._view, joint_plot=plot)
+        fit = Fit(self._view, self.fixed_frame, complete, self._joints.has_velocities)
+        if self._layout.update(self._robot, fit, send=self._own_layout):
+            length = self._view.axes.length or self._layout.fitting_length(self._robot)
+            self._scene.set_axes_length(length or _DEFAULT_AXES)

@@ -14,6 +14,8 @@ _COVARIANCE = 36
 
 Floats = NDArray[np.float64]
 
+_UNKNOWN: Floats = np.zeros(_COVARIANCE)
+
 
 class TwistSample(NamedTuple):
     """A velocity.
@@ -30,7 +32,7 @@ class TwistSample(NamedTuple):
 
 
 class OdometrySample(NamedTuple):
-    """An Odometry message without its covariances.
+    """An Odometry message without the covariance of its velocities.
 
     Attributes:
         stamp_ns: header.stamp, nanoseconds.
@@ -40,6 +42,7 @@ class OdometrySample(NamedTuple):
         rotation: (4,) quaternion x y z w.
         linear: (3,) metres a second.
         angular: (3,) radians a second.
+        covariance: (36,) of the pose, row by row: x, y, z in m, the angles about x, y, z in rad.
     """
 
     stamp_ns: int
@@ -49,6 +52,7 @@ class OdometrySample(NamedTuple):
     rotation: Floats
     linear: Floats
     angular: Floats
+    covariance: Floats = _UNKNOWN
 
 
 def decode_odometry(data: bytes) -> OdometrySample:
@@ -61,7 +65,7 @@ def decode_odometry(data: bytes) -> OdometrySample:
     stamp, frame, child = reader.stamp_ns(), reader.string(), reader.string()
     pose = reader.doubles(7 + _COVARIANCE)
     twist = reader.doubles(6 + _COVARIANCE)
-    return OdometrySample(stamp, frame, child, pose[:3], pose[3:7], twist[:3], twist[3:6])
+    return OdometrySample(stamp, frame, child, pose[:3], pose[3:7], twist[:3], twist[3:6], pose[7:])
 
 
 def decode_twist(data: bytes) -> TwistSample:

@@ -34,7 +34,8 @@ class PageServer:
         """
         handler = type("Handler", (_Handler,), {"backend": backend_port, "start": start})
         self._server = _Server((LOOPBACK, port), handler)
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        # How often it looks whether to stop; http.server's half a second would delay every Ctrl-C.
+        threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
 
     def stop(self) -> None:
         """Stop listening."""

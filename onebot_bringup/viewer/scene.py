@@ -116,8 +116,23 @@ class Scene:
         """Draw all axes anew, ``length`` metres long."""
         if length != self._axes_length:
             self._axes_length = length
-            for frame in self._frames:
-                self._draw_axes(frame)
+            self._draw_all_axes()
+
+    def set_axes(self, names: bool, of: Collection[str], home: str) -> None:
+        """Draw the axes of the frames ``of`` (as in ``__init__``), with or without names.
+
+        Frames left out go to the frame ``home``, which exists; ``show_frames`` draws new ones.
+        """
+        self._axes_of = {*of, *map(self.frame_of, of)}
+        if self._axes_of:
+            self.hide_frames(self._frames - self._axes_of, home)
+        if names != self._axes_names:
+            self._axes_names = names
+            self._draw_all_axes()
+
+    def _draw_all_axes(self) -> None:
+        for frame in self._frames:
+            self._draw_axes(frame)
 
     def _draw_axes(self, frame: str) -> None:
         axes = rr.TransformAxes3D(self._axes_length, show_frame=self._axes_names)

@@ -25,7 +25,7 @@ class SpeedStream:
 
         Args:
             recording: where to log.
-            name: of the curves, such as "measured", after "linear" and "angular".
+            name: of the curves, such as "measured".
             color: of the curves, sRGB bytes.
         """
         self._recording = recording
@@ -67,9 +67,9 @@ class SpeedStream:
         return True
 
     def _log_legend(self, held: bool) -> None:
-        for entity, axis in ((LINEAR_ENTITY, "linear"), (ANGULAR_ENTITY, "angular")):
+        for entity in (LINEAR_ENTITY, ANGULAR_ENTITY):
             legend = rr.SeriesLines(
-                names=[f"{axis} {self._name}"],
+                names=[self._name],
                 colors=[self._color],
                 # A robot that does as told hides the command: it lies beneath, as a band.
                 widths=[6.0] if held else [2.0],
@@ -80,7 +80,12 @@ class SpeedStream:
             self._recording.log(self._path(entity), legend, static=True)
 
     def _path(self, entity: str) -> str:
-        return rr.new_entity_path([*entity.split("/"), self._name])
+        return speed_entity(entity, self._name)
+
+
+def speed_entity(entity: str, name: str) -> str:
+    """Return the entity of the curve ``name`` in the plot ``entity``."""
+    return rr.new_entity_path([*entity.split("/"), name]).lstrip("/")
 
 
 def _finite(value: float) -> float:

@@ -11,9 +11,12 @@ Example (every key may be left out)::
       eye: [3.0, -3.0, 2.0]       # metres, in the fixed frame
       target: [0.0, 0.0, 0.5]
       follow: base_link           # the link the camera moves with
-    joint_plot: {positions: true, velocities: true, window: 30.0}   # seconds
+    joint_plot: {positions: true, velocities: true, limits: false, window: 30.0}   # seconds
+    joint_ranges: {visible: false, radius: 0.45}   # how far each joint can go, in the robot; metres
     trails:                       # where it has been, by Odometry topics, under any names
       odometry: {topic: velocity_controller/odom, color: [255, 176, 32], length: 60.0}   # seconds
+    covariance:                   # how sure it is of its pose, by Odometry topics, under any names
+      odometry: {topic: velocity_controller/odom, sigma: 3.0, heading: 0.4}   # deviations, metres
     speeds:                       # linear.x and angular.z, under any names
       window: 20.0                # seconds
       lines:
@@ -23,135 +26,46 @@ Example (every key may be left out)::
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
 from onebot_bringup.viewer import view_values as values
-from onebot_bringup.viewer.geometry import Vector
-from onebot_bringup.viewer.view_values import Color
+from onebot_bringup.viewer.view_model import (
+    AxesView,
+    CameraView,
+    CovarianceView,
+    GridView,
+    JointPlotView,
+    JointRangesView,
+    PanelsView,
+    SpeedLineView,
+    SpeedsView,
+    TrailView,
+    ViewConfig,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.text import did_you_mean
 
-
-@dataclass(frozen=True)
-class AxesView:
-    """The frames' axes.
-
-    Attributes:
-        visible: they are drawn.
-        length: metres; 0 to choose it by the robot's size.
-        names: the frames' names are written beside them.
-        frames: of these frames only; empty for all.
-    """
-
-    visible: bool = True
-    length: float = 0.0
-    names: bool = True
-    frames: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class GridView:
-    """The grid on the ground: drawn or not.
-
-    Attributes:
-        visible: it is drawn.
-        spacing: metres; 0 to choose it by the robot's size.
-        height: metres above the fixed frame's origin; negative where that is up on an axle.
-    """
-
-    visible: bool = True
-    spacing: float = 0.0
-    height: float = 0.0
-
-
-@dataclass(frozen=True)
-class CameraView:
-    """Eye and target in the fixed frame, metres (None: chosen to fit); link to follow, or ""."""
-
-    eye: Vector | None = None
-    target: Vector | None = None
-    follow: str = ""
-
-
-@dataclass(frozen=True)
-class JointPlotView:
-    """The curves of the joints, and how many seconds of them are shown."""
-
-    positions: bool = True
-    velocities: bool = True
-    window: float = 30.0
-
-
-@dataclass(frozen=True)
-class TrailView:
-    """A line along the poses of an Odometry topic.
-
-    Attributes:
-        topic: relative, so that the node's namespace applies.
-        color: sRGB bytes; None for one of ours.
-        length: how many seconds of it are shown; 0 for all.
-        width: metres.
-        height: metres above the poses; negative to lay it on the ground.
-    """
-
-    topic: str = ""
-    color: Color | None = None
-    length: float = 60.0
-    width: float = 0.01
-    height: float = 0.0
-
-
-@dataclass(frozen=True)
-class SpeedLineView:
-    """A curve in each plot of speeds.
-
-    Attributes:
-        topic: relative, so that the node's namespace applies.
-        type: Twist, TwistStamped or Odometry; auto for what is on the topic.
-        color: sRGB bytes; None for one of ours.
-    """
-
-    topic: str = ""
-    type: str = "auto"
-    color: Color | None = None
-
-
-@dataclass(frozen=True)
-class SpeedsView:
-    """The curves of the speeds by name, and how many seconds of them are shown."""
-
-    window: float = 20.0
-    lines: Mapping[str, SpeedLineView] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class PanelsView:
-    """The state of the viewer's panels: hidden, collapsed or expanded."""
-
-    blueprint: str = "collapsed"
-    selection: str = "collapsed"
-    time: str = "collapsed"
-    top: str = "expanded"
-
-
-@dataclass(frozen=True)
-class ViewConfig:
-    """How a robot is looked at; see the module's docstring."""
-
-    fixed_frame: str = ""
-    axes: AxesView = field(default_factory=AxesView)
-    grid: GridView = field(default_factory=GridView)
-    collision: bool = False
-    background: Color | None = None
-    camera: CameraView = field(default_factory=CameraView)
-    joint_plot: JointPlotView = field(default_factory=JointPlotView)
-    trails: Mapping[str, TrailView] = field(default_factory=dict)
-    speeds: SpeedsView = field(default_factory=SpeedsView)
-    panels: PanelsView = field(default_factory=PanelsView)
+__all__ = [
+    "AxesView",
+    "CameraView",
+    "CovarianceView",
+    "GridView",
+    "JointPlotView",
+    "JointRangesView",
+    "PanelsView",
+    "SpeedLineView",
+    "SpeedsView",
+    "TrailView",
+    "ViewConfig",
+    "check_value",
+    "load_view",
+    "parse_view",
+    "view_text",
+]
 
 
 def load_view(path: Path) -> ViewConfig:
@@ -162,15 +76,51 @@ def load_view(path: Path) -> ViewConfig:
             would be right.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return parse_view(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise OneBotError(f"view {path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise OneBotError(f"view {path}: not YAML: {' '.join(str(error).split())}") from error
-    try:
-        return _read(ViewConfig, {} if content is None else content, "")
+    except UnicodeDecodeError as error:
+        raise OneBotError(f"view {path}: not YAML: {error}") from error
     except ValueError as error:
         raise OneBotError(f"view {path}: {error}") from error
+
+
+def parse_view(text: str) -> ViewConfig:
+    """Read a saved view from YAML text.
+
+    Raises:
+        ValueError: an entry is wrong.
+    """
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"not YAML: {' '.join(str(error).split())}") from error
+    return _read(ViewConfig, {} if content is None else content, "")
+
+
+def view_text(view: ViewConfig) -> str:
+    """Return ``view`` as YAML text that ``parse_view`` reads, without what is as always."""
+    return str(
+        yaml.safe_dump(_different(view, ViewConfig()), sort_keys=False, default_flow_style=None)
+    )
+
+
+def _different(config: Any, usual: Any) -> dict[str, Any]:
+    """The entries of a dataclass that are not as in ``usual``, as plain values."""
+    found: dict[str, Any] = {}
+    for entry in fields(config):
+        value, other = getattr(config, entry.name), getattr(usual, entry.name)
+        if value == other:
+            continue
+        if is_dataclass(value):
+            found[entry.name] = _different(value, other)
+        elif isinstance(value, Mapping):
+            found[entry.name] = {
+                name: _different(item, type(item)()) for name, item in value.items()
+            }
+        else:
+            found[entry.name] = list(value) if isinstance(value, tuple) else value
+    return found
 
 
 T = TypeVar("T")
@@ -188,11 +138,22 @@ def _read(kind: type[T], content: object, where: str) -> T:
         if key not in names:
             raise ValueError(f'unknown key "{path}"{did_you_mean(str(key), names)}')
         current = getattr(result, key)
-        result = replace(result, **{key: _value(key, current, value, path)})  # type: ignore[type-var]
+        result = replace(result, **{key: check_value(key, current, value, path)})  # type: ignore[type-var]
     return result
 
 
-def _value(key: str, current: object, value: object, where: str) -> object:
+def check_value(key: str, current: object, value: object, where: str) -> object:
+    """Return ``value`` as it stands in a view, where ``current`` stands now.
+
+    Args:
+        key: the last word of its name.
+        current: a value of its type.
+        value: as YAML has it.
+        where: its whole name.
+
+    Raises:
+        ValueError: what would be right.
+    """
     if key in _SPECIAL:
         return _SPECIAL[key](value, where)
     if isinstance(current, bool):
@@ -233,6 +194,7 @@ _SPECIAL: dict[str, Callable[[Any, str], object]] = {
     "topic": values.topic,
     "type": values.speed_type,
     "trails": _named(TrailView),
+    "covariance": _named(CovarianceView),
     "lines": _named(SpeedLineView),
     **{entry.name: values.panel for entry in fields(PanelsView)},
 }

@@ -61,7 +61,7 @@ def topic(value: object, where: str) -> str:
 
 def vector(value: Any, where: str) -> Vector | None:
     """Check three metres, or nothing."""
-    if value is None:
+    if value is None or value == []:
         return None
     numbers = isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
     if not numbers or not all(abs(number) < float("inf") for number in value):
@@ -71,7 +71,7 @@ def vector(value: Any, where: str) -> Vector | None:
 
 def color(value: Any, where: str) -> Color | None:
     """Check three sRGB bytes, or nothing."""
-    if value is None:
+    if value is None or value == []:
         return None
     three = isinstance(value, list) and len(value) == 3
     if not three or not all(type(number) is int and 0 <= number <= 255 for number in value):

@@ -33,12 +33,13 @@ def test_odometry_is_read_as_rclpy_wrote_it(values, frame, child, stamp):
     turn.x, turn.y, turn.z, turn.w = values[3:7]
     message.twist.twist.linear = _vector(values[7:10])
     message.twist.twist.angular = _vector(values[10:])
-    message.pose.covariance[:] = np.full(36, 5.0)
+    message.pose.covariance[:] = np.resize(values, 36)
     read = decode_odometry(serialize_message(message))
     assert (read.frame_id, read.child_frame_id) == (frame, child)
     assert read.stamp_ns == stamp[0] * 10**9 + stamp[1]
     found = np.concatenate([read.translation, read.rotation, read.linear, read.angular])
     np.testing.assert_array_equal(found, values)
+    np.testing.assert_array_equal(read.covariance, message.pose.covariance)
 
 
 @given(numbers, names, stamps)

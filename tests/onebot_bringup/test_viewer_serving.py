@@ -69,6 +69,7 @@ def test_the_page_is_served_with_an_order_to_stay_on_this_machine():
     try:
         wait_for(lambda: page.ready, "the page")
         with _get(page.url) as response:
+            assert response.url.replace("%2B", "+") == page.address.replace("%2B", "+")
             assert f"url=rerun%2Bhttp://127.0.0.1:{recording.port}/proxy" in response.url
             policy = response.headers["Content-Security-Policy"]
             html = response.read().decode()

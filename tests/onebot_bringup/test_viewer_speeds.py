@@ -31,7 +31,7 @@ def test_speeds_are_two_curves_with_names(tmp_path, held):
         entity = f"/speeds/{axis}/measured"
         names = column(tmp_path / "x.rrd", entity, "SeriesLines:names")
         modes = column(tmp_path / "x.rrd", entity, "SeriesLines:interpolation_mode")
-        assert names == [[f"{axis} measured"]]
+        assert names == [["measured"]]
         assert modes == [[2 if held else 1]], "Rerun's numbers of StepAfter and Linear"
         times = column(tmp_path / "x.rrd", entity, "ros_time")
         steps = np.diff(np.array(times, "datetime64[ns]").astype(np.int64))

@@ -8,8 +8,9 @@ import rerun.chunk as rc
 
 from onebot_bringup.viewer import streams
 from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.joint_curves import JointStream
 from onebot_bringup.viewer.recording import open_recording
-from onebot_bringup.viewer.streams import JointStream, TransformStream
+from onebot_bringup.viewer.streams import TransformStream
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 

@@ -4,7 +4,14 @@ import pytest
 
 import mrm_description
 import onebot_description
-from onebot_bringup.viewer.view_config import SpeedLineView, TrailView, ViewConfig, load_view
+from onebot_bringup.viewer.view_config import (
+    CovarianceView,
+    JointRangesView,
+    SpeedLineView,
+    TrailView,
+    ViewConfig,
+    load_view,
+)
 from onebot_description.errors import OneBotError
 
 
@@ -31,10 +38,13 @@ def test_every_key_is_read(tmp_path):
         collision: true
         background: [1, 2, 3]
         camera: {eye: [1, 2, 3], target: [0, 0, 0.5], follow: base_link}
-        joint_plot: {positions: false, velocities: false, window: 5}
+        joint_plot: {positions: false, velocities: false, limits: true, window: 5}
+        joint_ranges: {visible: true, radius: 0.3}
         trails:
           odometry: {topic: a/odom, color: [1, 2, 3], length: 5, width: 0.02, height: -0.1}
           truth: {topic: /b}
+        covariance:
+          pose: {topic: odom, color: [7, 8, 9], sigma: 2, heading: 1, width: 0.1, height: -0.2}
         speeds:
           window: 7
           lines: {asked: {topic: cmd_vel}, done: {topic: a/odom, type: Odometry, color: [4, 5, 6]}}
@@ -49,6 +59,8 @@ def test_every_key_is_read(tmp_path):
         "odometry": TrailView("a/odom", (1, 2, 3), 5.0, 0.02, -0.1),
         "truth": TrailView("/b"),
     }
+    assert view.covariance == {"pose": CovarianceView("odom", (7, 8, 9), 2.0, 1.0, 0.1, -0.2)}
+    assert view.joint_plot.limits and view.joint_ranges == JointRangesView(True, 0.3)
     assert view.speeds.window == 7.0
     assert view.speeds.lines == {
         "asked": SpeedLineView("cmd_vel", "auto", None),
@@ -74,12 +86,14 @@ def test_the_view_of_onebot_is_valid():
     assert (view.fixed_frame, view.camera.follow) == ("odom", "base_link")
     assert set(view.trails) == {"odometry", "truth"}
     assert set(view.speeds.lines) == {"commanded", "measured"}
+    assert set(view.covariance) == {"odometry"}
 
 
 def test_the_view_of_mrm_is_valid():
-    """MRM's own saved view loads, and shows its base frame fixed."""
-    path = Path(mrm_description.__file__).parent / "config/view.yaml"
-    assert load_view(path).fixed_frame == "base_link"
+    """MRM's own saved view loads, and shows its base frame fixed, and its joint's limits."""
+    view = load_view(Path(mrm_description.__file__).parent / "config/view.yaml")
+    assert view.fixed_frame == "base_link"
+    assert view.joint_plot.limits and view.joint_ranges.visible
 
 
 @pytest.mark.parametrize(
@@ -100,6 +114,9 @@ def test_the_view_of_mrm_is_valid():
         ("trails: {a: {length: 3}}", "trails.a has no topic"),
         ("trails: {a: {topic: a b}}", "trails.a.topic must be a topic, such as"),
         ("trails: {a: {topic: b, colour: [0, 0, 0]}}", 'unknown key "trails.a.colour" (did you'),
+        ("covariance: {a: {topic: b, sigma: -1}}", "covariance.a.sigma must be a number of at"),
+        ("covariance: {a: {}}", "covariance.a has no topic"),
+        ("joint_plot: {limits: 1}", "joint_plot.limits must be true or false"),
         ("trails: {1: {topic: b}}", "trails.1: a name must be text"),
         ("speeds: {a: {topic: b}}", 'unknown key "speeds.a" (known: lines, window)'),
         (

@@ -1,0 +1,197 @@
+"""How sure a pose is: the shapes, and what Rerun shows of them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_bringup.viewer.covariance_shapes import (
+    ellipse_outline,
+    heading_deviation,
+    place_ellipse,
+    sector_outline,
+)
+from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.picture import headless_viewer, render, still
+from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.view_config import parse_view
+from tests.onebot_bringup.drive_support import chunks, column, odometry
+from tests.onebot_bringup.viewer_support import ARM, START_NS, transforms
+from tests.support_rendering import center, colored, pixels, require_renderer
+
+GREEN = (0, 220, 60)
+TENTH = 10**8
+# From behind and above: +y is to the left in the picture, +x up.
+VIEW = """
+fixed_frame: odom
+axes: {visible: false}
+grid: {visible: false}
+camera: {eye: [-3.0, 0.0, 8.0], target: [0.0, 0.0, 0.0]}
+joint_plot: {positions: false, velocities: false}
+covariance:
+  pose: {topic: odom, color: [0, 220, 60], sigma: 2.0, heading: 0, width: 0.05, height: 1.0}
+"""
+
+
+def _covariance(xx=0.0, yy=0.0, xy=0.0, yaw=0.0):
+    matrix = np.zeros((6, 6))
+    matrix[0, 0], matrix[1, 1], matrix[0, 1], matrix[1, 0] = xx, yy, xy, xy
+    matrix[5, 5] = yaw
+    return matrix.ravel()
+
+
+@given(along=st.floats(0.01, 10), ratio=st.floats(0.05, 0.95), angle=st.floats(-math.pi, math.pi))
+def test_the_ellipse_has_the_deviations_that_went_in(along, ratio, angle):
+    """A covariance made of two deviations and a direction gives them back."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    matrix = turn @ np.diag([along**2, (ratio * along) ** 2]) @ turn.T
+    found = place_ellipse(_covariance(matrix[0, 0], matrix[1, 1], matrix[0, 1]))
+    assert found is not None
+    np.testing.assert_allclose(found[:2], [along, ratio * along], rtol=1e-6)
+    assert abs(math.sin(found.angle - angle)) < 1e-5
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        _covariance(),  # as the truth, and who does not know, publish it
+        _covariance(-1.0, 1.0),
+        _covariance(math.nan, 1.0),
+        _covariance(math.inf, 1.0),
+        _covariance(1.0, 1.0, 2.0),  # no covariance: one direction would be less than sure
+    ],
+)
+def test_an_unknown_place_has_no_ellipse(covariance):
+    """Nothing is drawn of what means nothing."""
+    assert place_ellipse(covariance) is None
+
+
+def test_a_place_sure_in_one_direction_is_a_line():
+    """A covariance of rank one is drawn as what it is."""
+    found = place_ellipse(_covariance(0.5, 0.5, 0.5))
+    assert found is not None and found.across == pytest.approx(0.0, abs=1e-7)
+    outline = ellipse_outline(found, 3.0)
+    assert np.isfinite(outline).all()
+    np.testing.assert_allclose(outline[:, 0], outline[:, 1], atol=1e-6)
+
+
+def test_the_sector_is_as_wide_as_the_heading_is_unsure():
+    """It opens to either side of x, at most all round; an unknown yaw has none."""
+    assert heading_deviation(_covariance(yaw=0.04)) == pytest.approx(0.2)
+    points = sector_outline(0.2, 3.0, 0.5)[1:-1]
+    angles = np.arctan2(points[:, 1], points[:, 0])
+    assert angles.min() == pytest.approx(-0.6) and angles.max() == pytest.approx(0.6)
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.5)
+    assert np.ptp(np.unwrap(np.arctan2(*sector_outline(50.0, 3.0, 0.5)[1:-1, 1::-1].T))) < 6.29
+    for unknown in (0.0, -1.0, math.nan, math.inf):
+        assert heading_deviation(_covariance(yaw=unknown)) is None
+
+
+def _recorded(tmp_path: Path, covariances, view=VIEW, place=(0.5, -1.0)) -> Path:
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, parse_view(view))
+    live.set_description(ARM)
+    for step, covariance in enumerate(covariances):
+        stamp = START_NS + step * TENTH
+        live.add_transforms(transforms("odom", "base", 0.0, stamp))
+        live.add_transforms(transforms("base", "tip", 0.5, stamp))
+        sample = odometry(*place)._replace(covariance=covariance)
+        live.add_odometry("odom", stamp, sample)
+        live.tick(stamp)
+        live.tick(stamp + TENTH // 2)
+    live.finish(stamp)
+    recording.close()
+    return tmp_path / "x.rrd"
+
+
+def _picture(file: Path):
+    with headless_viewer(str(file), 600, 600) as client:
+        assert [view.reports for view in client.get_state().views] == [[]]
+    render(file, file.with_suffix(".png"), 600, 600)
+    return pixels(file.with_suffix(".png"))
+
+
+def test_the_ellipse_lies_around_the_pose_as_large_as_it_is_unsure(tmp_path):
+    """Two deviations of 0.6 m along x and 0.2 m along y: upright in this picture, 3:1."""
+    require_renderer()
+    file = _recorded(tmp_path, [_covariance(0.36, 0.04)] * 10)
+    image = _picture(file)
+    green = colored(image, GREEN)
+    rows, columns = np.nonzero(green)
+    height, width = np.ptp(rows), np.ptp(columns)
+    assert 2.2 < height / width < 3.8
+    x, y = center(green)
+    assert x > 0.55 and y < 0.5, "at x = 0.5, y = -1: to the right, and up"
+    assert green.sum() < 0.3 * height * width, "a line"
+    inside, outside = image[round(y * 600), round(x * 600)], image[5, 5]
+    assert inside[1] - outside[1] > 5, "and a thin fill"
+
+
+def test_it_follows_the_covariance_and_goes_when_that_is_unknown(tmp_path):
+    """The last one counts; of one unknown in the end nothing is left, and no error."""
+    require_renderer()
+    known, unknown = _covariance(0.36, 0.04), _covariance(-1.0, -1.0)
+    assert not colored(_picture(_recorded(tmp_path, [known] * 5 + [unknown] * 5)), GREEN).any()
+    huge = _covariance(1e6, 1e6)
+    assert not colored(_picture(_recorded(tmp_path, [huge] * 5)), GREEN).any(), "unknown, too"
+    turned = colored(
+        _picture(_recorded(tmp_path, [known] * 5 + [_covariance(0.04, 0.36)] * 5)), GREEN
+    )
+    rows, columns = np.nonzero(turned)
+    assert np.ptp(columns) > 2 * np.ptp(rows)
+
+
+def test_a_steady_covariance_is_logged_once_however_far_the_robot_drives(tmp_path):
+    """It costs a shape, and two rows in what /tf is logged with anyway."""
+    view = VIEW.replace("heading: 0,", "heading: 0.5,")
+    file = _recorded(tmp_path, [_covariance(0.01, 0.01, yaw=0.01)] * 200, view)
+    for shape in ("place", "heading"):
+        entity = f"/covariance/pose/{shape}"
+        assert len(chunks(file, entity)) == 2, "its look, and its shape"
+        assert column(file, entity, "CoordinateFrame:frame") == [[entity[1:]]]
+    children = [row[0] for row in column(file, "/tf", "Transform3D:child_frame")]
+    assert children.count("covariance/pose/place") in range(150, 201)
+    assert len(chunks(file, "/tf")) <= 201
+
+
+def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
+    """It would be an error in the view."""
+    now = [0.0]
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, parse_view(VIEW), clock=lambda: now[0])
+    live.set_description(ARM)
+    live.add_transforms(transforms("odom", "base", 0.0))
+    live.add_transforms(transforms("base", "tip", 0.0))
+    sample = odometry(0, frame="map")._replace(covariance=_covariance(1.0, 1.0))
+    live.add_odometry("odom", START_NS, sample)
+    assert live.tick(START_NS) == []
+    now[0] = 4.0
+    [message] = live.tick(START_NS)
+    assert 'covariance "pose" is in the frame "map"' in message
+    recording.close()
+    assert chunks(tmp_path / "x.rrd", "/covariance/pose/place") == []
+
+
+def test_a_late_viewer_of_a_full_server_has_the_ellipse(tmp_path, monkeypatch):
+    """With the memory limit reached many times over, it is still shown."""
+    require_renderer()
+    from onebot_bringup.viewer import covariance
+
+    monkeypatch.setattr(covariance, "REPEAT_AFTER", 0.05)
+    recording = open_recording(0, memory_limit="1MB")
+    live = LiveView(recording.stream, parse_view(VIEW))
+    live.set_description(ARM)
+    sample = odometry(0.5, -1.0)._replace(covariance=_covariance(0.36, 0.04))
+    for step in range(2000):
+        stamp = START_NS + step * TENTH
+        live.add_transforms(transforms("odom", "base", 0.0, stamp))
+        live.add_transforms(transforms("base", "tip", 0.5, stamp))
+        live.add_odometry("odom", stamp, sample)
+        live.tick(stamp)
+    with headless_viewer(recording.uri, 600, 600) as client:
+        assert colored(pixels(still(client)), GREEN).any()
+    recording.close()

@@ -1,0 +1,166 @@
+"""Joints with their limits: in the plot, and in the robot."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from onebot_bringup.viewer.joint_curves import JointStream, joint_colors
+from onebot_bringup.viewer.joint_ranges import hand_strips, read_ranges, scale_strips
+from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.picture import headless_viewer, still
+from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.description import load_description
+from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.viewer_support import ARM, START_NS, transforms
+from tests.support_rendering import colored, pixels, require_renderer
+
+VIEW = """
+axes: {visible: false}
+grid: {visible: false}
+joint_plot: {velocities: false, limits: true, window: 0}
+joint_ranges: {visible: true, radius: 0.8}
+"""
+TURNING = ARM.replace('type="prismatic"', 'type="revolute"').replace('"0 1 0"', '"0 0 1"')
+
+
+def _joint(body: str, kind="revolute"):
+    return read_ranges(
+        f'<robot name="r"><joint name="j" type="{kind}"><parent link="a"/><child link="b"/>'
+        f"{body}</joint></robot>"
+    )
+
+
+def test_ranges_are_those_of_the_urdf():
+    """MRM's joint: its limits, axis and place; OneBot's wheels have none."""
+    mrm = load_description("mrm_description/urdf/mrm.xacro").urdf
+    [joint] = read_ranges(mrm)
+    assert (joint.name, joint.kind) == ("base_link__link_01", "revolute")
+    assert (joint.parent, joint.child) == ("base_link", "link1")
+    assert (joint.lower, joint.upper) == (-3.14, 3.14)
+    assert joint.xyz == (0.0, 0.0, 0.5) and joint.axis == (0.0, 0.0, 1.0)
+    onebot = load_description("onebot_description/urdf/onebot.urdf.xacro").urdf
+    assert read_ranges(onebot) == ()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "",
+        '<limit lower="1" upper="1"/>',
+        '<limit lower="2" upper="1"/>',
+        '<limit lower="x" upper="1"/>',
+        '<limit lower="-inf" upper="1"/>',
+        '<limit lower="0" upper="1"/><axis xyz="0 0 0"/>',
+        '<limit lower="0" upper="1"/><axis xyz="1 0"/>',
+        '<limit lower="0" upper="1"/><origin xyz="nan 0 0"/>',
+    ],
+)
+def test_a_joint_without_a_range_has_none(body):
+    """Nothing strange is drawn of a joint without limits, or with odd ones."""
+    assert _joint(body) == ()
+
+
+def test_an_arc_goes_from_limit_to_limit_about_the_axis():
+    """In the parent's frame, with the origin's turn; the hand points to position zero."""
+    [joint] = _joint(
+        '<origin xyz="1 2 3" rpy="0 0 1.5707963"/><axis xyz="0 0 2"/>'
+        '<limit lower="-1" upper="0.5"/>'
+    )
+    arc, *ends = scale_strips(joint, 2.0)
+    local = arc - np.array([1.0, 2.0, 3.0])
+    np.testing.assert_allclose(np.linalg.norm(local, axis=1), 2.0)
+    angles = np.unwrap(np.arctan2(local[:, 1], local[:, 0]))
+    assert angles[0] == pytest.approx(math.pi / 2 - 1) and angles[-1] == pytest.approx(
+        math.pi / 2 + 0.5
+    )
+    assert len(ends) == 2
+    [hand] = hand_strips(joint, 2.0)
+    np.testing.assert_allclose(hand[0], [2.0, 0.0, 0.0])
+
+
+def test_a_range_of_several_turns_is_one_circle_and_a_bar_is_straight():
+    """An arc does not lie upon itself; a prismatic joint's bar is along its axis."""
+    [joint] = _joint('<axis xyz="1 0 0"/><limit lower="-50" upper="50"/>')
+    arc = scale_strips(joint, 1.0)[0]
+    assert len(arc) < 80
+    np.testing.assert_allclose(arc[0], arc[-1], atol=1e-9)
+    np.testing.assert_allclose(arc[:, 0], 0.0, atol=1e-9)
+    [slide] = _joint('<axis xyz="0 0 1"/><limit lower="-0.5" upper="1.5"/>', "prismatic")
+    np.testing.assert_allclose(scale_strips(slide, 1.0)[0], [[0, 0, -0.5], [0, 0, 1.5]])
+
+
+def test_limits_are_level_lines_under_the_joint_s_own_name_and_colour(tmp_path):
+    """They come with every position; a joint without limits has none, nor have velocities."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = JointStream(recording.stream)
+    stream.set_limits({"a": (-1.0, 2.0), "elsewhere": (0.0, 1.0)})
+    for i in range(3):
+        stream.add(START_NS + i, ("free", "a"), np.array([9.0, 0.1 * i]), np.zeros(2))
+    stream.flush()
+    recording.close()
+    file, entity = tmp_path / "x.rrd", "/joints/position/0"
+    assert column(file, entity, "SeriesLines:names") == [["free", "a", "a", "a"]]
+    [shades] = column(file, entity, "SeriesLines:colors")
+    assert shades[1] == shades[2] == shades[3] != shades[0]
+    rows = column(file, entity, "Scalars:scalars")
+    np.testing.assert_allclose(rows, [[9.0, 0.1 * i, -1.0, 2.0] for i in range(3)])
+    assert column(file, "/joints/velocity/0", "SeriesLines:names") == [["free", "a"]]
+    np.testing.assert_allclose(column(file, "/joints/velocity/0", "Scalars:scalars"), 0.0)
+
+
+def _recorded(tmp_path: Path, urdfs, view=VIEW) -> Path:
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, parse_view(view))
+    step = 0
+    for urdf in urdfs:
+        live.set_description(urdf)
+        for _ in range(20):
+            stamp = START_NS + step * 10**8
+            step += 1
+            live.add_transforms(transforms("base", "tip", 0.5, stamp))
+            live.add_joints(stamp, ("slide",), np.array([0.5]), np.empty(0))
+            live.tick(stamp)
+    live.finish(stamp)
+    recording.close()
+    return tmp_path / "x.rrd"
+
+
+def test_the_range_is_drawn_in_the_robot_in_the_colour_of_the_curve(tmp_path):
+    """And the limits in the plot, without an error; a view that does not ask has none of it."""
+    require_renderer()
+    color = joint_colors(["slide"])["slide"]
+    seen = []
+    for view in (
+        VIEW,
+        VIEW.replace("limits: true", "limits: false").replace(
+            "joint_ranges: {visible: true", "joint_ranges: {visible: false"
+        ),
+    ):
+        with headless_viewer(str(_recorded(tmp_path, [TURNING], view)), 1280, 720) as client:
+            assert [item.reports for item in client.get_state().views] == [[], []]
+            found = colored(pixels(still(client)), color)
+        seen.append((found[:, :940].sum(), (found[:, 990:].sum(axis=1) > 200).sum()))
+    assert seen[0][0] > 300 and seen[1][0] == 0, "the arc and its hand"
+    assert seen[0][1] >= 3 and seen[1][1] in (1, 2, 3), "curve and limits; the curve alone"
+    assert seen[0][1] > seen[1][1]
+
+
+def test_a_new_description_has_its_own_limits_at_once(tmp_path):
+    """The plot's lines move; a joint that has lost its limits loses its marks."""
+    require_renderer()
+    wider = TURNING.replace('upper="2"', 'upper="3"')
+    free = TURNING.replace('type="revolute"', 'type="continuous"')
+    file = _recorded(tmp_path, [TURNING, wider, free])
+    rows = [
+        [tuple(row) for row in chunk.to_record_batch().column("Scalars:scalars").to_pylist()]
+        for number in range(3)
+        for chunk in chunks(file, f"/joints/position/{number}")[1:]
+    ]
+    assert {row for chunk in rows for row in chunk} == {(0.5, 0, 2), (0.5, 0, 3), (0.5,)}
+    color = joint_colors(["slide"])["slide"]
+    with headless_viewer(str(file), 1280, 720) as client:
+        assert [item.reports for item in client.get_state().views] == [[], []]
+        assert not colored(pixels(still(client)), color)[:, :940].any(), "erased in the end"

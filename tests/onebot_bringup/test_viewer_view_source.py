@@ -1,0 +1,207 @@
+"""A view that its user edits, switches and saves."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_bringup.viewer.view_config import ViewConfig, load_view, parse_view, view_text
+from onebot_bringup.viewer.view_files import view_for
+from onebot_bringup.viewer.view_settings import settings, with_setting
+from onebot_bringup.viewer.view_source import ViewSource
+from onebot_bringup.viewer.yaml_edit import set_value
+from onebot_description.errors import OneBotError
+
+TEXT = """# how I look at it
+collision: false   # shapes
+camera:
+  eye: [1, 2, 3]   # from there
+grid: {visible: true}  # flow
+trails:
+  way: {topic: odom}
+"""
+
+
+def _source(tmp_path: Path, text: str = TEXT) -> ViewSource:
+    (tmp_path / "view.yaml").write_text(text)
+    return ViewSource(str(tmp_path / "view.yaml"))
+
+
+def test_saving_keeps_comments_and_order_and_changes_what_was_changed(tmp_path):
+    """Also keys that were not there, in a block and in a flow mapping."""
+    source = _source(tmp_path)
+    for name, value in (
+        ("collision", True),
+        ("camera.eye", [0.5, 0, 9]),
+        ("camera.follow", "base"),
+        ("grid.spacing", 2),
+        ("axes.names", False),
+    ):
+        source.change(name, value)
+    assert source.save() == tmp_path / "view.yaml"
+    assert (
+        (tmp_path / "view.yaml").read_text()
+        == """# how I look at it
+collision: true   # shapes
+camera:
+  eye: [0.5, 0.0, 9.0]   # from there
+  follow: base
+grid: {visible: true, spacing: 2.0}  # flow
+trails:
+  way: {topic: odom}
+axes: {names: false}
+"""
+    )
+    assert load_view(tmp_path / "view.yaml") == source.view
+
+
+@pytest.mark.parametrize("robot", ["onebot", "mrm"])
+@given(data=st.data())
+def test_any_settings_of_our_views_can_be_saved_and_read_again(robot, data):
+    """Every setting, in any order; every line that has none of them stays as it is."""
+    path = view_for(robot)
+    assert path is not None
+    text = path.read_text()
+    view = parse_view(text)
+    values = {bool: st.booleans(), float: st.floats(0, 1e6), str: st.sampled_from(["a", "b: c"])}
+    names = [n for n, v in settings(view).items() if type(v) in values and "panels" not in n]
+    for name in data.draw(st.lists(st.sampled_from(names), unique=True)):
+        value = data.draw(values[type(settings(view)[name])])
+        view = with_setting(view, name, value)
+        text = set_value(text, name.split("."), value)
+    assert parse_view(text) == view
+    assert text.count("#") == path.read_text().count("#")
+    assert parse_view(view_text(view)) == view
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("", "camera: {follow: base}\n"),
+        ("# only this\n", "# only this\ncamera: {follow: base}\n"),
+        ("camera:\n", "camera: {follow: base}\n"),
+        ("camera: {}", "camera: {follow: base}"),
+        ("camera: {eye: [1, 2, 3]}\n", "camera: {eye: [1, 2, 3], follow: base}\n"),
+        ("camera:\n  follow: x # y\n", "camera:\n  follow: base # y\n"),
+        ("camera:\n  follow:\n# end", "camera:\n  follow: base\n# end"),
+        (
+            "camera:\n  eye:\n  - 1\n  - 2\n  - 3  # up\n# end\ngrid: {}\n",
+            "camera:\n  eye:\n  - 1\n  - 2\n  - 3  # up\n  follow: base\n# end\ngrid: {}\n",
+        ),
+        ("{camera: {follow: 'x'}}", "{camera: {follow: base}}"),
+    ],
+)
+def test_a_value_finds_its_place_in_every_form_of_yaml(text, wanted):
+    """Blocks, flows, nothing, comments before and after."""
+    assert set_value(text, ("camera", "follow"), "base") == wanted
+
+
+def test_a_view_without_a_file_is_saved_where_the_user_says(tmp_path):
+    """Whole, with trails and all; without a name, the error says how to give one."""
+    source = ViewSource("none")
+    source.change("collision", True)
+    with pytest.raises(OneBotError, match="save_view_to"):
+        source.save()
+    with pytest.raises(OneBotError, match=r"must end in \.yaml"):
+        source.save(tmp_path / "view.rbl")
+    with pytest.raises(OneBotError, match="cannot be written: No such file"):
+        source.save(tmp_path / "none/view.yaml")
+    source.save(tmp_path / "own.yaml")
+    assert (tmp_path / "own.yaml").read_text() == "collision: true\n"
+    named = _source(tmp_path)
+    named.change("collision", True)
+    named.save(tmp_path / "copy.yaml")
+    assert "# from there" in (tmp_path / "copy.yaml").read_text()
+    assert load_view(tmp_path / "copy.yaml") == named.view
+    assert (tmp_path / "view.yaml").read_text() == TEXT
+
+
+def test_saving_through_a_link_keeps_the_link_and_the_mode(tmp_path):
+    """As an installed view is a link into the checkout."""
+    source = _source(tmp_path)
+    (tmp_path / "view.yaml").chmod(0o600)
+    (tmp_path / "link.yaml").symlink_to(tmp_path / "view.yaml")
+    source.change("collision", True)
+    source.save(tmp_path / "link.yaml")
+    assert (tmp_path / "link.yaml").is_symlink()
+    assert load_view(tmp_path / "view.yaml").collision
+    assert (tmp_path / "view.yaml").stat().st_mode & 0o777 == 0o600
+    assert sorted(os.listdir(tmp_path)) == ["link.yaml", "view.yaml"]
+
+
+def test_a_form_that_cannot_be_kept_is_refused_and_left_alone(tmp_path):
+    """An anchor's value belongs to several keys; another file takes the view all the same."""
+    text = "axes: &a {visible: true}\ngrid: *a\n"
+    source = _source(tmp_path, text)
+    source.change("grid.visible", False)
+    with pytest.raises(OneBotError, match="anchors; name another file"):
+        source.save()
+    assert (tmp_path / "view.yaml").read_text() == text
+    source.save(tmp_path / "other.yaml")
+    assert load_view(tmp_path / "other.yaml") == source.view
+
+
+def test_an_edit_counts_where_it_changes_something(tmp_path):
+    """What was switched meanwhile stays, unless the edit is of the same setting."""
+    source = _source(tmp_path)
+    source.change("collision", True)
+    source.change("axes.visible", False)
+    (tmp_path / "view.yaml").write_text(TEXT.replace("true", "false") + "axes: {length: 2}\n")
+    assert source.reload()
+    assert source.view.collision and not source.view.axes.visible
+    assert source.view.axes.length == 2.0 and not source.view.grid.visible
+    (tmp_path / "view.yaml").write_text("axes: {visible: true, length: 3}\ncollision: true\n")
+    assert source.reload()
+    assert not source.view.axes.visible, "the file says nothing new of it"
+    assert source.view.trails == {} and source.view.axes.length == 3.0
+    (tmp_path / "view.yaml").write_text("axes: {visible: maybe}")
+    before = source.view
+    with pytest.raises(OneBotError, match=r"axes\.visible must be true or false"):
+        source.reload()
+    assert source.view == before
+
+
+def test_without_a_file_the_robot_s_own_view_is_taken(tmp_path):
+    """Of each robot that comes, and none where there is none; but never in the place of a file."""
+    source = ViewSource("")
+    source.change("collision", True)
+    assert source.set_robot("onebot") and not source.set_robot("onebot")
+    assert source.file == view_for("onebot")
+    assert source.view.collision and source.view.camera.follow == "base_link"
+    assert source.set_robot("mrm") and source.view.joint_plot.limits
+    assert source.set_robot("nobody") and source.view == with_setting(
+        ViewConfig(), "collision", True
+    )
+    assert not ViewSource("none").set_robot("onebot")
+    assert not _source(tmp_path).set_robot("onebot")
+
+
+def test_a_layout_keeps_the_robot_s_own_trails_and_curves(tmp_path):
+    """A layout saved in the viewer arranges what the view of the robot logs."""
+    (tmp_path / "x.rbl").write_bytes(b"RRF2")
+    source = ViewSource(str(tmp_path / "x.rbl"))
+    assert source.layout == tmp_path / "x.rbl" and source.set_robot("onebot")
+    assert set(source.view.trails) == {"odometry", "truth"}
+    (tmp_path / "x.rbl").write_text("fixed_frame: odom")
+    with pytest.raises(OneBotError, match="no layout saved in the viewer"):
+        ViewSource(str(tmp_path / "x.rbl"))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("axes", True, '"axes" is more than one setting'),
+        ("axes.visibel", True, 'no setting "axes.visibel"'),
+        ("axes.visible.x", True, 'no setting "axes.visible.x"'),
+        ("trails", {}, "more than one setting"),
+        ("axes.length", -1.0, "axes.length must be a number of at least 0"),
+        ("camera.eye", [1.0], "camera.eye must be three metres"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused(name, value, said):
+    """As in the file."""
+    with pytest.raises(ValueError, match="setting|must be") as caught:
+        with_setting(ViewConfig(), name, value)
+    assert said in str(caught.value)
