@@ -1,0 +1,1 @@
+"""Pictures of robots: what stands in them, and how they are framed."""

@@ -1,0 +1,138 @@
+"""The command line of ``onebot snapshot``."""
+
+import argparse
+from argparse import Namespace
+from collections.abc import Sequence
+from pathlib import Path
+
+from onebot_bringup.cli.subcommands import Parser
+from onebot_bringup.launcher.arguments import UsageError
+from onebot_bringup.snapshot.camera import parse_camera
+
+_SUMMARY = """\
+draw a robot into a PNG file, without any display: the running robot as it stands now; or with
+SOURCE, a URDF or xacro file at given joint positions, or the end of a recording (.rrd, .mcap, or a
+folder of record:=). name:=value are arguments that the xacro file declares"""
+_WIDTH, _HEIGHT = 1280, 720
+# Pixels: the viewer's window does not become smaller, and software renders no larger one for sure.
+_SMALLEST, _LARGEST = 100, 4096
+
+
+def parse_command_line(argv: Sequence[str]) -> Namespace:
+    """Return the options of the command.
+
+    Returns:
+        file, source, joints (by name), width, height, camera (eye and target, or None), dashboard,
+        view, frame_prefix, arguments (of xacro, by name) and ros_args.
+
+    Raises:
+        UsageError: the command line is not understood.
+    """
+    parser = Parser("onebot snapshot", _SUMMARY)
+    parser.usage = "onebot snapshot FILE.png [SOURCE] [options] [name:=value ...]"
+    add = parser.add_argument
+    add("file", type=Path, metavar="FILE.png", help="the picture; one that exists is replaced")
+    add("source", nargs="?", metavar="SOURCE", help="what to draw (default: the running robot)")
+    add(
+        "--joints",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME=VALUE",
+        help="positions in rad or m; 0 for the others, or mid-range where 0 is out of range",
+    )
+    add("--width", type=_pixels, default=_WIDTH, metavar="PIXELS", help=f"({_WIDTH})")
+    add("--height", type=_pixels, default=_HEIGHT, metavar="PIXELS", help=f"({_HEIGHT})")
+    add(
+        "--camera",
+        type=_camera,
+        metavar="X,Y,Z[:X,Y,Z]",
+        help="where to look from, and at, in metres in the fixed frame (default: as the view says)",
+    )
+    add("--dashboard", action="store_true", help="the whole layout with its plots")
+    add(
+        "--view",
+        default="",
+        metavar="FILE",
+        help="how to look at it, .yaml or .rbl, or none (default: the view of its description)",
+    )
+    add(
+        "--frame-prefix",
+        default="",
+        metavar="PREFIX",
+        help="of the running robot's frames, as robot_state_publisher's",
+    )
+    words, given = _take_out_arguments(argv)
+    args = parser.parse(words)
+    args.arguments = given
+    args.joints = dict(_joint(word) for word in args.joints)
+    _check(args)
+    return args
+
+
+def _take_out_arguments(argv: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the words for argparse, and the ``name:=value`` among them before ``--ros-args``."""
+    words = list(argv)
+    end = words.index("--ros-args") if "--ros-args" in words else len(words)
+    given: dict[str, str] = {}
+    rest: list[str] = []
+    for word in words[:end]:
+        name, assigned, value = word.partition(":=")
+        if assigned and name and not name.startswith("-"):
+            given[name] = value
+        elif rest and rest[-1] == "--camera":
+            rest[-1] = f"--camera={word}"  # argparse takes -1,0,1 for an option
+        else:
+            rest.append(word)
+    return [*rest, *words[end:]], given
+
+
+def _check(args: Namespace) -> None:
+    kind = kind_of(args.source)
+    if kind != "description":
+        for option, value in (("--joints", args.joints), ("name:=value", args.arguments)):
+            if value:
+                raise UsageError(f"{option} is for a URDF or xacro file as SOURCE")
+    if args.source is not None and (args.ros_args or args.frame_prefix):
+        option = "--ros-args" if args.ros_args else "--frame-prefix"
+        raise UsageError(f"{option} is for the running robot, not for {args.source}")
+    if kind == "running" and args.dashboard and (args.view or args.frame_prefix):
+        raise UsageError("the dashboard of a running robot is its viewer's as it is")
+    if kind == "rrd" and args.view:
+        raise UsageError("a .rrd file has its view in it; --camera looks from somewhere else")
+
+
+def kind_of(source: str | None) -> str:
+    """Return what ``source`` names: "running", "rrd", "bag" or "description"."""
+    if source is None:
+        return "running"
+    path = Path(source)
+    if path.suffix == ".rrd":
+        return "rrd"
+    if path.suffix in (".mcap", ".db3") or path.is_dir():
+        return "bag"
+    return "description"
+
+
+def _joint(word: str) -> tuple[str, float]:
+    name, equals, value = word.rpartition("=")
+    try:
+        position = float(value)
+    except ValueError:
+        position = float("nan")
+    if not equals or not name or not abs(position) < float("inf"):
+        raise UsageError(f'--joints: "{word}" is not NAME=VALUE with a number in rad or m')
+    return name, position
+
+
+def _pixels(text: str) -> int:
+    if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
+        raise argparse.ArgumentTypeError(f"{text} is no number from {_SMALLEST} to {_LARGEST}")
+    return int(text)
+
+
+def _camera(text: str) -> object:
+    try:
+        return parse_camera(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None

@@ -1,0 +1,221 @@
+"""``onebot snapshot``: its command line, the pose it draws, and how the picture is framed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from onebot_bringup.launcher.arguments import UsageError
+from onebot_bringup.snapshot.camera import parse_camera
+from onebot_bringup.snapshot.command_line import parse_command_line
+from onebot_bringup.snapshot.posing import pose_of
+from onebot_bringup.snapshot.viewing import server_of
+from onebot_bringup.viewer.framing import Framing, framed, robot_view
+from onebot_bringup.viewer.picture import check_picture
+from onebot_description.description import parse_description
+from onebot_description.errors import OneBotError
+from onebot_description.model import RobotModel
+
+MIMIC = """<robot name="gripper">
+  <link name="palm"/><link name="left"/><link name="right"/><link name="lid"/>
+  <joint name="left_slide" type="prismatic">
+    <parent link="palm"/><child link="left"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.1" effort="1" velocity="1"/>
+  </joint>
+  <joint name="right_slide" type="prismatic">
+    <parent link="palm"/><child link="right"/><axis xyz="0 -1 0"/>
+    <limit lower="0" upper="0.05" effort="1" velocity="1"/>
+    <mimic joint="left_slide" multiplier="1.0" offset="0.0"/>
+  </joint>
+  <joint name="lid_hinge" type="revolute">
+    <parent link="palm"/><child link="lid"/><axis xyz="0 0 1"/>
+    <limit lower="0.5" upper="1.5" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+
+def pose(**given: float) -> dict[str, float]:
+    description = parse_description(MIMIC)
+    model = RobotModel.from_description(description)
+    return dict(zip(model.joints, pose_of(model, description, given).tolist(), strict=True))
+
+
+def test_joints_rest_at_zero_or_in_the_middle_of_their_range():
+    """As joint_state_publisher has it."""
+    assert pose() == {"left_slide": 0.0, "right_slide": 0.0, "lid_hinge": 1.0}
+
+
+def test_mimic_joints_follow():
+    """A joint that follows another needs no position of its own."""
+    assert pose(left_slide=0.03, lid_hinge=0.5) == {
+        "left_slide": 0.03,
+        "right_slide": 0.03,
+        "lid_hinge": 0.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"left_slid": 0.1}, ['no moving joint "left_slid"', 'did you mean "left_slide"?']),
+        ({"right_slide": 0.01}, ['joint "right_slide" follows joint "left_slide"']),
+        ({"lid_hinge": 2.0}, ['joint "lid_hinge": 2 is out of its limits, 0.5 to 1.5']),
+        ({"left_slide": 0.08}, ['joint "right_slide": 0.08 is out of its limits, 0 to 0.05']),
+    ],
+)
+def test_a_wrong_pose_is_explained(given: dict[str, float], words: list[str]):
+    """What is wrong, and what would be right."""
+    with pytest.raises(OneBotError) as caught:
+        pose(**given)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_cameras():
+    """The eye alone, or with its target; negative numbers too."""
+    assert parse_camera("1,-2,3.5") == ((1.0, -2.0, 3.5), None)
+    assert parse_camera("1,-2,3.5:0,0,.5") == ((1.0, -2.0, 3.5), (0.0, 0.0, 0.5))
+
+
+@pytest.mark.parametrize("text", ["", "1,2", "1,2,nan", "1,2,3:", "a,b,c", "1,2,3:1,2,3", "1 2 3"])
+def test_wrong_cameras_are_refused(text: str):
+    """Whatever does not say where to look from and at."""
+    with pytest.raises(ValueError):
+        parse_camera(text)
+
+
+def test_command_line():
+    """Options in any order; a negative first coordinate; arguments for xacro."""
+    args = parse_command_line(
+        ["a.png", "b.xacro", "--camera", "-1,0,1", "--joints", "p=0.5", "q=-1e-2", "mesh:=no"]
+    )
+    assert (args.file, args.source, args.arguments) == (Path("a.png"), "b.xacro", {"mesh": "no"})
+    assert args.camera == ((-1.0, 0.0, 1.0), None)
+    assert args.joints == {"p": 0.5, "q": -0.01}
+    assert (args.width, args.height, args.dashboard) == (1280, 720, False)
+    args = parse_command_line(["a.png", "--ros-args", "-r", "__ns:=/left"])
+    assert args.ros_args == ["--ros-args", "-r", "__ns:=/left"] and args.source is None
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["a.png", "--width", "0"],
+        ["a.png", "--height", "1e3"],
+        ["a.png", "--camera", "1,2"],
+        ["a.png", "b.urdf", "--joints", "x"],
+        ["a.png", "b.urdf", "--joints", "x=nan"],
+        ["a.png", "--joints", "x=1"],
+        ["a.png", "mesh:=no"],
+        ["a.png", "b.rrd", "--view", "v.yaml"],
+        ["a.png", "b.urdf", "--ros-args", "-r", "__ns:=/left"],
+        ["a.png", "b.urdf", "--frame-prefix", "left/"],
+        ["a.png", "--dashboard", "--view", "v.yaml"],
+    ],
+)
+def test_wrong_command_lines_are_refused(words: list[str]):
+    """Nothing is started for them."""
+    with pytest.raises(UsageError):
+        parse_command_line(words)
+
+
+def test_where_a_picture_can_be_written(tmp_path: Path):
+    """A .png in a folder that exists; this is said before anything is drawn."""
+    check_picture(tmp_path / "a.png")
+    for wrong in (tmp_path / "a.jpg", tmp_path / "none/a.png"):
+        with pytest.raises(OneBotError, match=r"a\.(jpg|png)"):
+            check_picture(wrong)
+    (tmp_path / "b.png").mkdir()
+    with pytest.raises(OneBotError, match="is a folder"):
+        check_picture(tmp_path / "b.png")
+
+
+LAYOUT = {
+    "/time_panel": {"TimePanelBlueprint": {"state": "Collapsed", "timeline": "ros_time"}},
+    "/view/v1/EyeControls3D": {
+        "EyeControls3D": {"position": [1.0, 0.0, 0.0], "tracking_entity": "robot"}
+    },
+    "/viewport": {"ViewportBlueprint": {"root_container": "c"}},
+}
+
+
+def test_the_robot_alone_fills_the_picture():
+    """Its view is maximised and no panel is shown; the layout given is left as it was."""
+    made = framed(LAYOUT, "v1", Framing(dashboard=False))
+    assert made["/viewport"]["ViewportBlueprint"] == {"root_container": "c", "maximized": "v1"}
+    panels = ("/time_panel", "/top_panel", "/selection_panel", "/blueprint_panel")
+    assert all("Hidden" in str(made[panel]) for panel in panels)
+    assert made["/time_panel"]["TimePanelBlueprint"]["timeline"] == "ros_time"
+    assert made["/view/v1/EyeControls3D"] == LAYOUT["/view/v1/EyeControls3D"]
+    assert LAYOUT["/time_panel"]["TimePanelBlueprint"]["state"] == "Collapsed"
+
+
+def test_a_camera_of_ones_own_follows_nothing():
+    """It stays where it is put."""
+    made = framed(LAYOUT, "v1", Framing(eye=(0.0, 0.0, 2.0), target=(0.0, 0.0, 0.0)))
+    assert made["/view/v1/EyeControls3D"]["EyeControls3D"] == {
+        "kind": "Orbital",
+        "position": [0.0, 0.0, 2.0],
+        "look_target": [0.0, 0.0, 0.0],
+    }
+    assert made["/viewport"] == LAYOUT["/viewport"]
+
+
+def test_the_view_of_the_robot_is_found():
+    """By its name, or else as the first in 3D."""
+    views = {"a": ("TimeSeries", "Robot"), "b": ("3D", "Map"), "c": ("3D", "Robot")}
+    assert robot_view(views) == "c"
+    del views["c"]
+    assert robot_view(views) == "b"
+    with pytest.raises(OneBotError, match="--dashboard"):
+        robot_view({"a": ("TimeSeries", "Robot")})
+
+
+def test_only_servers_on_this_host_are_asked():
+    """The page's address names the recording's server; nothing but loopback is taken from it."""
+    page = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&hide_welcome_screen"
+    assert server_of(page) == "rerun+http://127.0.0.1:9876/proxy"
+    assert server_of(page.replace("%2B", "+")) == "rerun+http://127.0.0.1:9876/proxy"
+    for other in ("", page.replace("127.0.0.1:9876", "10.0.0.1:9876"), page.replace("/proxy", "")):
+        assert server_of(other) == ""
+    assert server_of(page.replace("9876/proxy", "9876@evil/proxy")) == ""
+
+
+def snapshot(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "onebot_bringup.cli.main", "snapshot", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["a.gif"], 1, "must end in .png"),
+        (["a.png", "none.urdf"], 1, "none.urdf"),
+        (["a.png", "none.rrd"], 1, "none.rrd: No such file"),
+        (["a.png", "--width", "7"], 2, "--width"),
+    ],
+)
+def test_mistakes_are_one_line(words, code, message, tmp_path, monkeypatch):
+    """A user's mistake is said plainly, and no file is left behind."""
+    monkeypatch.chdir(tmp_path)
+    done = snapshot(*words)
+    assert done.returncode == code, done.stderr
+    assert message in done.stderr and "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_garbage_is_no_recording(tmp_path):
+    """A file that is no recording, or empty, is named; the viewer is not even started."""
+    (tmp_path / "garbage.rrd").write_bytes(np.arange(500, dtype=np.uint16).tobytes())
+    done = snapshot(tmp_path / "a.png", tmp_path / "garbage.rrd")
+    assert done.returncode == 1 and "no recording of Rerun" in done.stderr
+    (tmp_path / "empty.rrd").touch()
+    done = snapshot(tmp_path / "a.png", tmp_path / "empty.rrd")
+    assert done.returncode == 1 and "empty.rrd is empty" in done.stderr

@@ -1,0 +1,123 @@
+"""Pictures as ``onebot snapshot`` makes them: right, whole, and the same every time."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from onebot_bringup.viewer.picture import NO_RENDERER
+from onebot_bringup.viewer.view_config import load_view
+from tests.onebot_bringup.test_viewer_scene import _record
+from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
+from tests.support_rendering import center, colored, pixels, require_renderer
+
+SIZE = ("--width", "480", "--height", "320")
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """A blue box with an orange cylinder beside it, seen along -x: +y is to the right."""
+    require_renderer()
+    (tmp_path / "view.yaml").write_text(VIEW)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    return tmp_path
+
+
+def snapshot(
+    *words: str | Path, ros: Sequence[str] = (), **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run the command to its end; ``ros`` goes behind everything else."""
+    command = [sys.executable, "-m", "onebot_bringup.cli.main", "snapshot"]
+    return subprocess.run(
+        [*command, *map(str, words), *SIZE, *ros],
+        capture_output=True,
+        text=True,
+        timeout=180,
+        env={**os.environ, **environment},
+    )
+
+
+def drawn(folder: Path, *words: str | Path, name: str = "a.png"):
+    done = snapshot(folder / name, *words)
+    assert done.returncode == 0, done.stderr
+    assert f"wrote {folder / name} (480 x 320)" in done.stdout
+    return pixels(folder / name)
+
+
+def _arm(folder: Path, *words: str) -> tuple[str | Path, ...]:
+    return (folder / "arm.urdf", "--view", folder / "view.yaml", *words)
+
+
+def test_joints_stand_where_they_are_told(arm):
+    """The cylinder is a metre to the right of where it is at 0; the box stays."""
+    at_0 = drawn(arm, *_arm(arm))
+    at_1 = drawn(arm, *_arm(arm, "--joints", "slide=1.0"))
+    assert at_0.shape == at_1.shape == (320, 480, 3)
+    assert center(colored(at_1, ORANGE))[0] > center(colored(at_0, ORANGE))[0] + 0.2
+    assert center(colored(at_1, BLUE))[0] == pytest.approx(center(colored(at_0, BLUE))[0], abs=0.1)
+
+
+def test_the_camera_stands_where_it_is_told(arm):
+    """From the other side, left is right."""
+    words = _arm(arm, "--joints", "slide=1.0")
+    front = drawn(arm, *words, "--camera", "2.6,0.5,0:0,0.5,0")
+    back = drawn(arm, *words, "--camera", "-2.6,0.5,0:0,0.5,0")
+    assert center(colored(front, ORANGE))[0] > 0.5 > center(colored(back, ORANGE))[0]
+    # The middle of the picture is what the camera looks at.
+    sides = [center(colored(front, color))[0] - 0.5 for color in (ORANGE, BLUE)]
+    assert sum(sides) == pytest.approx(0.0, abs=0.03)
+
+
+def test_the_same_scene_gives_the_same_picture(arm):
+    """Byte for byte, also while the machine is busy; and it is not blank."""
+    words = _arm(arm, "--joints", "slide=0.5", "--dashboard")
+    first = drawn(arm, *words, name="1.png")
+    busy = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"])
+        for _ in range(os.cpu_count() or 1)
+    ]
+    try:
+        drawn(arm, *words, name="2.png")
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    assert (arm / "1.png").read_bytes() == (arm / "2.png").read_bytes()
+    assert colored(first, ORANGE).any() and colored(first, BLUE).any()
+
+
+def test_an_existing_picture_is_replaced_whole(arm):
+    """The new one takes its place; nothing else is left in the folder."""
+    before = {entry.name for entry in arm.iterdir()}
+    (arm / "a.png").write_text("an old one")
+    drawn(arm, *_arm(arm))
+    assert Image.open(arm / "a.png").format == "PNG"
+    assert {entry.name for entry in arm.iterdir()} == before | {"a.png"}
+
+
+def test_the_end_of_a_recording(arm, tmp_path):
+    """A recording cut short by a crash is drawn as far as it goes, with a warning."""
+    rrd = tmp_path / "run.rrd"
+    _record(rrd, load_view(tmp_path / "view.yaml"))
+    whole = drawn(arm, rrd)
+    assert center(colored(whole, ORANGE))[0] > center(colored(whole, BLUE))[0]
+    with rrd.open("ab") as file:
+        file.write(rrd.read_bytes()[100:150])  # as far as a message got
+    done = snapshot(arm / "b.png", rrd)
+    assert done.returncode == 0, done.stderr
+    np.testing.assert_array_equal(pixels(arm / "b.png"), whole)
+
+
+def test_nothing_to_draw_with_is_said_with_the_package(arm, tmp_path):
+    """Where there is no Vulkan driver, the message names the Debian package."""
+    (tmp_path / "none.json").write_text("{}")
+    none = str(tmp_path / "none.json")
+    done = snapshot(arm / "a.png", *_arm(arm), VK_ICD_FILENAMES=none, VK_DRIVER_FILES=none)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == f"error: {NO_RENDERER}"
+    assert not (arm / "a.png").exists()

@@ -1,0 +1,96 @@
+"""``onebot snapshot`` of a running robot, heard over real DDS."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+
+from onebot_description.ament import use_environment_prefix
+from tests.onebot_bringup.test_snapshot_pictures import drawn, snapshot
+from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
+from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.support import wait_for
+from tests.support_rendering import colored, pixels, require_renderer
+
+PUBLISHER = "onebot_description.robot_state_publisher"
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    require_renderer()
+    use_environment_prefix()
+    (tmp_path / "view.yaml").write_text(VIEW)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    return tmp_path
+
+
+class Joint:
+    """Says where the joint stands, some times a second, until the end of the context."""
+
+    def __init__(self, peer: Peer, position: float) -> None:
+        self._publisher = peer.publisher(JointState, "joint_states")
+        self._message = JointState(name=["slide"], position=[position])
+        self._message.header.stamp = peer.node.get_clock().now().to_msg()
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        while not self._done.wait(0.05):
+            self._publisher.publish(self._message)
+
+    def __enter__(self) -> "Joint":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._done.set()
+        self._thread.join()
+
+
+def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
+    """Two pictures of the running robot at rest, and one without ROS, are equal to the byte."""
+    view = ("--view", arm / "view.yaml")
+    posed = drawn(arm, arm / "arm.urdf", *view, "--joints", "slide=0.75", name="posed.png")
+    assert colored(posed, ORANGE).any() and colored(posed, BLUE).any()
+    # The stamp stays the same, as of a robot that was heard once: it is published all the same.
+    with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)):
+        with Peer(ros_domain) as peer, Joint(peer, 0.75):
+            np.testing.assert_array_equal(drawn(arm, *view, name="1.png"), posed)
+            np.testing.assert_array_equal(drawn(arm, *view, name="2.png"), posed)
+
+
+def test_what_is_missing_is_named(arm, ros_domain):
+    """No robot at all; none in this namespace; no joint states; frames with a prefix."""
+    done = snapshot(arm / "a.png")
+    assert done.returncode == 1 and "nothing on /robot_description;" in done.stderr
+    prefixed = ros_args(frame_prefix="left/", ignore_timestamp=True)
+    words = [*prefixed, "-r", "__ns:=/left"]
+    with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *words) as node:
+        wait_for(lambda: "robot" in node.output or node.process.poll() is None, "the publisher")
+        done = snapshot(arm / "a.png")
+        assert done.returncode == 1
+        assert "-r __ns:=/left goes there" in done.stderr, done.stderr
+        done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/left"))
+        assert done.returncode == 1 and "waiting for the frames of tip" in done.stderr
+        assert "/tf and /tf_static" in done.stderr
+    assert not (arm / "a.png").exists()
+
+
+def test_the_dashboard_is_the_running_viewers(arm, ros_domain):
+    """With its curves: taken from the viewer that has heard them."""
+    view = str(arm / "view.yaml")
+    parameters = ros_args(view=view, open_browser=False, grpc_port=0, web_port=0)
+    with (
+        NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)),
+        NodeProcess("onebot_bringup.rerun_viewer", *parameters) as viewer,
+        Peer(ros_domain) as peer,
+        Joint(peer, 0.75),
+    ):
+        wait_for(lambda: "open http" in viewer.output, "the viewer's page")
+        image = drawn(arm, "--dashboard")
+        assert colored(image, ORANGE).any() and colored(image, BLUE).any()
+    done = snapshot(arm / "b.png", "--dashboard")
+    assert done.returncode == 1 and "no viewer's page on /rerun_viewer/page" in done.stderr
+    assert pixels(arm / "a.png").shape == (320, 480, 3)
