@@ -1,0 +1,1 @@
+"""Recordings as rosbag2 has them: a folder with an MCAP file and metadata.yaml."""

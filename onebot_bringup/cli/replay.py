@@ -1,0 +1,198 @@
+"""``onebot replay``: show a recording, all of its time, until Ctrl-C."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from onebot_bringup.launcher.arguments import Argument, UsageError, split, table, unknown
+from onebot_description.ament import use_environment_prefix
+from onebot_description.errors import OneBotError
+from onebot_description.text import did_you_mean
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.display import Display
+
+HELP = """\
+usage: onebot replay RECORDING [name:=value ...]
+
+Shows a recording from its beginning, until Ctrl-C: a folder of rosbag2 (record:=DIR makes one), its
+.mcap or .db3 file, or a .rrd file of the viewer (save:=FILE.rrd). The panel below the robot plays,
+stops and goes to any time.
+"""
+
+ARGUMENTS = (
+    Argument("viewer", "web", "how to show it", ("web", "native", "none")),
+    Argument("save", "", "write it to this .rrd file as well; with viewer:=none only that"),
+    Argument("view", "", "what is shown and from where, .yaml or .rbl; empty: the robot's own"),
+    Argument("fixed_frame", "", "the frame that stands still; empty: the view's"),
+    Argument("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),
+    Argument("web_port", "9090", "of the page on 127.0.0.1; 0: any"),
+    Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
+)
+_RRD = ".rrd"
+_RRD_STARTS = (b"RRF", b"RRIO")  # of its versions
+_ALL = "100%"  # of the memory: everything must be there for a page that is opened later
+_WATCH_EVERY = 0.1  # s
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        UsageError: the command line is wrong.
+        OneBotError: the recording cannot be read, or not be shown.
+    """
+    given = split(argv)
+    if given.help or given.show:
+        print(HELP if given.help else "", end="\n" if given.help else "")
+        print(table(ARGUMENTS))
+        return 0
+    if len(given.positional) != 1:
+        raise UsageError(f"onebot replay takes one recording, not {len(given.positional)}")
+    values = _values(given.given)
+    source = Path(given.positional[0]).expanduser()
+    use_environment_prefix()  # where meshes and views are found
+    with _Interrupts() as interrupts:
+        return _replay(source, values, interrupts)
+
+
+def _values(given: Mapping[str, str]) -> dict[str, str]:
+    known = {argument.name: argument for argument in ARGUMENTS}
+    values = {name: argument.default for name, argument in known.items()}
+    for name, value in given.items():
+        if name not in known:
+            raise UsageError(unknown(name, known))
+        choices = known[name].choices
+        if choices and value not in choices:
+            raise UsageError(f"{name}:={value}{did_you_mean(value, choices, 'choices')}")
+        if name.endswith("_port") and not (value.isdecimal() and int(value) <= 65535):
+            raise UsageError(f"{name}:={value} is no port: write a number from 0 to 65535")
+        values[name] = value
+    if values["viewer"] == "none" and not values["save"]:
+        raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
+    return values
+
+
+def _replay(source: Path, values: Mapping[str, str], interrupts: "_Interrupts") -> int:
+    rrd = source.suffix == _RRD
+    view = _view(values["view"])
+    if rrd:
+        _check_rrd(source, view, values)
+    else:
+        from onebot_bringup.bag.reader import Bag
+
+        bag = Bag(source)
+    with _display(values) as display:
+        if rrd:
+            for file in filter(None, (source, view)):
+                display.stream.log_file_from_path(file)
+            print(f"showing {source}", flush=True)
+        else:
+            from onebot_bringup.bag_replay import log_bag
+
+            shown = log_bag(
+                bag,
+                display.stream,
+                view=view,
+                fixed_frame=values["fixed_frame"],
+                progress=interrupts.checked(_Log().info),
+                warn=_Log().warning,
+            )
+            robot = f' of "{shown.robot}"' if shown.robot else ""
+            print(f"showing {shown.seconds:.1f} s{robot}: {shown.messages} messages", flush=True)
+        while values["viewer"] != "none":
+            interrupts.check()
+            display.watch()
+            time.sleep(_WATCH_EVERY)
+    return 0
+
+
+def _view(text: str) -> Path | None:
+    path = Path(text).expanduser().absolute() if text else None
+    if path is not None and not path.is_file():
+        raise OneBotError(f"view:={text}: there is no such file")
+    return path
+
+
+def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> None:
+    if not source.is_file():
+        raise OneBotError(f"there is no recording {source}")
+    with source.open("rb") as file:
+        start = file.read(4)
+    if not start.startswith(_RRD_STARTS):
+        what = "is empty" if not start else "is no recording of Rerun"
+        raise OneBotError(f"{source} {what}")
+    if view is not None and view.suffix != ".rbl":
+        raise UsageError(f"a .rrd file has its view in it: view:={view.name} must be a .rbl file")
+    for name in ("save", "fixed_frame"):
+        if values[name]:
+            raise UsageError(f"{name}:={values[name]}: a .rrd file is shown as it is")
+
+
+class _Log:
+    """Tells the user; what is wrong goes to stderr."""
+
+    def info(self, message: str) -> None:
+        print(message, flush=True)
+
+    def warning(self, message: str) -> None:
+        print(f"warning: {message}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _display(values: Mapping[str, str]) -> "Iterator[Display]":
+    from onebot_bringup.viewer.display import Display  # slower to import
+
+    save = Path(values["save"]).expanduser().absolute() if values["save"] else None
+    display = Display(
+        values["viewer"],
+        save,
+        grpc_port=int(values["grpc_port"]),
+        web_port=int(values["web_port"]),
+        memory_limit=_ALL,
+        open_browser=values["open_browser"] == "true",
+        log=_Log(),
+    )
+    try:
+        yield display
+    finally:
+        display.close()
+
+
+class _Interrupts:
+    """Ends by SIGTERM as by Ctrl-C, also where a shell has SIGINT ignored in the background.
+
+    Some library may swallow the exception that a signal raises; ``check`` raises it again.
+    """
+
+    def __init__(self) -> None:
+        self._came = False
+
+    def __enter__(self) -> "_Interrupts":
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        self._old = {number: signal.signal(number, self._on_signal) for number in numbers}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+
+    def _on_signal(self, _: int, __: FrameType | None) -> None:
+        self._came = True
+        raise KeyboardInterrupt
+
+    def check(self) -> None:
+        if self._came:
+            raise KeyboardInterrupt
+
+    def checked(self, say: Callable[[str], None]) -> Callable[[str], None]:
+        def both(text: str) -> None:
+            self.check()
+            say(text)
+
+        return both

@@ -1,0 +1,214 @@
+"""The recorder on real DDS: what a peer publishes is what an independent reader finds."""
+
+import signal
+
+import pytest
+from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rosbags.typesys import Stores, get_typestore
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from onebot_bringup.bag.reader import Bag
+from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_bringup.bag_support import read_all
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+MODULE = "onebot_bringup.bag_recorder"
+MANY = QoSProfile(depth=1000)
+HASHES = get_typestore(Stores.ROS2_JAZZY)
+
+
+def record(folder, *more, **parameters):
+    return NodeProcess(MODULE, *ros_args(folder=str(folder), **parameters), *more)
+
+
+def counted(folder, topic):
+    """How many messages of ``topic`` the recording that still grows holds by now."""
+    found, _ = read_all(folder)
+    return sum(name == topic for name, _, _ in found)
+
+
+class Published:
+    """A topic of the peer: what it sends, and the bytes of that on the wire."""
+
+    def __init__(self, peer, kind, topic, qos=MANY):
+        self.kind, self.sent, self.bytes = kind, [], []
+        # The recorder, and this.
+        peer.node.create_subscription(kind, topic, self.bytes.append, qos, raw=True)
+        self._publisher = peer.publisher(kind, topic, qos, subscribers=2)
+
+    def send(self, *messages):
+        for message in messages:
+            self.sent.append(message)
+            self._publisher.publish(message)
+
+
+def different(kind, number):
+    """A message of ``kind`` that no other number gives."""
+    message = kind()
+    if kind is TFMessage:
+        message.transforms = [TransformStamped(child_frame_id=f"frame {number}")]
+    elif kind is String:
+        message.data = f"word {number}"
+    elif kind is Twist:
+        message.linear.x = float(number)
+    else:
+        message.header.stamp.sec = number
+    return message
+
+
+def test_records_every_message(tmp_path, ros_domain):
+    """Types, bytes, order, QoS and hashes of the robot's topics are as published."""
+    folder = tmp_path / "run"
+    with Peer(ros_domain) as peer, record(folder) as node:
+        wait_for(folder.is_dir, "the recording")
+        topics = {}
+        for topic, kind, qos in (
+            ("/tf", TFMessage, MANY),
+            ("/joint_states", JointState, MANY),
+            ("/velocity_controller/odom", Odometry, MANY),
+            ("/robot_description", String, LATCHED),
+            ("/velocity_controller/cmd_vel", Twist, MANY),
+            ("/other/topic", TwistStamped, MANY),
+        ):
+            topics[topic] = Published(peer, kind, topic, qos)
+            count = 1 if qos is LATCHED else 200
+            topics[topic].send(*(different(kind, number) for number in range(count)))
+        total = sum(len(published.sent) for published in topics.values())
+        wait_for(lambda: len(read_all(folder)[0]) >= total, "all messages in the recording")
+        assert node.interrupt() == 0
+        assert f"recording to {folder}" in node.output
+        assert f"recorded {total} messages of 6 topics" in node.output
+    found, connections = read_all(folder)
+    stamps = [stamp for _, stamp, _ in found]
+    assert stamps == sorted(stamps)
+    for topic, published in topics.items():
+        recorded = [data for name, _, data in found if name == topic]
+        # On its way to another process, DDS pads a message to a multiple of four bytes.
+        assert [data.ljust(-(-len(data) // 4) * 4, b"\0") for data in published.bytes] == recorded
+        assert [deserialize_message(data, published.kind) for data in recorded] == published.sent
+        assert connections[topic].digest == HASHES.hash_rihs01(connections[topic].msgtype)
+        (qos,) = connections[topic].ext.offered_qos_profiles
+        latched = topic == "/robot_description"
+        assert qos.durability.name == ("TRANSIENT_LOCAL" if latched else "VOLATILE")
+        assert qos.reliability.name == "RELIABLE"
+    assert set(connections) == set(topics)  # nothing hidden, no /rosout
+
+
+def test_killed(tmp_path, ros_domain):
+    """SIGKILL leaves all that was there a moment before, with metadata.yaml."""
+    folder = tmp_path / "run"
+    args = ros_args(folder=str(folder))
+    with Peer(ros_domain) as peer, NodeProcess(MODULE, *args, check=False) as node:
+        states = Published(peer, JointState, "/joint_states")
+        states.send(*(different(JointState, number) for number in range(300)))
+        wait_for(lambda: counted(folder, "/joint_states") == 300, "the messages")
+        states.send(JointState())
+        node.process.send_signal(signal.SIGKILL)
+        node.wait()
+    found = [deserialize_message(data, JointState) for _, _, data in read_all(folder)[0]]
+    assert found[:300] == states.sent[:300]
+    assert Bag(folder).warnings == []
+
+
+def test_suits_every_publisher(tmp_path, ros_domain):
+    """Best effort is heard too; what is latched is recorded though it was said before."""
+    folder = tmp_path / "run"
+    with Peer(ros_domain) as peer:
+        early = peer.node.create_publisher(String, "/early", LATCHED)
+        early.publish(String(data="said before"))
+        with record(folder):
+            best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+            publisher = peer.publisher(JointState, "/joint_states", best_effort)
+            wait_for(
+                lambda: publisher.publish(JointState()) or counted(folder, "/joint_states"),
+                "a message of a sensor",
+            )
+            wait_for(lambda: counted(folder, "/early") == 1, "the latched message")
+    _, connections = read_all(folder)
+    assert connections["/joint_states"].ext.offered_qos_profiles[0].reliability.name == (
+        "BEST_EFFORT"
+    )
+
+
+def test_type_that_is_published(tmp_path, ros_domain):
+    """A topic that others wait for as Twist is recorded as what is published in the end."""
+    folder = tmp_path / "run"
+    with Peer(ros_domain) as peer, Peer(ros_domain, "driver") as driver, record(folder):
+        peer.hear(Twist, "/velocity_controller/cmd_vel")
+        publisher = driver.publisher(TwistStamped, "/velocity_controller/cmd_vel")
+        wait_for(
+            lambda: (
+                publisher.publish(TwistStamped()) or counted(folder, "/velocity_controller/cmd_vel")
+            ),
+            "a stamped command",
+        )
+    _, connections = read_all(folder)
+    kind = connections["/velocity_controller/cmd_vel"].msgtype
+    assert kind == "geometry_msgs/msg/TwistStamped"
+
+
+def test_only_wanted_topics(tmp_path, ros_domain):
+    """Of topics:=[...], relative to the namespace, nothing else is recorded."""
+    folder = tmp_path / "run"
+    space = ("-r", "__ns:=/left")
+    with Peer(ros_domain) as peer, record(folder, *space, topics="[words]"):
+        publisher = peer.publisher(String, "/left/words", LATCHED)
+        publisher.publish(String(data="yes"))
+        peer.node.create_publisher(String, "/words", LATCHED).publish(String(data="no"))
+        wait_for(lambda: counted(folder, "/left/words") == 1, "the wanted message")
+    assert set(read_all(folder)[1]) == {"/left/words"}
+
+
+def test_simulated_time(tmp_path, ros_domain):
+    """With use_sim_time the messages are stamped by /clock."""
+    folder = tmp_path / "run"
+    with Peer(ros_domain) as peer, record(folder, use_sim_time=True):
+        clock = peer.publisher(Clock, "/clock")
+        words = peer.publisher(String, "/words")
+        tick = Clock()
+        tick.clock.sec = 42
+
+        def both():
+            clock.publish(tick)
+            words.publish(String())
+            found, _ = read_all(folder)
+            return any(name == "/words" and stamp == 42 * 10**9 for name, stamp, _ in found)
+
+        wait_for(both, "a message at simulated time 42")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"folder": '""'}, "folder: say where to record to"),
+        ({"folder": "/proc/none/run"}, "cannot record to /proc/none/run: No such file"),
+        ({"folder": "run", "compression": "lz5"}, "compression:=lz5: there is no such compression"),
+    ],
+)
+def test_wrong_parameters(tmp_path, monkeypatch, ros_domain, parameters, message):
+    """A mistake is one line, exit code 1."""
+    monkeypatch.chdir(tmp_path)
+    with NodeProcess(MODULE, *ros_args(**parameters), check=False) as node:
+        assert node.wait() == 1
+        assert message in node.output
+        assert "Traceback" not in node.output
+    assert not (tmp_path / "run").exists()
+
+
+def test_folder_that_vanishes(tmp_path, ros_domain):
+    """The recorder ends with one error when its recording is deleted."""
+    folder = tmp_path / "run"
+    with NodeProcess(MODULE, *ros_args(folder=str(folder)), check=False) as node:
+        wait_for(lambda: "recording to" in node.output, "the recording")
+        for path in folder.iterdir():
+            path.unlink()
+        folder.rmdir()
+        assert node.wait() == 1
+        assert "was deleted or moved while recording" in node.output
+        assert "Traceback" not in node.output

@@ -1,0 +1,186 @@
+"""What is recorded, read again by rosbags and mcap: independent of what wrote it."""
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from onebot_bringup.bag.definitions import full_definition
+from onebot_bringup.bag.reader import Bag
+from onebot_bringup.bag.writer import BagWriter
+from onebot_description.errors import OneBotError
+from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
+from tests.support import wait_for
+
+
+@pytest.mark.parametrize("compress", [True, False])
+@pytest.mark.parametrize("chunk_size", [100, 1_000_000])
+def test_holds_every_message(tmp_path, compress, chunk_size):
+    """Independent readers find the same bytes, in order, with their times, types and QoS."""
+    words = write_words(tmp_path / "bag", 1000, compress=compress, chunk_size=chunk_size)
+    found, connections = read_all(tmp_path / "bag")
+    assert [data for _, _, data in found] == words
+    assert [stamp for _, stamp, _ in found] == [10**9 + n * 10**6 for n in range(1000)]
+    one = connections["/words"]
+    assert (one.msgtype, one.msgcount) == ("std_msgs/msg/String", 1000)
+    assert one.digest == topic().hash
+    (qos,) = one.ext.offered_qos_profiles
+    assert (qos.durability.name, qos.reliability.name) == ("TRANSIENT_LOCAL", "RELIABLE")
+
+
+def test_mcap_is_sound(tmp_path):
+    """The mcap library finds its summary, indexes and checksums right."""
+    words = write_words(tmp_path / "bag", 300, chunk_size=1000)
+    with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert summary.statistics.message_count == 300
+        assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 10
+        (schema,) = summary.schemas.values()
+        assert (schema.encoding, schema.name) == ("ros2msg", "std_msgs/msg/String")
+        assert [message.data for _, _, message in reader.iter_messages()] == words
+
+
+def test_each_checkpoint_is_complete(tmp_path):
+    """After each checkpoint, and never before, a reader finds all messages up to it."""
+    bag = BagWriter(tmp_path / "bag", chunk_size=2000)
+    assert read_all(tmp_path / "bag")[0] == []
+    number = bag.add_topic(topic())
+    for count in range(1, 200):
+        bag.write(number, count, cdr(f"word {count}"))
+        bag.checkpoint()
+        found, connections = read_all(tmp_path / "bag")
+        assert [stamp for _, stamp, _ in found] == list(range(1, count + 1))
+        assert connections["/words"].msgcount == count
+    bag.close()
+
+
+def test_empty_recording_is_one(tmp_path):
+    """A recording without messages can be opened."""
+    BagWriter(tmp_path / "bag").close()
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 0
+    assert Bag(tmp_path / "bag").topics == {}
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/JointState"],
+)
+def test_definitions_are_whole(kind):
+    """From the definition alone, rosbags makes the type, with the hash that ROS has for it."""
+    from rosbags.typesys import get_types_from_msg
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(full_definition(kind), kind))
+    assert store.hash_rihs01(kind) == get_typestore(Stores.ROS2_JAZZY).hash_rihs01(kind)
+
+
+def test_refuses_a_folder_that_exists(tmp_path):
+    """As ros2 bag record does: no recording is overwritten."""
+    with pytest.raises(OneBotError, match="exists already: name a new folder"):
+        BagWriter(tmp_path)
+    with pytest.raises(OneBotError, match="No such file"):
+        BagWriter(tmp_path / "none/bag")
+
+
+_WRITE_WITHOUT_END = """
+import sys, time
+from pathlib import Path
+from tests.onebot_bringup.bag_support import cdr, topic
+from onebot_bringup.bag.writer import BagWriter
+bag = BagWriter(Path(sys.argv[1]), chunk_size=5000)
+number = bag.add_topic(topic())
+count = 0
+while True:
+    for _ in range(20):
+        count += 1
+        bag.write(number, count, cdr(f"word {count}"))
+    bag.checkpoint()
+    print(count, flush=True)
+"""
+
+
+@pytest.mark.parametrize("attempt", range(5))
+def test_killed_at_any_moment(tmp_path, attempt):
+    """SIGKILL leaves a folder that rosbags reads, with all up to the last checkpoint."""
+    told = tmp_path / "told"
+    with told.open("w") as output:
+        writer = subprocess.Popen(
+            [sys.executable, "-c", _WRITE_WITHOUT_END, str(tmp_path / "bag")], stdout=output
+        )
+    goal = random.Random(attempt).randint(100, 4000)
+    wait_for(lambda: int((told.read_text().split() or ["0"])[-1]) > goal, "messages")
+    writer.send_signal(signal.SIGKILL)
+    writer.wait()
+    reached = int(told.read_text().rpartition("\n")[0].split()[-1])
+    bag = Bag(tmp_path / "bag")
+    stamps = [message.time for message in bag.messages(bag.topics)]
+    assert stamps == list(range(1, len(stamps) + 1))
+    assert len(stamps) >= reached
+    if not bag.warnings:  # it was not killed within the very call that writes
+        found, _ = read_all(tmp_path / "bag")
+        assert [stamp for _, stamp, _ in found] == stamps
+
+
+_FILL = """
+import resource, sys
+from pathlib import Path
+from tests.onebot_bringup.bag_support import cdr, topic
+from onebot_bringup.bag.writer import BagWriter
+from onebot_description.errors import OneBotError
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+bag = BagWriter(Path(sys.argv[1]), compress=False, chunk_size=3000)
+number = bag.add_topic(topic())
+try:
+    for count in range(1, 10_000):
+        bag.write(number, count, cdr(f"word {count}"))
+        if count % 10 == 0:
+            bag.checkpoint()
+            print(count)
+except OneBotError as error:
+    bag.close()
+    print(error)
+"""
+
+
+def test_full_disk(tmp_path):
+    """No room left: one clear error, and what was recorded before can be read."""
+    done = subprocess.run(
+        [sys.executable, "-c", _FILL, str(tmp_path / "bag")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    *counts, error = done.stdout.splitlines()
+    assert error == f"cannot record to {tmp_path / 'bag'}: {os.strerror(27)}"
+    found, _ = read_all(tmp_path / "bag")
+    assert len(found) == int(counts[-1])
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 20_000
+
+
+def test_vanished_folder(tmp_path):
+    """A recording that is deleted while it grows is said to be, at once."""
+    bag = BagWriter(tmp_path / "bag")
+    for path in (tmp_path / "bag").iterdir():
+        path.unlink()
+    Path(tmp_path / "bag").rmdir()
+    with pytest.raises(OneBotError, match="deleted or moved while recording"):
+        bag.checkpoint()
+    bag.close()
+
+
+def test_odd_folder_name(tmp_path):
+    """Whatever the folder is called, metadata.yaml can be read."""
+    folder = tmp_path / 'a: "b" #ü'
+    words = write_words(folder)
+    assert [data for _, _, data in read_all(folder)[0]] == words

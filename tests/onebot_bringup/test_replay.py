@@ -1,0 +1,224 @@
+"""``onebot replay``: recordings of any kind shown as the robot was."""
+
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TransformStamped, Twist
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from onebot_bringup.bag.reader import Bag
+from onebot_bringup.bag.writer import BagWriter
+from onebot_bringup.bag_replay import log_bag
+from onebot_bringup.cli.main import main
+from onebot_bringup.viewer.picture import headless_viewer, render
+from onebot_bringup.viewer.recording import open_recording
+from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_bringup.bag_support import topic, write_words
+from tests.onebot_bringup.viewer_support import ARM, ORANGE, VIEW
+from tests.support import wait_for
+from tests.support_rendering import center, colored, pixels, require_renderer
+
+SECOND = 10**9
+START = 1_700_000_000 * SECOND
+TF, JOINTS, TWIST = (
+    "tf2_msgs/msg/TFMessage",
+    "sensor_msgs/msg/JointState",
+    "geometry_msgs/msg/Twist",
+)
+
+
+def stamped(message, stamp):
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
+    return message
+
+
+def record_arm(folder, *, description=True, stamps_from=START, space=""):
+    """The arm moving 1 m along y within 5 s, recorded at START; the stamps as ``stamps_from``."""
+    bag = BagWriter(folder)
+    if description:
+        number = bag.add_topic(topic(f"{space}/robot_description"))
+        bag.write(number, START, bytes(serialize_message(String(data=ARM))))
+    tf = bag.add_topic(topic("/tf", TF))
+    joints = bag.add_topic(topic(f"{space}/joint_states", JOINTS))
+    twists = bag.add_topic(topic(f"{space}/cmd_vel", TWIST))
+    for step in range(51):
+        time, stamp = START + step * SECOND // 10, stamps_from + step * SECOND // 10
+        y = step / 50
+        transform = stamped(TransformStamped(child_frame_id="tip"), stamp)
+        transform.header.frame_id = "base"
+        transform.transform.translation.y = y
+        bag.write(tf, time, bytes(serialize_message(TFMessage(transforms=[transform]))))
+        state = stamped(JointState(name=["slide"], position=[y]), stamp)
+        bag.write(joints, time, bytes(serialize_message(state)))
+        bag.write(twists, time, bytes(serialize_message(Twist())))
+    bag.close()
+
+
+def to_rrd(folder, path, **options):
+    """Log a recording into a .rrd file; what is shown, and what was said."""
+    said: list[str] = []
+    recording = open_recording(None, path)
+    shown = log_bag(Bag(folder), recording.stream, warn=said.append, **options)
+    recording.close()
+    return shown, said
+
+
+def test_shows_the_robot_where_it_was(tmp_path):
+    """At the end of its time the recorded arm stands where its last transform says."""
+    require_renderer()
+    record_arm(tmp_path / "bag")
+    view = tmp_path / "view.yaml"
+    view.write_text(VIEW)
+    shown, said = to_rrd(tmp_path / "bag", tmp_path / "a.rrd", view=view, from_start=False)
+    assert (shown.robot, said) == ("arm", [])
+    assert shown.messages == 1 + 2 * 51
+    assert shown.seconds == pytest.approx(5.0)
+    render(tmp_path / "a.rrd", tmp_path / "a.png", 640, 360)
+    column, _ = center(colored(pixels(tmp_path / "a.png"), ORANGE))
+    assert 0.5 < column < 0.9  # +y is to the right; the base, in the middle of it all, is at 0
+
+
+def test_plays_from_the_beginning(tmp_path):
+    """The viewer has the whole time on its timeline, and its layout plays it from the start."""
+    require_renderer()
+    record_arm(tmp_path / "bag")
+    to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
+    with headless_viewer(str(tmp_path / "a.rrd")) as client:
+        state = client.get_state()
+        (recording,) = state.recordings
+        (timeline,) = (line for line in recording.timelines if line.name == "ros_time")
+        assert (timeline.start, timeline.end) == (START, START + 5 * SECOND)
+        first = recording.current_time
+
+        def moved():
+            (now,) = client.get_state().recordings
+            return now.current_time > first or now.current_time == timeline.end
+
+        wait_for(moved, "the viewer to play")
+        graph = client.get_transform_graph(include_transforms=True)
+        assert "tip" in str(graph)
+
+
+@pytest.mark.parametrize("stamps_from", [0, 5 * SECOND])
+def test_simulated_stamps(tmp_path, stamps_from):
+    """What has no stamp is shown in the time of what has, be that simulated."""
+    require_renderer()
+    record_arm(tmp_path / "bag", stamps_from=stamps_from + SECOND)
+    view = tmp_path / "view.yaml"
+    view.write_text(f"{VIEW}\nspeeds: {{lines: {{commanded: {{topic: cmd_vel, type: Twist}}}}}}\n")
+    to_rrd(tmp_path / "bag", tmp_path / "a.rrd", view=view)
+    with headless_viewer(str(tmp_path / "a.rrd")) as client:
+        (recording,) = client.get_state().recordings
+        (timeline,) = (line for line in recording.timelines if line.name == "ros_time")
+    assert timeline.end - timeline.start < 6 * SECOND
+
+
+def test_robot_in_a_namespace(tmp_path):
+    """A robot recorded under a namespace is found there, with its topics."""
+    record_arm(tmp_path / "bag", space="/left")
+    shown, said = to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
+    assert (shown.robot, shown.messages, said) == ("arm", 1 + 2 * 51, [])
+
+
+def test_without_a_description(tmp_path):
+    """The frames are shown, and it is said that there is no robot."""
+    record_arm(tmp_path / "bag", description=False)
+    shown, said = to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
+    assert shown.robot == ""
+    assert [sentence for sentence in said if "holds no robot_description" in sentence] == said
+
+
+def test_nothing_to_show(tmp_path, capsys):
+    """A recording of something else is an error that says what is in it."""
+    write_words(tmp_path / "bag")
+    assert main(["replay", str(tmp_path / "bag"), "viewer:=none", f"save:={tmp_path}/a.rrd"]) == 1
+    error = capsys.readouterr().err
+    assert "holds nothing of a robot" in error
+    assert "/words" in error
+
+
+def test_converts(tmp_path, capsys):
+    """Without a viewer and with save:= it writes the .rrd and ends."""
+    record_arm(tmp_path / "bag")
+    file = tmp_path / "a.rrd"
+    assert main(["replay", str(tmp_path / "bag"), "viewer:=none", f"save:={file}"]) == 0
+    assert 'showing 5.0 s of "arm": 103 messages' in capsys.readouterr().out
+    assert file.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ([], 2, "takes one recording"),
+        (["a", "b"], 2, "takes one recording, not 2"),
+        (["none"], 1, "there is no recording none"),
+        (["empty.rrd"], 1, "empty.rrd is empty"),
+        (["other.rrd"], 1, "other.rrd is no recording of Rerun"),
+        (["other.txt"], 1, "its name must end in"),
+        (["bag", "veiwer:=web"], 2, 'no argument "veiwer" (did you mean "viewer"?'),
+        (["bag", "viewer:=tv"], 2, "viewer:=tv"),
+        (["bag", "viewer:=none"], 2, "viewer:=none needs save:=FILE.rrd"),
+        (["bag", "view:=none.yaml"], 1, "view:=none.yaml: there is no such file"),
+        (["bag", "web_port:=99999"], 2, "web_port:=99999 is no port"),
+    ],
+)
+def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
+    """One line that says what is wrong, and the exit code of its kind."""
+    monkeypatch.chdir(tmp_path)
+    write_words(tmp_path / "bag")
+    (tmp_path / "empty.rrd").write_bytes(b"")
+    for name in ("other.rrd", "other.txt"):
+        (tmp_path / name).write_text("what is this?")
+    assert main(["replay", *words]) == code
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["bag", "a.rrd"])
+def test_serves_until_interrupted(tmp_path, kind):
+    """A viewer that comes later gets the robot; Ctrl-C ends it all with exit code 0."""
+    require_renderer()
+    record_arm(tmp_path / "bag")
+    if kind == "a.rrd":
+        to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
+    command = [
+        sys.executable,
+        "-u",
+        "-m",
+        "onebot_bringup.cli.main",
+        "replay",
+        str(tmp_path / kind),
+    ]
+    log = tmp_path / "log"
+    with log.open("w") as output:
+        replay = subprocess.Popen(
+            [*command, "grpc_port:=0", "web_port:=0", "open_browser:=false"],
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+    try:
+        wait_for(lambda: "open http://127.0.0.1:" in log.read_text(), "the page")
+        assert "showing" in log.read_text()
+        replay.send_signal(signal.SIGINT)
+        assert replay.wait(30) == 0
+        assert "Traceback" not in log.read_text()
+    finally:
+        replay.kill()
+
+
+def test_serves_a_rrd_file(tmp_path):
+    """What a .rrd file holds comes out of the server it is replayed by."""
+    require_renderer()
+    record_arm(tmp_path / "bag")
+    to_rrd(tmp_path / "bag", tmp_path / "a.rrd", from_start=False)
+    recording = open_recording(0)
+    recording.stream.log_file_from_path(tmp_path / "a.rrd")
+    with headless_viewer(recording.uri) as client:
+        found = [line for one in client.get_state().recordings for line in one.timelines]
+        assert [line.name for line in found] == ["ros_time"]
+        assert np.diff([found[0].start, found[0].end]) == 5 * SECOND
+    recording.close()
