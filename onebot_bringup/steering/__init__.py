@@ -1,0 +1,1 @@
+"""Behind the steering page: who drives, what pages may say, and who may talk at all."""

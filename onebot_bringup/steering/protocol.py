@@ -1,0 +1,185 @@
+"""What a steering page and its server say to each other: JSON in WebSocket text frames.
+
+Page to server, each with a ``type``:
+    drive: ``seq`` (whole number), ``linear`` (m/s), ``angular`` (rad/s); sent all the time while
+        something is held, also when nothing changes: silence stops the robot.
+    release: what was held is let go.
+    stop: the stop button; it takes the wheel from whoever drives.
+    topic: ``topic``, the name of the one to steer.
+    limits: ``linear`` (m/s), ``angular`` (rad/s), for all pages.
+
+Server to page: ``welcome`` (``id``, ``rate``), ``state`` (see ``state_text``) and ``error``
+(``message``).
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from onebot_description.errors import OneBotError
+
+MAX_LENGTH = 1024  # characters; what a page has to say is a tenth of it
+_TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+_MAX_TOPIC = 200  # characters
+
+
+class ProtocolError(OneBotError):
+    """A page said what it must not; the text says what."""
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """A command: ``linear`` in m/s forward, ``angular`` in rad/s to the left (REP-103)."""
+
+    linear: float = 0.0
+    angular: float = 0.0
+
+    def clamped(self, limits: "Velocity") -> "Velocity":
+        """Return the nearest command that is within plus and minus ``limits``."""
+        return Velocity(
+            max(-limits.linear, min(limits.linear, self.linear)),
+            max(-limits.angular, min(limits.angular, self.angular)),
+        )
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Something is held."""
+
+    velocity: Velocity
+
+
+@dataclass(frozen=True)
+class Release:
+    """It was let go."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """The stop button."""
+
+
+@dataclass(frozen=True)
+class ChooseTopic:
+    """Steer this topic from now on."""
+
+    topic: str
+
+
+@dataclass(frozen=True)
+class SetLimits:
+    """The most that pages can ask for, each above zero."""
+
+    limits: Velocity
+
+
+Message = Drive | Release | Stop | ChooseTopic | SetLimits
+
+_FIELDS: Mapping[str, frozenset[str]] = {
+    "drive": frozenset({"seq", "linear", "angular"}),
+    "release": frozenset(),
+    "stop": frozenset(),
+    "topic": frozenset({"topic"}),
+    "limits": frozenset({"linear", "angular"}),
+}
+
+
+def parse(text: str) -> Message:
+    """Return what a page said.
+
+    Raises:
+        ProtocolError: it is not exactly one of the messages above, or a number is not finite.
+    """
+    fields = _object(text)
+    kind = fields.pop("type", None)
+    if not isinstance(kind, str) or kind not in _FIELDS:
+        raise ProtocolError(f"the type must be one of {', '.join(_FIELDS)}")
+    if set(fields) != _FIELDS[kind]:
+        needed = ", ".join(sorted(_FIELDS[kind])) or "no fields"
+        raise ProtocolError(f'a message of type "{kind}" has {needed} beside its type, no others')
+    if kind == "drive":
+        if type(fields["seq"]) is not int or fields["seq"] < 0:
+            raise ProtocolError("seq must be a whole number from 0 on")
+        return Drive(_velocity(fields))
+    if kind == "topic":
+        return ChooseTopic(_topic(fields["topic"]))
+    if kind == "limits":
+        limits = _velocity(fields)
+        if min(limits.linear, limits.angular) <= 0.0:
+            raise ProtocolError("limits must be above zero")
+        return SetLimits(limits)
+    return Release() if kind == "release" else Stop()
+
+
+def _object(text: str) -> dict[str, Any]:
+    if len(text) > MAX_LENGTH:
+        raise ProtocolError(f"a message has at most {MAX_LENGTH} characters")
+    try:
+        found = json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
+    except (ValueError, RecursionError):
+        raise ProtocolError("a message must be JSON, with finite numbers") from None
+    if not isinstance(found, dict):
+        raise ProtocolError("a message must be a JSON object")
+    return found
+
+
+def _refuse(name: str) -> NoReturn:
+    raise ProtocolError(f"{name} is not JSON, and no number to drive by")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ProtocolError("a field was given twice")
+    return found
+
+
+def _velocity(fields: Mapping[str, Any]) -> Velocity:
+    return Velocity(_number("linear", fields["linear"]), _number("angular", fields["angular"]))
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ProtocolError(f"{name} must be a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ProtocolError(f"{name} must be a finite number")
+    return number
+
+
+def _topic(value: object) -> str:
+    if not isinstance(value, str) or not _TOPIC.fullmatch(value) or len(value) > _MAX_TOPIC:
+        raise ProtocolError("topic must be the name of a ROS topic, such as /cmd_vel")
+    return value
+
+
+def welcome_text(page: str, rate: float) -> str:
+    """Return the first message to a page: its name, and the commands' rate in Hz."""
+    return json.dumps({"type": "welcome", "id": page, "rate": rate})
+
+
+def error_text(message: str) -> str:
+    """Return a message that says, in one sentence, what was wrong."""
+    return json.dumps({"type": "error", "message": message})
+
+
+def velocity_fields(velocity: Velocity) -> dict[str, float]:
+    """Return a velocity as the state has it."""
+    return {"linear": velocity.linear, "angular": velocity.angular}
+
+
+def state_text(fields: Mapping[str, Any]) -> str:
+    """Return the message that tells a page how things are.
+
+    Args:
+        fields: ``driver`` (the name of the page that drives, or None), ``you``, ``pages``,
+            ``topic``, ``topic_type``, ``topics``, ``listeners``, ``limits``, ``command``,
+            ``odometry`` and ``view``.
+    """
+    return json.dumps({"type": "state", **fields}, allow_nan=False)

@@ -1,0 +1,86 @@
+/**
+ * A gamepad (the Gamepad API): the left stick drives, the right one turns too, and the second
+ * button (B, circle) stops the robot.
+ */
+
+const PERIOD_MS = 50;
+const DEAD = 0.15; // sticks do not come back to zero exactly
+const STOP_BUTTON = 1;
+
+export class Gamepads {
+  /** @param {import("./wheel.js").Wheel} wheel */
+  constructor(wheel) {
+    this.wheel = wheel;
+    this.label = "gamepad";
+    this.driving = null; // index of the pad that does
+    this.stopping = new Set(); // indices of pads whose stop button is down
+    this.centred = new Set(); // indices of pads whose sticks were at rest since they last lost hold
+    window.addEventListener("gamepadconnected", () => this.watch());
+    window.addEventListener("gamepaddisconnected", () => this.poll());
+    if (pads().length > 0) this.watch();
+  }
+
+  /** Let go; the stick has to come back to its middle before it drives again. */
+  cancel() {
+    this.centred.clear();
+    this.driving = null;
+    this.wheel.release(this);
+  }
+
+  watch() {
+    this.timer ??= setInterval(() => this.poll(), PERIOD_MS);
+  }
+
+  poll() {
+    const found = pads();
+    if (found.length === 0) {
+      clearInterval(this.timer);
+      this.timer = null;
+    }
+    const lost = this.driving !== null && !found.some((pad) => pad.index === this.driving);
+    if (lost) this.cancel();
+    for (const pad of found) this.read(pad);
+  }
+
+  read(pad) {
+    if (!pad.buttons[STOP_BUTTON]?.pressed) this.stopping.delete(pad.index);
+    else if (!this.stopping.has(pad.index)) {
+      this.stopping.add(pad.index);
+      this.wheel.stop();
+    }
+    const [linear, angular] = sticks(pad);
+    if (linear === 0 && angular === 0) {
+      this.centred.add(pad.index);
+      if (this.driving === pad.index) this.rest();
+    } else if (this.centred.has(pad.index) && (this.driving ?? pad.index) === pad.index) {
+      this.driving = pad.index;
+      // A pad works without the focus: it must not drive from a window in the background.
+      if (!document.hasFocus() || !this.wheel.take(this, linear, angular)) this.cancel();
+    }
+  }
+
+  rest() {
+    this.driving = null;
+    this.wheel.release(this);
+  }
+}
+
+function pads() {
+  return [...navigator.getGamepads()].filter((pad) => pad && pad.connected);
+}
+
+/** Linear and angular share, -1 to 1; the axes point right and down. */
+function sticks(pad) {
+  const [x, y] = outside(pad.axes[0] ?? 0, pad.axes[1] ?? 0);
+  // Where the layout is not the standard one, the third axis may be a trigger, at rest at -1.
+  const [turn] = pad.mapping === "standard" ? outside(pad.axes[2] ?? 0, 0) : [0];
+  return [-y, -(Math.abs(turn) > Math.abs(x) ? turn : x)];
+}
+
+/** The stick without its dead zone, and still reaching to 1 in every direction. */
+function outside(x, y) {
+  const length = Math.hypot(x, y);
+  if (!(length > DEAD)) return [0, 0];
+  const scale = Math.min((length - DEAD) / (1 - DEAD), 1) / length;
+  return [x * scale, y * scale];
+}

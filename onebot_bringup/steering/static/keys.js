@@ -1,0 +1,71 @@
+/**
+ * The keyboard: arrows or W A S D drive while they are down, Shift halves the speed, and the space
+ * bar stops the robot, wherever on the page the cursor is.
+ */
+
+// Linear and angular share of each key, by where it lies: W A S D is one block on any layout.
+const KEYS = {
+  ArrowUp: [1, 0], KeyW: [1, 0],
+  ArrowDown: [-1, 0], KeyS: [-1, 0],
+  ArrowLeft: [0, 1], KeyA: [0, 1],
+  ArrowRight: [0, -1], KeyD: [0, -1],
+}; // prettier-ignore
+
+export class Keys {
+  /** @param {import("./wheel.js").Wheel} wheel */
+  constructor(wheel) {
+    this.wheel = wheel;
+    this.label = "keyboard";
+    this.down = new Set();
+    // Before any control of the page makes something else of them.
+    window.addEventListener("keydown", (event) => this.press(event), { capture: true });
+    window.addEventListener("keyup", (event) => this.lift(event), { capture: true });
+  }
+
+  /** Forget what is down; a key that still is repeats, and a repeat does not count. */
+  cancel() {
+    this.down.clear();
+    this.wheel.release(this);
+  }
+
+  press(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.code === "Space") {
+      event.preventDefault(); // it would also press the button that has the focus
+      event.stopPropagation();
+      if (!event.repeat) this.wheel.stop();
+      return;
+    }
+    this.slow = event.shiftKey;
+    if (!KEYS[event.code] && !event.code.startsWith("Shift")) return;
+    if (isText(event.target)) return;
+    if (KEYS[event.code]) event.preventDefault(); // it would scroll, or move a slider
+    if (KEYS[event.code] && !event.repeat) this.down.add(event.code);
+    this.drive();
+  }
+
+  lift(event) {
+    if (event.code === "Space") event.preventDefault();
+    this.slow = event.shiftKey;
+    this.down.delete(event.code);
+    this.drive();
+  }
+
+  drive() {
+    if (this.down.size === 0) {
+      this.wheel.release(this);
+      return;
+    }
+    let [linear, angular] = [0, 0];
+    for (const code of this.down) {
+      linear += KEYS[code][0];
+      angular += KEYS[code][1];
+    }
+    const share = (value) => Math.sign(value) * (this.slow ? 0.5 : 1);
+    if (!this.wheel.take(this, share(linear), share(angular))) this.cancel();
+  }
+}
+
+function isText(element) {
+  return element instanceof HTMLInputElement && element.type !== "range";
+}

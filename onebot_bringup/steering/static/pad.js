@@ -1,0 +1,93 @@
+/** The joystick pad, for mouse and touch: nipplejs draws it and follows the pointer. */
+
+import nipplejs from "./vendor/nipplejs/index.mjs";
+
+// Of the pad's radius, on each axis: a hand that means "straight on" does not turn.
+const DEAD = 0.06;
+// Of the zone: where the thumb's middle can go, so that the thumb stays within the rim.
+const TRAVEL = 0.68;
+const SETTLE_MS = 250; // after letting go, what the server told before is no news
+
+export class Pad {
+  /**
+   * @param {HTMLElement} zone where it is drawn, filling it.
+   * @param {import("./wheel.js").Wheel} wheel
+   */
+  constructor(zone, wheel) {
+    this.zone = zone;
+    this.wheel = wheel;
+    this.label = "joystick";
+    this.settled = 0;
+    // Before nipplejs sees it: only a free pad, the first finger and the main button count.
+    zone.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
+    zone.addEventListener("lostpointercapture", () => this.cancel());
+    zone.addEventListener("contextmenu", (event) => event.preventDefault());
+    new ResizeObserver(() => this.draw()).observe(zone);
+    this.draw();
+  }
+
+  /** Let go, and wait for the next press. */
+  cancel() {
+    if (this.held) this.manager.all.values().next().value.end(); // and so letGo()
+  }
+
+  /** Show with the thumb what the robot is told by another hand, or another page. */
+  show(linear, angular) {
+    if (this.held || performance.now() < this.settled) return;
+    const far = Math.max(1, Math.hypot(linear, angular)) / (this.size / 2);
+    const thumb = this.zone.querySelector(".front");
+    thumb.style.transform = `translate(${-angular / far}px, ${-linear / far}px)`;
+    this.zone.classList.toggle("led", linear !== 0 || angular !== 0);
+  }
+
+  letGo() {
+    this.settled = performance.now() + SETTLE_MS;
+    this.held = false;
+    this.zone.classList.remove("held");
+    this.wheel.release(this);
+  }
+
+  draw() {
+    const width = this.zone.clientWidth;
+    const size = Math.round(TRAVEL * width);
+    if (size === this.size || size === 0) return;
+    this.cancel();
+    this.manager?.destroy();
+    this.size = size;
+    this.zone.style.setProperty("--size", `${width}px`);
+    this.manager = nipplejs.create({
+      zone: this.zone,
+      mode: "static",
+      position: { left: "50%", top: "50%" },
+      size,
+      color: { front: "transparent", back: "transparent" }, // the style sheet's matter
+      restOpacity: 1,
+      fadeTime: 120,
+    });
+    this.manager.on("move", (event) => this.move(event.data.vector));
+    this.manager.on("end", () => this.letGo());
+  }
+
+  press(event) {
+    if (this.held || event.button !== 0 || !this.wheel.enabled) {
+      event.stopImmediatePropagation();
+      return;
+    }
+    this.held = true;
+    this.zone.classList.add("held");
+    this.zone.classList.remove("led");
+    // Keeps the pointer ours over the robot's view and beyond the window's edge.
+    this.zone.setPointerCapture(event.pointerId);
+    this.manager.reposition(); // the panel may have scrolled
+  }
+
+  move(vector) {
+    if (this.held && !this.wheel.take(this, beyond(vector.y), -beyond(vector.x))) this.cancel();
+  }
+}
+
+/** Without the dead zone, and still reaching from -1 to 1; a pixel is more than the thousandth. */
+function beyond(value) {
+  const size = Math.round((1000 * Math.max(0, Math.abs(value) - DEAD)) / (1 - DEAD)) / 1000;
+  return size === 0 ? 0 : Math.sign(value) * size;
+}

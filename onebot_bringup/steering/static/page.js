@@ -1,0 +1,116 @@
+/** The steering page: every hand on the one wheel, and what the server says, shown. */
+
+import { Connection } from "./connection.js";
+import { Gamepads } from "./gamepad.js";
+import { Keys } from "./keys.js";
+import { Pad } from "./pad.js";
+import { Readout } from "./readout.js";
+import { Limits, Topic, write } from "./settings.js";
+import { Sliders } from "./sliders.js";
+import { View } from "./view.js";
+import { Wheel } from "./wheel.js";
+
+const MESSAGE_MS = 6000;
+const element = (id) => document.getElementById(id);
+
+const connection = new Connection({ up, down, message: hear });
+const wheel = new Wheel((message) => connection.send(message), showHolder);
+const pad = new Pad(element("pad"), wheel);
+const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, wheel);
+const hands = [pad, sliders, new Keys(wheel), new Gamepads(wheel)];
+const topic = new Topic(element("topic"), (name) => {
+  wheel.drop();
+  connection.send({ type: "topic", topic: name });
+});
+const limits = new Limits(
+  { linear: element("linear-limit"), angular: element("angular-limit") },
+  (chosen) => connection.send({ type: "limits", ...chosen }),
+);
+const readout = new Readout(element("readout"));
+const view = new View(element("view"), wheel);
+
+element("stop").addEventListener("click", () => wheel.stop());
+// Without the focus no release of a key or a button would be heard.
+window.addEventListener("blur", letGo);
+window.addEventListener("pagehide", letGo);
+document.addEventListener("visibilitychange", () => document.hidden && letGo());
+document.addEventListener("freeze", letGo);
+// The view's frame has the keys after a click in it, until the mouse is back; say so.
+document.querySelector("aside").addEventListener("pointerenter", () => {
+  if (framed()) view.giveBackFocus();
+});
+for (const type of ["focus", "blur", "focusin"]) window.addEventListener(type, showFocus);
+
+function letGo() {
+  for (const hand of hands) hand.cancel();
+}
+
+function up() {
+  document.body.dataset.connection = "up";
+  enable(true);
+  write(element("connection"), "Connected");
+  say("");
+}
+
+function down(reason) {
+  letGo();
+  view.forget();
+  document.body.dataset.connection = "down";
+  document.body.dataset.driver = "nobody";
+  enable(false);
+  readout.forget();
+  write(element("connection"), "Connection lost");
+  write(element("driver"), "");
+  say(reason || "Connection lost: the robot stops by itself. Connecting again …", Infinity);
+}
+
+function enable(yes) {
+  wheel.enabled = yes;
+  for (const part of document.querySelectorAll("fieldset, #stop")) part.disabled = !yes;
+}
+
+function hear(message) {
+  if (message.type === "error") {
+    // After any word that was refused, the server wants to hear that nothing is held.
+    wheel.drop();
+    connection.send({ type: "release" });
+    say(message.message);
+  } else if (message.type === "state") {
+    wheel.hear(message);
+    topic.show(message);
+    limits.show(message.limits);
+    readout.show(message);
+    const { command, limits: most } = message;
+    for (const hand of [pad, sliders]) {
+      hand.show(command.linear / most.linear, command.angular / most.angular);
+    }
+    view.show(message.view);
+    showDriver(message);
+  }
+}
+
+function showDriver({ driver, you, pages }) {
+  document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
+  const who = you ? "You drive" : driver ? "Another page drives" : "Nobody drives";
+  write(element("driver"), pages > 1 ? `${who} · ${pages} pages open` : who);
+}
+
+function showHolder(holder) {
+  document.body.dataset.hand = holder ? holder.label : "";
+}
+
+function framed() {
+  return document.activeElement?.tagName === "IFRAME";
+}
+
+function showFocus() {
+  document.body.classList.toggle("keys-away", framed());
+}
+
+let fading;
+/** Show a sentence for a while; an empty one hides it. */
+function say(sentence, duration = MESSAGE_MS) {
+  clearTimeout(fading);
+  write(element("message"), sentence);
+  if (sentence && duration !== Infinity) fading = setTimeout(() => say(""), duration);
+}

@@ -1,0 +1,62 @@
+/** What the robot is told and what its odometry says, in numbers and bars. */
+
+import { write } from "./settings.js";
+
+const OLD_S = 1.0; // odometry that was heard longer ago is no longer live
+const UNITS = { linear: "m/s", angular: "rad/s" };
+
+export class Readout {
+  /** @param {HTMLElement} root the part of the page that holds the elements with data-show. */
+  constructor(root) {
+    this.root = root;
+    this.fields = {};
+    for (const field of root.querySelectorAll("[data-show]")) {
+      this.fields[field.dataset.show] = field;
+    }
+  }
+
+  /** Show a state of the server's. */
+  show({ command, odometry, limits }) {
+    for (const axis of ["linear", "angular"]) {
+      const measured = odometry ? odometry[axis] : null;
+      this.number(`${axis}-command`, command[axis], 2);
+      this.number(`${axis}-measured`, measured, 2);
+      const bar = this.fields[`${axis}-bar`];
+      bar.style.setProperty("--command", share(command[axis], limits[axis]));
+      bar.style.setProperty("--measured", share(measured, limits[axis]));
+      bar.setAttribute("aria-valuetext", `${(measured ?? 0).toFixed(2)} ${UNITS[axis]}`);
+    }
+    for (const name of ["x", "y", "yaw"]) this.number(name, odometry?.[name], 3);
+    const degrees = odometry ? (odometry.yaw * 180) / Math.PI : 0;
+    this.number("degrees", odometry && degrees, 1);
+    this.fields.needle.style.setProperty("--turn", `${-degrees}deg`);
+    const old = !odometry || odometry.age > OLD_S;
+    this.root.classList.toggle("old", old);
+    write(this.fields.source, source(odometry, old));
+  }
+
+  /** What is shown is no longer live. */
+  forget() {
+    this.root.classList.add("old");
+  }
+
+  number(name, value, digits) {
+    write(this.fields[name], Number.isFinite(value) ? fixed(value, digits) : "–");
+  }
+}
+
+function source(odometry, old) {
+  if (!odometry) return "no odometry heard yet";
+  return old ? `${odometry.topic}, silent for ${odometry.age.toFixed(0)} s` : odometry.topic;
+}
+
+/** -1 to 1 for a bar. */
+function share(value, limit) {
+  return Math.max(-1, Math.min(1, (value ?? 0) / limit)) || 0;
+}
+
+/** With a real minus sign, as wide as a plus, and no minus before zero. */
+function fixed(value, digits) {
+  const words = value.toFixed(digits);
+  return Number(words) === 0 ? words.replace("-", "") : words.replace("-", "\u2212");
+}

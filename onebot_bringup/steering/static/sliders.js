@@ -1,0 +1,117 @@
+/**
+ * The two sliders of rqt_robot_steering, linear and angular, with - 0 + and limits that can be
+ * edited. They drive while they are held, both at once with two fingers, and spring back to zero.
+ */
+
+const STEP = 0.1; // of the limit
+const STEP_MS = 150;
+const SETTLE_MS = 250; // after letting go, what the server told before is no news
+
+export class Sliders {
+  /**
+   * @param {{linear: HTMLElement, angular: HTMLElement}} groups each with an input[type=range]
+   *   from -1 to 1 and buttons named minus, zero and plus.
+   * @param {import("./wheel.js").Wheel} wheel
+   */
+  constructor(groups, wheel) {
+    this.wheel = wheel;
+    this.label = "sliders";
+    const changed = () => this.drive();
+    this.axes = [new Axis(groups.linear, changed), new Axis(groups.angular, changed)];
+  }
+
+  /** Let go, and wait for the next press. */
+  cancel() {
+    for (const axis of this.axes) axis.spring();
+    this.wheel.release(this);
+  }
+
+  /** Show what the robot is told by another hand, or another page. */
+  show(linear, angular) {
+    this.axes[0].show(linear);
+    this.axes[1].show(angular);
+  }
+
+  drive() {
+    const [linear, angular] = this.axes;
+    if (!linear.held && !angular.held) this.wheel.release(this);
+    else if (!this.wheel.take(this, linear.value, angular.value)) this.cancel();
+  }
+}
+
+class Axis {
+  constructor(group, changed) {
+    this.range = group.querySelector("input[type=range]");
+    this.changed = changed;
+    this.held = false;
+    this.settled = 0;
+    this.range.addEventListener("pointerdown", (event) => this.hold(event));
+    this.range.addEventListener("input", () => this.slide());
+    for (const [name, sign] of Object.entries({ minus: -1, zero: 0, plus: 1 })) {
+      const button = group.querySelector(`button[name=${name}]`);
+      button.addEventListener("pointerdown", (event) => this.hold(event, sign));
+      button.addEventListener("keydown", (event) => this.key(event, sign));
+      button.addEventListener("keyup", () => this.letGo());
+      button.addEventListener("blur", () => this.letGo());
+      button.addEventListener("contextmenu", (event) => event.preventDefault());
+    }
+    for (const type of ["pointerup", "pointercancel"]) {
+      window.addEventListener(type, (event) => event.pointerId === this.pointer && this.letGo());
+    }
+  }
+
+  get value() {
+    return Number(this.range.value);
+  }
+
+  /** Back to zero, held no more. */
+  spring() {
+    clearInterval(this.timer);
+    this.range.value = "0";
+    this.pointer = null;
+    if (this.held) this.settled = performance.now() + SETTLE_MS;
+    this.held = false;
+  }
+
+  show(value) {
+    if (this.held || performance.now() < this.settled) return;
+    this.range.value = String(value);
+  }
+
+  letGo() {
+    const held = this.held;
+    this.spring();
+    if (held) this.changed();
+  }
+
+  hold(event, sign) {
+    if (event.button !== 0 || this.held) return;
+    this.pointer = event.pointerId;
+    this.begin(sign);
+  }
+
+  key(event, sign) {
+    if (event.code !== "Enter" || event.repeat || this.held) return;
+    event.preventDefault();
+    this.begin(sign);
+  }
+
+  /** @param {number | undefined} sign of a button's steps; none for the slider itself. */
+  begin(sign) {
+    this.held = true;
+    if (sign === undefined) return; // "input" follows
+    this.range.value = "0";
+    this.step(sign);
+    if (sign !== 0) this.timer = setInterval(() => this.step(sign), STEP_MS);
+  }
+
+  step(sign) {
+    this.range.value = String(sign === 0 ? 0 : this.value + sign * STEP);
+    this.changed();
+  }
+
+  slide() {
+    if (this.held) this.changed();
+    else this.range.value = "0"; // nobody holds it: there would be nobody to let go
+  }
+}

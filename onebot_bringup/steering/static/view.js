@@ -1,0 +1,62 @@
+/** The robot's Rerun view, in a frame of its own on this page's origin. */
+
+export class View {
+  /**
+   * @param {HTMLElement} place holds the frame, and a sentence to be seen while there is none.
+   * @param {import("./wheel.js").Wheel} wheel
+   */
+  constructor(place, wheel) {
+    this.place = place;
+    this.wheel = wheel;
+    this.address = null;
+    this.frame = null;
+  }
+
+  /** Show the view at an address of this server, or none. */
+  show(address) {
+    if (address === this.address) return;
+    this.address = address;
+    this.frame?.remove();
+    this.frame = null;
+    this.place.classList.toggle("empty", !address);
+    if (address) this.load(address);
+  }
+
+  /** Nothing in the frame reconnects by itself: load it again next time. */
+  forget() {
+    this.address = undefined;
+  }
+
+  load(address) {
+    this.frame = document.createElement("iframe");
+    this.frame.title = "The robot in Rerun";
+    this.frame.src = address;
+    this.frame.addEventListener("load", () => this.loaded(this.frame.contentWindow));
+    this.place.append(this.frame);
+  }
+
+  /** Hand the keys from the frame back to the page. */
+  giveBackFocus() {
+    this.frame?.blur();
+    window.focus();
+  }
+
+  loaded(inside) {
+    // Keys pressed in the frame stay there; but the space bar stops the robot everywhere.
+    const stop = (event) => {
+      if (event.code !== "Space") return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      if (event.type === "keydown" && !event.repeat) this.wheel.stop();
+    };
+    inside.addEventListener("keydown", stop, { capture: true });
+    inside.addEventListener("keyup", stop, { capture: true });
+    // Rerun's page takes the focus as it starts, before anybody pointed at it or went to it.
+    let asked = false;
+    const ask = (event) => (asked ||= event.type === "pointerdown" || event.code === "Tab");
+    inside.addEventListener("pointerdown", ask, { capture: true });
+    window.addEventListener("keydown", ask, { capture: true });
+    inside.addEventListener("focus", () => asked || this.giveBackFocus(), { capture: true });
+    if (document.activeElement === this.frame) this.giveBackFocus();
+  }
+}

@@ -1,0 +1,166 @@
+"""A page as the steering server sees it, and the server's node, for tests on real DDS."""
+
+import asyncio
+import json
+import re
+import socket
+import threading
+from collections.abc import Coroutine, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import aiohttp
+from geometry_msgs.msg import Twist
+
+from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+MODULE = "onebot_bringup.steering_page"
+TOPIC = "/velocity_controller/cmd_vel"
+
+
+class PageClient:
+    """A WebSocket that says what it is told to, and keeps what it hears; use it as a context."""
+
+    def __init__(self, address: str, **headers: str) -> None:
+        self.states: list[dict[str, Any]] = []
+        self.errors: list[str] = []
+        self.id = ""
+        self.closed = False
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._holding: Any = None
+        self._do(self._open(f"{address.partition('/?')[0]}/ws", headers))
+        wait_for(lambda: self.id and self.states, "the first state")
+
+    def _do(self, action: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(action, self._loop).result(60.0)
+
+    async def _open(self, address: str, headers: dict[str, str]) -> None:
+        self._session = aiohttp.ClientSession()
+        self._socket = await self._session.ws_connect(address, headers=headers)
+        self._hearing = asyncio.ensure_future(self._hear())
+
+    async def _hear(self) -> None:
+        async for message in self._socket:
+            fields = json.loads(message.data)
+            if fields["type"] == "welcome":
+                self.id = fields["id"]
+            elif fields["type"] == "state":
+                self.states.append(fields)
+            else:
+                self.errors.append(fields["message"])
+        self.closed = True
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The latest."""
+        return self.states[-1]
+
+    def say(self, text: str | bytes) -> None:
+        """Send text or bytes as they are."""
+        send = self._socket.send_str if isinstance(text, str) else self._socket.send_bytes
+        self._do(send(text))
+
+    def send(self, kind: str, **fields: Any) -> None:
+        """Send a message."""
+        self.say(json.dumps({"type": kind, **fields}))
+
+    def drive(self, linear: float, angular: float = 0.0) -> None:
+        """Send one command, as a page that falls silent then."""
+        self.send("drive", seq=1, linear=linear, angular=angular)
+
+    def hold(self, linear: float, angular: float = 0.0) -> None:
+        """Drive until told otherwise, as a page does while something is held."""
+        self.silence()
+        self._holding = asyncio.run_coroutine_threadsafe(self._hold(linear, angular), self._loop)
+
+    async def _hold(self, linear: float, angular: float) -> None:
+        seq = 0
+        while True:
+            fields = {"type": "drive", "seq": seq, "linear": linear, "angular": angular}
+            await self._socket.send_str(json.dumps(fields))
+            seq += 1
+            await asyncio.sleep(0.05)
+
+    def silence(self) -> None:
+        """Say nothing any more, without having let go."""
+        if self._holding is not None:
+            self._holding.cancel()
+            self._holding = None
+
+    def let_go(self) -> None:
+        """Let go of what is held."""
+        self.silence()
+        self.send("release")
+
+    def cut(self) -> None:
+        """Lose the connection without a word, as a browser that is killed."""
+        self.silence()
+
+        async def shut_down() -> None:
+            self._socket.get_extra_info("socket").shutdown(socket.SHUT_RDWR)
+
+        self._do(shut_down())
+
+    def close(self) -> None:
+        """Close the tab."""
+        self.silence()
+        self._do(self._shut())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(10.0)
+
+    async def _shut(self) -> None:
+        await self._socket.close()
+        await self._session.close()
+        self._hearing.cancel()
+
+    def __enter__(self) -> "PageClient":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._thread.is_alive():
+            self.close()
+
+
+@contextmanager
+def steering(**parameters: object) -> Iterator[NodeProcess]:
+    """The node, on any free port, once it serves; its address is ``address_of(node)``."""
+    args = ros_args(**{"port": 0, "open_browser": "false", **parameters})
+    with NodeProcess(MODULE, *args) as node:
+        address_of(node)
+        yield node
+
+
+def address_of(node: NodeProcess) -> str:
+    """The address that it prints."""
+
+    def printed() -> re.Match[str] | None:
+        assert node.process.poll() is None, node.output
+        return re.search(r"open (http://\S+)\n", node.output)
+
+    found = wait_for(printed, "the page's address")
+    assert found is not None
+    return found[1]
+
+
+class Commands:
+    """What a robot hears on its topic."""
+
+    def __init__(self, peer: Peer, page: PageClient, topic: str = TOPIC, kind: Any = Twist) -> None:
+        self.heard = peer.hear(kind, topic)
+        wait_for(lambda: page.state["listeners"] and page.state["topic"] == topic, "the robot")
+
+    @property
+    def speeds(self) -> list[float]:
+        """All linear velocities so far, m/s."""
+        return [getattr(message, "twist", message).linear.x for message in self.heard]
+
+    def come_to_rest(self) -> None:
+        """Wait until the last commands are the zeros that stop it, and there are no others."""
+        wait_for(lambda: len(self.speeds) > 3 and self.speeds[-3:] == [0.0] * 3, "three zeros")
+
+    def reach(self, speed: float) -> None:
+        """Wait for a command of that speed."""
+        wait_for(lambda: speed in self.speeds, f"a command of {speed} m/s")

@@ -1,0 +1,154 @@
+"""Who drives, of several pages, and when the robot is stopped: no ROS, network or clock."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_bringup.steering.arbiter import DEAD_MAN, GRIP, ZEROS, Arbiter
+from onebot_bringup.steering.protocol import Velocity
+
+LIMITS = Velocity(1.0, 2.0)
+FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
+
+
+@pytest.fixture
+def arbiter() -> Arbiter:
+    """Two pages, "a" and "b", at time 0."""
+    arbiter = Arbiter(LIMITS)
+    arbiter.join("a")
+    arbiter.join("b")
+    return arbiter
+
+
+def _all_that_follows(arbiter: Arbiter) -> list[Velocity]:
+    """What is published from now on, if nothing else happens."""
+    taken = []
+    while (velocity := arbiter.take()) is not None and len(taken) < 10:
+        taken.append(velocity)
+    return taken
+
+
+def test_nothing_is_published_before_anybody_drives(arbiter):
+    """Other sources of commands are left alone."""
+    assert arbiter.take() is None and arbiter.driver is None
+
+
+def test_what_is_held_is_published_within_the_limits(arbiter):
+    """A command beyond them is clamped, and so is one that was given before they were lowered."""
+    arbiter.drive("a", Velocity(5.0, -9.0), 0.0)
+    assert arbiter.take() == Velocity(1.0, -2.0)
+    arbiter.limits = Velocity(0.2, 0.3)
+    assert arbiter.take() == arbiter.command == Velocity(0.2, -0.3)
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        lambda arbiter: arbiter.release("a"),
+        lambda arbiter: arbiter.leave("a"),
+        lambda arbiter: arbiter.refuse("a"),
+        lambda arbiter: arbiter.stop(),
+        lambda arbiter: arbiter.watch(DEAD_MAN + 0.01),
+    ],
+    ids=["let go", "closed", "malformed", "stop button", "silent"],
+)
+def test_every_end_gives_zeros_and_then_silence(arbiter, end):
+    """Three zeros follow, so that one may get lost, and then others may drive."""
+    arbiter.drive("a", FORWARD, 0.0)
+    end(arbiter)
+    assert arbiter.command == ZERO
+    assert _all_that_follows(arbiter) == [ZERO] * ZEROS
+
+
+def test_the_last_to_take_hold_drives(arbiter):
+    """The one it takes the wheel from does nothing until it lets go and takes hold anew."""
+    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.drive("b", Velocity(0.1, 0.0), 0.1)
+    arbiter.drive("a", FORWARD, 0.2)
+    assert arbiter.driver == "b" and arbiter.command == Velocity(0.1, 0.0)
+    arbiter.release("b")
+    arbiter.drive("a", FORWARD, 0.3)
+    assert arbiter.driver is None and arbiter.command == ZERO
+    arbiter.release("a")
+    arbiter.drive("a", FORWARD, 0.4)
+    assert arbiter.driver == "a" and arbiter.command == FORWARD
+
+
+@pytest.mark.parametrize("end", ["stop", "refuse"])
+def test_a_driver_that_was_stopped_has_to_let_go_first(arbiter, end):
+    """The stop button, and a message that was refused, are not undone by going on to hold."""
+    arbiter.drive("a", FORWARD, 0.0)
+    if end == "stop":
+        arbiter.stop()
+    else:
+        arbiter.refuse("a")
+    arbiter.drive("a", FORWARD, 0.05)
+    assert arbiter.driver is None and arbiter.command == ZERO
+    arbiter.release("a")
+    arbiter.drive("a", FORWARD, 0.1)
+    assert arbiter.driver == "a"
+
+
+def test_a_page_that_lost_the_wheel_stops_nobody_by_letting_go(arbiter):
+    """Its release, its end and its nonsense are its own."""
+    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.drive("b", FORWARD, 0.1)
+    arbiter.release("a")
+    arbiter.refuse("a")
+    arbiter.leave("a")
+    assert arbiter.driver == "b" and arbiter.command == FORWARD
+
+
+def test_a_short_silence_stops_but_keeps_the_wheel(arbiter):
+    """A hitch of the network stops the robot; the same grip goes on when it is over."""
+    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.watch(DEAD_MAN - 0.01)
+    assert arbiter.command == FORWARD
+    arbiter.watch(DEAD_MAN + 0.01)
+    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.lapses == 1
+    arbiter.drive("a", FORWARD, GRIP - 0.1)
+    assert arbiter.command == FORWARD
+
+
+def test_a_long_silence_loses_the_wheel(arbiter):
+    """What was queued up meanwhile must not set the robot going."""
+    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.watch(GRIP + 0.01)
+    arbiter.drive("a", FORWARD, GRIP + 0.02)
+    assert arbiter.driver is None and arbiter.command == ZERO
+
+
+_event = st.tuples(
+    st.sampled_from(["drive", "release", "stop", "refuse", "leave", "wait", "take"]),
+    st.sampled_from("abc"),
+    st.floats(0.0, 0.4),
+)
+
+
+@given(st.lists(_event, max_size=60))
+def test_the_robot_moves_only_while_its_driver_says_so(events):
+    """Whatever pages do: a command that is not zero has a driver that spoke just before."""
+    arbiter, now, spoke = Arbiter(LIMITS), 0.0, {}
+    for page in "abc":
+        arbiter.join(page)
+    there = set("abc")
+    for kind, page, wait in events:
+        if kind == "wait":
+            now += wait
+            arbiter.watch(now)
+        elif kind == "stop":
+            arbiter.stop()
+        elif kind == "take":
+            arbiter.take()
+        elif page in there:
+            if kind == "drive":
+                arbiter.drive(page, FORWARD, now)
+                spoke[page] = now
+            else:
+                getattr(arbiter, kind)(page)
+                there -= {page} if kind == "leave" else set()
+                assert arbiter.driver != page
+        if arbiter.command != ZERO:
+            assert arbiter.driver in there
+            assert now - spoke[arbiter.driver] <= DEAD_MAN
+        assert arbiter.pages == len(there)

@@ -1,0 +1,125 @@
+"""``onebot steer``, as a user starts it."""
+
+import re
+import signal
+from urllib.parse import urlsplit
+
+import pytest
+from geometry_msgs.msg import Twist
+from std_msgs.msg import String
+
+from tests.onebot_bringup.bringup_support import MARK, marked
+from tests.onebot_bringup.cli_support import Running, onebot, running
+from tests.onebot_bringup.steering_support import PageClient
+from tests.ros_support import LATCHED, Peer
+from tests.support import wait_for
+
+PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"
+QUIET = ("port:=0", "open_browser:=false")
+
+
+def _address(command: Running) -> str:
+    def printed() -> re.Match[str] | None:
+        assert command.process.poll() is None, command.err
+        return re.search(r"open (http://\S+)\n", command.out)
+
+    found = wait_for(printed, "the page's address")
+    assert found is not None
+    return found[1]
+
+
+def test_help_says_how_to_use_it():
+    """The arguments, what the hands do, and how to reach it from elsewhere."""
+    done = onebot("steer", "--help")
+    assert done.returncode == 0
+    for word in ("[TOPIC]", "space bar", "ssh -L", "host:=127.0.0.1", "max_linear:=0.0"):
+        assert word in done.stdout
+
+
+@pytest.mark.parametrize(
+    "words, complaint",
+    [
+        (["port:=eighty"], "port:=eighty: write a whole number from 0 to 65535"),
+        (["port:="], "port:= must not be empty"),
+        (["rate:=1"], "rate:=1: write a number from 5 to 100"),
+        (["max_linear:=nan"], "max_linear:=nan: write a number from 0"),
+        (["viewer:=rviz"], "viewer:=rviz is not possible; it can be one of: auto, web, none"),
+        (["hots:=0.0.0.0"], 'no argument "hots" (did you mean "host"?'),
+        (["/a", "/b"], 'unexpected "/b"'),
+        (["/a", "topic:=/b"], "write the topic or topic:=, not both"),
+        (["namespace:=1x"], "namespace:=1x: Invalid namespace"),
+        (["viewer:=none", "view:=none"], "leave out view:="),
+    ],
+)
+def test_a_wrong_command_line_is_explained(ros_domain, words, complaint):
+    """One line, where to read more, and exit code 2."""
+    done = onebot("steer", *words)
+    assert done.returncode == 2
+    assert complaint in done.stderr and "see: onebot steer --help" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words, complaint",
+    [
+        (["view:=nowhere.yaml"], "error: view:=nowhere.yaml: no such file"),
+        (["a//b", "viewer:=none"], 'error: "a//b" is no name'),
+        (["host:=192.0.2.77", "viewer:=none"], "host:=192.0.2.77 is no address of this computer"),
+    ],
+)
+def test_a_wrong_name_or_file_is_explained(ros_domain, words, complaint):
+    """One line and exit code 1, nothing left running."""
+    done = onebot("steer", *words)
+    assert done.returncode == 1
+    assert complaint in done.stderr and "Traceback" not in done.stderr
+
+
+def test_it_steers_the_topic_named_and_ends_with_ctrl_c(ros_domain, tmp_path, monkeypatch):
+    """The page drives; Ctrl-C stops the robot, ends with 0 and leaves no process."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    words = ("steer", "viewer:=none", "/cmd_vel", "max_linear:=0.4", *QUIET)
+    with Peer(ros_domain) as peer, running(tmp_path, *words) as command:
+        heard = peer.hear(Twist, "/cmd_vel")
+        with PageClient(_address(command)) as page:
+            wait_for(lambda: page.state["listeners"], "the robot")
+            page.hold(1.0)
+            wait_for(lambda: heard, "commands")
+            assert command.interrupt() == 0
+        wait_for(lambda: heard[-1].linear.x == 0.0, "the robot to be stopped")
+        assert {message.linear.x for message in heard} == {0.4, 0.0}
+        assert marked(str(tmp_path)) == []
+
+
+def test_without_a_viewer_it_starts_one(ros_domain, tmp_path, monkeypatch):
+    """The page gets a view, though the robot came without."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    with running(tmp_path, "steer", *QUIET) as command:
+        with PageClient(_address(command)) as page:
+            view = wait_for(lambda: page.state["view"], "the view")
+        assert view.startswith("/view/?url=rerun%2Bhttp://127.0.0.1:")
+        assert "looking for the robot's view" in command.err and "starting one" in command.out
+        command.process.send_signal(signal.SIGINT)
+        assert command.process.wait(30) == 0
+        assert marked(str(tmp_path)) == []
+
+
+def test_with_a_viewer_it_starts_none(ros_domain, tmp_path):
+    """The robot's own view is beside the pad."""
+    with Peer(ros_domain) as peer:
+        viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
+        viewer.publish(String(data=PAGE))
+        with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
+            with PageClient(_address(command)) as page:
+                wait_for(lambda: page.state["view"], "the view")
+                assert page.state["topic"] == "/left/velocity_controller/cmd_vel"
+            assert "steering_viewer" not in command.out
+            assert command.interrupt() == 0
+
+
+def test_other_computers_need_the_token_that_it_prints(ros_domain, tmp_path):
+    """host:=0.0.0.0 is warned of, and its address holds a token."""
+    words = ("steer", "host:=0.0.0.0", "viewer:=none", *QUIET)
+    with running(tmp_path, *words) as command:
+        assert len(urlsplit(_address(command)).query) > len("token=") + 20
+        command.says("other computers can reach the page")
+        assert command.interrupt() == 0

@@ -1,0 +1,86 @@
+"""A page drives a simulated robot through DDS; and it stops, whatever happens to the page."""
+
+import math
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from nav_msgs.msg import Odometry
+
+from tests.onebot_bringup.steering_support import PageClient, address_of, steering
+from tests.onebot_control.control_support import urdf
+from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+WHEELS = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
+SPEED = 0.3  # m/s
+
+
+@pytest.fixture
+def odometry(ros_domain: int, tmp_path: Path) -> Iterator[list[Any]]:
+    """What a robot says that stops by itself after half a second without a command."""
+    model = tmp_path / "bot.urdf"
+    model.write_text(urdf())
+    args = [str(model), *ros_args(cmd_vel_timeout=0.5, **WHEELS)]
+    with NodeProcess("onebot_control.velocity_controller", *args), Peer(ros_domain) as peer:
+        heard = peer.hear(Odometry, "/velocity_controller/odom")
+        wait_for(lambda: heard, "odometry")
+        yield heard
+
+
+def _speed(odometry: list[Any]) -> float:
+    return float(odometry[-1].twist.twist.linear.x)
+
+
+def _drive(page: PageClient, odometry: list[Any]) -> None:
+    wait_for(lambda: page.state["listeners"] == 1, "the robot")
+    page.hold(SPEED)
+    wait_for(lambda: abs(_speed(odometry) - SPEED) < 0.01, "the robot to drive")
+
+
+def _come_to_rest(odometry: list[Any]) -> None:
+    wait_for(lambda: abs(_speed(odometry)) < 1e-3, "the robot to stop")
+
+
+def test_a_page_drives_the_robot_along_its_arc(odometry):
+    """It gets to where forward and turning speed lead, the page says so, letting go stops it."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        wait_for(lambda: page.state["listeners"] == 1, "the robot")
+        linear, angular = 0.2, 0.4
+        page.hold(linear, angular)
+
+        def shown() -> dict[str, float]:
+            return page.state["odometry"] or {"yaw": 0.0}
+
+        wait_for(lambda: shown()["yaw"] > 1.2, "a turn of 1.2 rad")
+        page.let_go()
+        _come_to_rest(odometry)
+        wait_for(lambda: abs(shown()["linear"]) < 1e-3, "the page to see so")
+        end, radius = shown(), linear / angular
+        # The start's and the end's few control cycles at other speeds are on the same arc.
+        assert end["x"] == pytest.approx(radius * math.sin(end["yaw"]), abs=0.01)
+        assert end["y"] == pytest.approx(radius * (1.0 - math.cos(end["yaw"])), abs=0.01)
+
+
+@pytest.mark.parametrize("end", ["let_go", "close", "cut", "silence"])
+def test_the_robot_stops_when_the_page_does(odometry, end):
+    """Let go, closed, cut off or silent."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        _drive(page, odometry)
+        getattr(page, end)()
+        _come_to_rest(odometry)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
+def test_the_robot_stops_when_the_server_does(odometry, number):
+    """Killed or hanging, by the controller's timeout; asked to end, by zeros of its own."""
+    args = ros_args(port=0, open_browser="false")
+    with NodeProcess("onebot_bringup.steering_page", *args, check=False) as node:
+        with PageClient(address_of(node)) as page:
+            _drive(page, odometry)
+            node.process.send_signal(number)
+            _come_to_rest(odometry)
+            node.process.send_signal(signal.SIGKILL)
+            wait_for(lambda: page.closed, "the end of the connection")

@@ -1,0 +1,330 @@
+"""The steering page's node on real DDS, with a WebSocket client in the page's place."""
+
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from urllib.error import HTTPError
+from urllib.parse import urlsplit
+from urllib.request import Request, urlopen
+
+import aiohttp
+import pytest
+
+from tests.onebot_bringup.steering_support import (
+    MODULE,
+    TOPIC,
+    Commands,
+    PageClient,
+    address_of,
+    steering,
+)
+from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator[Peer]:
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+def test_commands_go_out_while_held_and_stop_when_let_go(peer):
+    """At the fixed rate and as held, within the limits; then three zeros, and nothing more."""
+    with steering(rate=20.0) as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page)
+        assert robot.speeds == [] and page.state["driver"] is None
+        page.hold(0.25, -0.5)
+        wait_for(lambda: len(robot.speeds) > 10, "ten commands")
+        assert page.state["driver"] == page.id and page.state["you"]
+        assert page.state["command"] == {"linear": 0.25, "angular": -0.5}
+        assert {(m.linear.x, m.angular.z) for m in robot.heard} == {(0.25, -0.5)}
+        page.hold(100.0, 100.0)
+        robot.reach(1.0)
+        assert robot.heard[-1].angular.z == 2.0
+        page.let_go()
+        robot.come_to_rest()
+        count = len(robot.speeds)
+        wait_for(lambda: page.state["driver"] is None, "the wheel to be free")
+        page.hold(0.1)
+        robot.reach(0.1)
+        assert robot.speeds[:count][-3:] == [0.0] * 3 and robot.speeds[count] == 0.1
+        page.close()
+        robot.come_to_rest()
+
+
+@pytest.mark.parametrize("end", ["close", "cut", "silence"])
+def test_a_page_that_goes_stops_the_robot(peer, end):
+    """Closed, its connection lost, or still there but silent: three zeros, and then silence."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page)
+        page.hold(0.3)
+        robot.reach(0.3)
+        getattr(page, end)()
+        robot.come_to_rest()
+
+
+def test_silence_loses_the_wheel_and_says_so(peer):
+    """After a while without a word, going on to hold is not enough."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page)
+        page.drive(0.3)
+        robot.come_to_rest()
+        wait_for(lambda: page.state["driver"] is None, "the wheel to be free")
+        wait_for(lambda: "fell silent" in node.output, "a warning")
+        count = len(robot.speeds)
+        page.hold(0.3)
+        page.let_go()
+        page.hold(0.4)
+        robot.reach(0.4)
+        assert 0.3 not in robot.speeds[count:]
+
+
+def test_any_page_stops_the_robot(peer):
+    """Whoever drives has to let go and take hold again."""
+    with (
+        steering() as node,
+        PageClient(address_of(node)) as driver,
+        PageClient(address_of(node)) as other,
+    ):
+        robot = Commands(peer, driver)
+        driver.hold(0.3)
+        robot.reach(0.3)
+        other.send("stop")
+        robot.come_to_rest()
+        wait_for(lambda: driver.state["driver"] is None and not driver.state["you"], "a free wheel")
+        driver.let_go()
+        driver.hold(0.2)
+        robot.reach(0.2)
+
+
+def test_the_last_page_to_take_hold_drives_and_the_others_see_so(peer):
+    """The one that lost the wheel does nothing; letting go there does not stop the other."""
+    with (
+        steering() as node,
+        PageClient(address_of(node)) as first,
+        PageClient(address_of(node)) as second,
+    ):
+        robot = Commands(peer, first)
+        wait_for(lambda: first.state["pages"] == 2, "two pages")
+        first.hold(0.3)
+        robot.reach(0.3)
+        second.hold(0.1)
+        wait_for(lambda: second.state["you"] and not first.state["you"], "the takeover")
+        assert first.state["driver"] == second.id == second.state["driver"]
+        robot.reach(0.1)
+        count = len(robot.speeds)
+        first.let_go()
+        wait_for(lambda: len(robot.speeds) > count + 5, "more commands")
+        assert set(robot.speeds[count:]) == {0.1}
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        '{"type":"drive","seq":1,"linear":NaN,"angular":0}',
+        '{"type":"drive","seq":1,"linear":0.9,"angular":0,"more":1}',
+        "not JSON",
+        b'{"type":"release"}',
+        " " * 5000,
+    ],
+    ids=["NaN", "unknown field", "no JSON", "bytes", "too large"],
+)
+def test_nonsense_is_refused_and_stops_the_robot(peer, nonsense):
+    """It is answered with a sentence and counted, never reaches the robot, and costs the wheel."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page)
+        page.hold(0.3)
+        robot.reach(0.3)
+        page.say(nonsense)
+        robot.come_to_rest()
+        wait_for(lambda: page.errors, "the refusal")
+        assert page.errors[0].startswith("Refused: ")
+        wait_for(lambda: "refused a message of a page (1 so far)" in node.output, "a warning")
+        page.let_go()
+        page.hold(0.2)
+        robot.reach(0.2)
+        assert set(robot.speeds) == {0.3, 0.0, 0.2}
+
+
+def test_a_huge_message_ends_the_connection(peer):
+    """Nobody fills the memory; the robot is stopped, and other pages go on."""
+    with (
+        steering() as node,
+        PageClient(address_of(node)) as page,
+        PageClient(address_of(node)) as other,
+    ):
+        robot = Commands(peer, page)
+        page.hold(0.3)
+        robot.reach(0.3)
+        page.silence()
+        page.say("x" * 200_000)
+        wait_for(lambda: page.closed, "the end of the connection")
+        robot.come_to_rest()
+        wait_for(lambda: other.state["pages"] == 1, "the other page to see so")
+
+
+def test_a_flood_of_messages_does_not_keep_the_robot_moving(peer):
+    """While one page sends as fast as it can, another one's stop still counts."""
+    with (
+        steering() as node,
+        PageClient(address_of(node)) as page,
+        PageClient(address_of(node)) as other,
+    ):
+        robot = Commands(peer, page)
+        page.hold(0.3)
+        robot.reach(0.3)
+        over = threading.Event()
+
+        def flood() -> None:
+            while not over.is_set():
+                page.drive(0.3)
+
+        with ThreadPoolExecutor(1) as pool:
+            flooding = pool.submit(flood)
+            other.send("stop")
+            robot.come_to_rest()
+            over.set()
+            flooding.result(60.0)
+
+
+def test_ctrl_c_stops_the_robot_and_the_node(peer):
+    """Zeros go out before it ends, and pages are told that it goes."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page)
+        page.hold(0.3)
+        robot.reach(0.3)
+        assert node.interrupt(10.0) == 0
+        robot.come_to_rest()
+        wait_for(lambda: page.closed, "the end of the connection")
+
+
+def test_ending_disturbs_nobody_when_nobody_drove(peer):
+    """A node that was only looked at has published nothing, at its end either."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page)
+        assert node.interrupt(10.0) == 0
+        assert robot.heard == []
+
+
+def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
+    """The status of a request, and what the answer says."""
+    parts = urlsplit(address)
+    try:
+        request = Request(f"{parts.scheme}://{parts.netloc}{path}", headers=headers)
+        with urlopen(request, timeout=60.0) as answer:
+            return answer.status, answer.read().decode()
+    except HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def test_page_is_served_with_a_strict_policy(ros_domain):
+    """The page and its parts are there; nothing may be loaded from elsewhere, or frame it."""
+    with steering() as node:
+        address = address_of(node)
+        assert "127.0.0.1" in address and "token" not in address
+        with urlopen(address, timeout=60.0) as answer:
+            policy = answer.headers["Content-Security-Policy"]
+            assert "<html" in answer.read().decode()
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert "default-src 'self'" in policy and "frame-ancestors 'self'" in policy
+        assert "unsafe" not in policy and "http:" not in policy
+        assert _status(address, "/static/page.js")[0] == 200
+        assert _status(address, "/static/../steering_page.py")[0] in (403, 404)
+        assert _status(address, "/view/")[0] == 503
+
+
+def test_foreign_hosts_and_origins_are_refused(ros_domain):
+    """Neither a page of another site nor a name that somebody else made lead here can talk."""
+    with steering() as node:
+        address = address_of(node)
+        assert _status(address, "/", Host="evil.example")[0] == 403
+        assert _status(address, "/", Origin="http://evil.example")[0] == 403
+        for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+                PageClient(address, **headers)
+            assert caught.value.status == 403
+        own = address.partition("/?")[0]
+        with PageClient(address, Origin=own) as page:
+            assert page.state["pages"] == 1
+
+
+def test_other_computers_need_a_token(ros_domain):
+    """host:=0.0.0.0 makes one, prints it in the address, and lets in nobody without it."""
+    with steering(host="0.0.0.0") as node:
+        address = address_of(node)
+        token = urlsplit(address).query.removeprefix("token=")
+        assert len(token) >= 22 and "/rosout" not in node.output
+        local = f"http://127.0.0.1:{urlsplit(address).port}"
+        for base in (address, local):
+            assert _status(base, "/")[0] == _status(base, "/static/page.js")[0] == 403
+            assert _status(base, "/?token=wrong") == (
+                403,
+                "The token is missing or wrong: open the whole address that was printed.\n",
+            )
+            with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+                PageClient(base)
+            assert caught.value.status == 403
+            with urlopen(f"{base.partition('/?')[0]}/?token={token}", timeout=60.0) as answer:
+                cookie = answer.headers["Set-Cookie"]
+            assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and token not in cookie
+            with PageClient(base, Cookie=cookie.partition(";")[0]) as page:
+                assert page.state["pages"] == 1
+
+
+def test_a_token_of_ones_own_is_kept_and_asked_for(ros_domain):
+    """Also on loopback, and with characters that an address has to write otherwise."""
+    with steering(token="a b&c/+") as node:
+        address = address_of(node)
+        assert address.endswith("/?token=a%20b%26c%2F%2B")
+        assert _status(address, "/")[0] == 403
+        assert _status(address, "/?token=a%20b%26c%2F%2B")[0] == 200
+
+
+def test_a_port_in_use_is_replaced(ros_domain):
+    """It says so and takes another one."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with steering(port=port) as node:
+            assert urlsplit(address_of(node)).port != port
+            assert f"port {port} is in use" in node.output
+
+
+@pytest.mark.parametrize(
+    "parameters, complaint",
+    [
+        ({"port": 70000}, "error: port:=70000 is no port: write a number from 1 to 65535"),
+        ({"host": "192.0.2.77"}, "error: host:=192.0.2.77 is no address of this computer"),
+        ({"host": "no such host"}, "error: host:=no such host is no address of this computer"),
+        ({"rate": 1.0}, "error: rate:=1: write Hz from 5 to 100"),
+        ({"max_linear": -1.0}, "error: max_linear:=-1: write a number from 0.0 on"),
+        ({"topic": "a//b"}, "error: topic:=a//b is no name of a topic"),
+        ({"topic": "''"}, "error: topic:= must not be empty"),
+    ],
+)
+def test_a_wrong_parameter_is_one_clear_error(ros_domain, parameters, complaint):
+    """One line and exit code 1."""
+    args = ros_args(open_browser="false", **parameters)
+    with NodeProcess(MODULE, *args, check=False) as node:
+        assert node.wait() == 1
+        assert complaint in node.output and "Traceback" not in node.output
+
+
+def test_a_killed_server_leaves_no_process_and_pages_notice(ros_domain):
+    """SIGKILL ends the connection at once."""
+    with NodeProcess(MODULE, *ros_args(port=0, open_browser="false"), check=False) as node:
+        with PageClient(address_of(node)) as page:
+            node.process.send_signal(signal.SIGKILL)
+            wait_for(lambda: page.closed, "the end of the connection")
+
+
+def test_several_robots_are_apart(peer):
+    """In a namespace, the relative topics are that robot's."""
+    args = [*ros_args(port=0, open_browser="false"), "-r", "__ns:=/left"]
+    with NodeProcess(MODULE, *args) as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page, f"/left{TOPIC}")
+        page.hold(0.3)
+        robot.reach(0.3)
+        page.let_go()
+        robot.come_to_rest()

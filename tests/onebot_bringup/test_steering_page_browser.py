@@ -1,0 +1,552 @@
+"""The steering page in a real browser, steering over real DDS."""
+
+import functools
+import http.server
+import math
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from selenium.webdriver.common.keys import Keys
+from std_msgs.msg import String
+
+from onebot_control.frames import yaw_of
+from onebot_description.ament import package_share
+from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.steering_browser_support import Page, steering
+from tests.support import wait_for
+from tests.support_browser import browser, hosts_reached
+from tests.support_rendering import colored, pixels
+
+ONEBOT = package_share("onebot_description") / "urdf" / "onebot.urdf.xacro"
+TOPIC = "/velocity_controller/cmd_vel"
+STILL = Twist()
+LIMITS = {"max_linear": 0.5, "max_angular": 1.0}
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """One browser for all tests; each opens its own node's page."""
+    with browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield Page(driver)
+
+
+@pytest.fixture
+def page(chromium: Page) -> Iterator[Page]:
+    yield chromium
+    chromium.let_go()
+    for command in ("clearDeviceMetricsOverride", "setTouchEmulationEnabled"):
+        extra = {"enabled": False} if command.startswith("setTouch") else {}
+        chromium.devtools(f"Emulation.{command}", **extra)
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator[Peer]:
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+def pair(twist: Twist) -> tuple[float, float]:
+    return twist.linear.x, twist.angular.z
+
+
+def wait_to_move(heard: list[Twist]) -> Twist:
+    """The first command that moves the robot, of those that are yet to come."""
+    begin = len(heard)
+    return wait_for(lambda: next((m for m in heard[begin:] if m != STILL), None), "a command")
+
+
+def wait_to_stop(page: Page, heard: list[Twist]) -> None:
+    """Wait for the command of zero, and see that it is the last one and repeated."""
+    wait_for(lambda: heard[-3:] == 3 * [STILL], "the stop")
+    count = len(heard)
+    page.wait_for_states(5)
+    assert heard[count:] == [STILL] * len(heard[count:]) and len(heard) <= count + 2
+
+
+def test_it_loads_from_its_own_port_only(peer: Peer, page: Page) -> None:
+    """Offline: nothing is asked of anybody else, and the browser finds nothing to complain of."""
+    with steering() as node:
+        page.driver.get("about:blank")
+        page.driver.get_log("performance")
+        page.driver.get(node.address)
+        wait_for(lambda: page.connected, "the page to connect")
+        wait_for(lambda: page.text("#driver") == "Nobody drives", "the state")
+        assert "No view of the robot yet" in page.text("#view")
+        assert hosts_reached(page.driver) == {"127.0.0.1"}
+        resources = page.driver.execute_script(
+            "return performance.getEntriesByType('resource').map((entry) => entry.name)"
+        )
+        assert len(resources) > 9
+        assert all(name.startswith(f"http://127.0.0.1:{node.port}/static/") for name in resources)
+        assert page.driver.get_log("browser") == []
+
+
+def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
+    peer: Peer, page: Page, tmp_path: Path
+) -> None:
+    """Rerun's page on this page's own address, and nothing else; the keys still drive."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    (tmp_path / "view.yaml").write_text(VIEW)
+    viewer = ros_args(grpc_port=0, web_port=0, open_browser="false", view=tmp_path / "view.yaml")
+    with (
+        NodeProcess("onebot_bringup.rerun_viewer", *viewer) as shown,
+        steering(**LIMITS) as node,
+    ):
+        peer.publisher(String, "robot_description", LATCHED).publish(String(data=ARM))
+        wait_for(lambda: 'showing "arm"' in shown.output, "the robot")
+        page.driver.get_log("performance")
+        page.driver.get(node.address)
+        # Software WebGL takes some 20 s to the first picture on two cores.
+        wait_for(
+            lambda: colored(pixels(page.driver.get_screenshot_as_png()), BLUE).sum() > 1000,
+            "the robot in the picture",
+            timeout=240.0,
+        )
+        assert hosts_reached(page.driver) == {"127.0.0.1"}
+        assert _ports_of_the_view(page) == {node.port}
+        page.act().key_down("w").perform()
+        wait_to_move(heard)
+        page.act().key_up("w").perform()
+        wait_for(lambda: heard[-1] == STILL, "the stop")
+        page.driver.get("about:blank")  # software WebGL keeps the machine busy
+
+
+def _ports_of_the_view(page: Page) -> set[int | None]:
+    """On this host, of all that the frame has asked for."""
+    asked = page.driver.execute_script(
+        "const inside = document.querySelector('iframe').contentWindow;"
+        "return inside.performance.getEntriesByType('resource').map((entry) => entry.name)"
+    )
+    addresses = [urlsplit(address) for address in asked]
+    return {address.port for address in addresses if address.hostname == "127.0.0.1"}
+
+
+def test_the_joystick_drives_to_where_the_arc_says(peer: Peer, page: Page, tmp_path: Path) -> None:
+    """Held with the mouse, it drives OneBot's controller along the circle of its command."""
+    told = peer.hear(Twist, TOPIC, 1000)
+    limited = peer.hear(TwistStamped, "/velocity_controller/cmd_vel_out", 1000)
+    truth = peer.hear(Odometry, "/velocity_controller/ground_truth", 1000)
+    with (
+        NodeProcess("onebot_control.velocity_controller", str(ONEBOT)),
+        steering(**LIMITS) as node,
+    ):
+        page.open(node.address)
+        wait_for(lambda: page.text("#topic output") == "Twist, 2 listeners", "the controller")
+        page.hold_pad(right=-0.6, up=0.7)
+        wait_for(lambda: _steady(limited) and _steady(limited)[-1] > 2.0, "2 s of driving")
+        assert page.body("driver") == "you" and page.text("#driver") == "You drive"
+        assert page.body("hand") == "joystick"
+        linear, angular = pair(told[-1])
+        # Without the dead zone of 6 % on each axis; a pixel is 1 % of the radius.
+        assert linear == pytest.approx(0.5 * (0.7 - 0.06) / 0.94, abs=0.015)
+        assert angular == pytest.approx(1.0 * (0.6 - 0.06) / 0.94, abs=0.03)
+        assert page.number("linear-command") == pytest.approx(linear, abs=0.006)
+        wait_for(lambda: abs(page.number("linear-measured") - linear) < 0.02, "the odometry")
+        page.let_go()
+        wait_to_stop(page, told)
+        wait_for(lambda: abs(truth[-1].twist.twist.linear.x) < 1e-4, "rest")
+        _check_arc(limited, truth, linear, angular)
+        wait_for(lambda: abs(page.number("x") - truth[-1].pose.pose.position.x) < 0.01, "x")
+        wait_for(lambda: abs(page.number("yaw") - yaw(truth[-1])) < 0.01, "the heading")
+
+
+def seconds(message: Any) -> float:
+    return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
+
+
+def yaw(message: Odometry) -> float:
+    turn = message.pose.pose.orientation
+    return float(yaw_of(turn.x, turn.y, turn.z, turn.w))
+
+
+def _steady(limited: list[TwistStamped]) -> tuple[float, float, float]:
+    """The longest stretch of one moving command: its begin, end and length in s."""
+    best, begin = (0.0, 0.0, 0.0), None
+    for message in list(limited):
+        if message.twist == STILL or (begin and message.twist != begin.twist):
+            begin = None if message.twist == STILL else message
+            continue
+        begin = begin or message
+        length = seconds(message) - seconds(begin)
+        if length > best[2]:
+            best = (seconds(begin), seconds(message), length)
+    return best
+
+
+def _check_arc(
+    limited: list[TwistStamped], truth: list[Odometry], linear: float, angular: float
+) -> None:
+    """While the command stood, the robot went along its circle, as far as it turned.
+
+    Not by the clock: a busy machine leaves out control cycles, and the robot goes less far.
+    """
+    begin, end, _ = _steady(limited)
+    # The wheels take a moment to come up to the speed that they are told.
+    on_arc = [m for m in truth if begin + 0.3 <= seconds(m) <= end]
+    first, last = on_arc[0], on_arc[-1]
+    heading, turned = yaw(first), math.remainder(yaw(last) - yaw(first), math.tau)
+    assert 0.5 < turned < 2.0
+    radius = linear / angular
+    ahead, left = radius * math.sin(turned), radius * (1 - math.cos(turned))
+    expected = (
+        ahead * math.cos(heading) - left * math.sin(heading),
+        ahead * math.sin(heading) + left * math.cos(heading),
+    )
+    went = (
+        last.pose.pose.position.x - first.pose.pose.position.x,
+        last.pose.pose.position.y - first.pose.pose.position.y,
+    )
+    assert went == pytest.approx(expected, abs=0.01 * radius * turned)
+
+
+def test_letting_go_stops_at_once(peer: Peer, page: Page) -> None:
+    """The page says so itself, with its next word: nothing waits for a timeout."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        page.hold_pad(0.0, 1.5)
+        assert pair(wait_to_move(heard)) == (0.5, 0.0)
+        page.let_go()
+        wait_to_stop(page, heard)
+        words = [message["type"] for message in page.sent()]
+        assert words.count("release") == 1 and words[-1] == "release"
+        numbers = [message["seq"] for message in page.sent() if message["type"] == "drive"]
+        assert numbers == list(range(1, len(numbers) + 1))
+        assert page.body("driver") == "nobody"
+
+
+def test_a_pad_held_beyond_the_window_goes_on_and_then_stops(peer: Peer, page: Page) -> None:
+    """The pointer is the pad's until it is let go, over the view and outside too."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        page.hold_pad(0.0, 0.5)
+        wait_to_move(heard)
+        page.drag(-600, 0)
+        wait_for(lambda: heard[-1].angular.z > 0.8, "the pad, dragged over the view")
+        page.let_go()
+        wait_to_stop(page, heard)
+
+
+@pytest.mark.parametrize("leave", ["close", "reload", "blur", "hide"])
+def test_leaving_the_page_stops(peer: Peer, page: Page, leave: str) -> None:
+    """The tab closed, left or loaded anew, or the window without focus, while the pad is held."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        first = page.driver.current_window_handle
+        page.driver.switch_to.new_window("tab")
+        page.open(node.address)
+        page.hold_pad(0.0, 0.5)
+        wait_to_move(heard)
+        if leave == "close":
+            page.driver.close()
+        elif leave == "reload":
+            page.driver.refresh()
+        elif leave == "blur":
+            # A window of another program in front: the page hears just this.
+            page.driver.execute_script("window.dispatchEvent(new Event('blur'))")
+        else:
+            page.driver.switch_to.window(first)
+        wait_for(lambda: heard[-1] == STILL, "the stop")
+        if leave in ("blur", "hide"):
+            wait_for(lambda: page.sent()[-1]["type"] == "release", "the page to let go")
+        for handle in page.driver.window_handles:
+            if handle != first:
+                page.driver.switch_to.window(handle)
+                page.driver.close()
+        page.driver.switch_to.window(first)
+        assert heard[-1] == STILL
+
+
+def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
+    peer: Peer, page: Page
+) -> None:
+    """By the controller's timeout; the page says it is lost, connects anew, and does not drive."""
+    speeds = peer.hear(Odometry, "/velocity_controller/odom", 1000)
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
+        with steering(check=False, **LIMITS) as node:
+            page.open(node.address)
+            wait_for(lambda: page.text("#topic output") == "Twist, 2 listeners", "the controller")
+            page.hold_pad(0.0, 0.5)
+            wait_for(lambda: speeds and speeds[-1].twist.twist.linear.x > 0.1, "driving")
+            node.node.process.send_signal(signal.SIGKILL)
+            wait_for(lambda: abs(speeds[-1].twist.twist.linear.x) < 1e-4, "the robot to stop")
+            assert heard[-1] != STILL, "it was not the server that stopped it"
+            wait_for(lambda: page.body("connection") == "down", "the page to notice")
+            assert page.text("#connection") == "Connection lost"
+            assert "stops by itself" in page.text("#message")
+            assert not page.find("#linear button").is_enabled()
+            assert not page.find("#topic-name").is_enabled()
+            port = node.port
+        with steering(port=port, **LIMITS) as node:
+            assert node.port == port
+            wait_for(lambda: page.connected, "the page to connect anew")
+            page.drag(3, 3)  # the button is still down
+            page.wait_for_states(5)
+            assert page.text("#driver") == "Nobody drives" and page.text("#message") == ""
+            assert abs(speeds[-1].twist.twist.linear.x) < 1e-4
+            page.let_go()
+            page.hold_pad(0.0, 0.5)
+            wait_for(lambda: speeds[-1].twist.twist.linear.x > 0.1, "driving again")
+            page.let_go()
+
+
+def test_arrows_and_letters_drive_while_they_are_down(peer: Peer, page: Page) -> None:
+    """Together too, at half speed with Shift; not what is typed into a field."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        for keys, wanted in {
+            (Keys.ARROW_UP,): (0.5, 0.0),
+            (Keys.ARROW_DOWN, Keys.ARROW_LEFT): (-0.5, 1.0),
+            ("w", "d"): (0.5, -1.0),
+            ("s",): (-0.5, 0.0),
+            (Keys.SHIFT, Keys.ARROW_RIGHT): (0.0, -0.5),
+        }.items():
+            for key in keys:
+                page.act().key_down(key).perform()
+            wait_for(lambda wanted=wanted: heard and pair(heard[-1]) == wanted, f"{keys}")
+            assert page.body("hand") == "keyboard"
+            for key in reversed(keys):
+                page.act().key_up(key).perform()
+            wait_to_stop(page, heard)
+        begin = len(heard)
+        page.find("#topic-name").click()
+        page.act().send_keys("wasd", Keys.ARROW_UP).perform()
+        page.wait_for_states(3)
+        assert len(heard) == begin
+
+
+def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer: Peer, page: Page) -> None:
+    """Wherever the focus is; what is held has to be let go first."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        page.driver.execute_script("document.querySelector('#linear button').focus()")
+        page.act().key_down("w").perform()
+        wait_to_move(heard)
+        page.act().send_keys(" ").perform()
+        wait_to_stop(page, heard)
+        assert "stop" in [message["type"] for message in page.sent()]
+        page.act().key_up("w").key_down("w").perform()
+        wait_to_move(heard)
+        page.find("#stop").click()
+        wait_to_stop(page, heard)
+        page.act().key_up("w").perform()
+
+
+def test_the_sliders_drive_while_held_and_spring_back(peer: Peer, page: Page) -> None:
+    """By their thumbs and by their buttons, which go on in steps."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        linear, angular = page.find("#linear input"), page.find("#angular input")
+        up = -linear.size["height"]  # beyond its end
+        page.hold("#linear input", 0, up)
+        wait_for(lambda: heard and pair(heard[-1]) == (0.5, 0.0), "full speed ahead")
+        assert page.body("hand") == "sliders"
+        page.let_go()
+        wait_to_stop(page, heard)
+        right = angular.size["width"]
+        page.hold("#angular input", right, 0)
+        wait_for(lambda: pair(heard[-1]) == (0.0, -1.0), "a turn to the right")
+        page.let_go()
+        wait_to_stop(page, heard)
+        assert float(linear.get_property("value")) == float(angular.get_property("value")) == 0.0
+        page.hold("#angular [name=plus]", 0, 0)
+        first = wait_to_move(heard)
+        assert 0.0 < first.angular.z < 1.0
+        wait_for(lambda: pair(heard[-1]) == (0.0, 1.0), "its limit")
+        page.let_go()
+        wait_to_stop(page, heard)
+
+
+def test_limits_are_edited_by_the_user(peer: Peer, page: Page) -> None:
+    """They count for the next command; what is no limit is put back."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        assert page.find("#linear-limit").get_property("value") == "0.5"
+        page.enter("#linear-limit", "0.2")
+        page.enter("#angular-limit", "-3")
+        wait_for(lambda: page.find("#angular-limit").get_property("value") == "1", "the old one")
+        assert not [m for m in page.sent() if m["type"] == "limits" and m["angular"] != 1.0]
+        page.act().key_down("w").perform()
+        wait_for(lambda: heard and pair(heard[-1]) == (0.2, 0.0), "the new limit")
+        page.act().key_up("w").perform()
+        wait_to_stop(page, heard)
+
+
+def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
+    """The topics around are offered; a name that is none is refused with a sentence."""
+    heard = peer.hear(TwistStamped, "/other/cmd_vel", 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        offered = "return [...document.querySelectorAll('datalist option')].map((o) => o.value)"
+        wait_for(
+            lambda: "/other/cmd_vel" in page.driver.execute_script(offered), "the topic's offer"
+        )
+        assert page.text("#topic output") == "Twist, nobody listens"
+        page.enter("#topic-name", "not-a-topic")
+        wait_for(lambda: "name of a ROS topic" in page.text("#message"), "the error")
+        assert page.find("#topic-name").get_property("value") == TOPIC
+        page.enter("#topic-name", "/other/cmd_vel")
+        wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 listener", "its type")
+        page.act().key_down("w").perform()
+        wait_for(lambda: heard and pair(heard[-1].twist) == (0.5, 0.0), "a stamped command")
+        page.act().key_up("w").perform()
+        wait_for(lambda: heard[-1].twist == STILL, "the stop")
+
+
+def test_a_finger_drives(peer: Peer, page: Page) -> None:
+    """On a phone; a touch that the system takes away stops the robot."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+        page.devtools(
+            "Emulation.setDeviceMetricsOverride",
+            width=390, height=844, deviceScaleFactor=2, mobile=True,
+        )  # fmt: skip
+        page.open(node.address)
+        assert page.driver.execute_script("return document.documentElement.scrollWidth") == 390
+        for end in ("touchEnd", "touchCancel"):
+            _touch(page, "touchStart", 0)
+            _touch(page, "touchMove", 300)
+            wait_for(lambda: heard and pair(heard[-1]) == (0.5, 0.0), "full speed ahead")
+            page.devtools("Input.dispatchTouchEvent", type=end, touchPoints=[])
+            wait_to_stop(page, heard)
+
+
+def _touch(page: Page, kind: str, up: int) -> None:
+    box = page.find("#pad").rect
+    point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2 - up}
+    page.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=[point])
+
+
+# What a browser gives of a gamepad, whose hardware no test has.
+GAMEPAD = """
+window.stick = { x: 0, y: 0, there: true, stop: false };
+navigator.getGamepads = () => window.stick.there ? [{
+  index: 0, id: "pad", connected: true, mapping: "standard", timestamp: performance.now(),
+  axes: [window.stick.x, window.stick.y, 0, 0],
+  buttons: [{ pressed: false }, { pressed: window.stick.stop }],
+}] : [null];
+"""
+
+
+def test_a_gamepad_drives(peer: Peer, page: Page) -> None:
+    """Beyond its dead zone; unplugged, or stopped by its button, it stops the robot."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    hook = page.devtools("Page.addScriptToEvaluateOnNewDocument", source=GAMEPAD)
+    try:
+        with steering(**LIMITS) as node:
+            page.open(node.address)
+            _stick(page, y=0.1)
+            page.wait_for_states(3)
+            assert not heard
+            _stick(page, y=-1.0)
+            wait_for(lambda: heard and pair(heard[-1]) == (0.5, 0.0), "full speed ahead")
+            assert page.body("hand") == "gamepad"
+            _stick(page, y=-1.0, stop="true")
+            wait_to_stop(page, heard)
+            _stick(page, y=-1.0)
+            page.wait_for_states(3)
+            assert heard[-1] == STILL, "it goes on by itself"
+            _stick(page)
+            page.wait_for_states(3)
+            _stick(page, x=-1.0)
+            wait_for(lambda: pair(heard[-1]) == (0.0, 1.0), "a turn to the left")
+            _stick(page, x=-1.0, there="false")
+            wait_to_stop(page, heard)
+    finally:
+        page.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
+
+
+def _stick(
+    page: Page, x: float = 0.0, y: float = 0.0, there: str = "true", stop: str = "false"
+) -> None:
+    page.driver.execute_script(f"window.stick = {{ x: {x}, y: {y}, there: {there}, stop: {stop} }}")
+
+
+def test_the_last_page_to_take_hold_drives_and_the_other_sees_so(
+    peer: Peer, page: Page, tmp_path: Path
+) -> None:
+    """The one that lost the wheel goes on only after letting go; its stop button works always."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node, browser(tmp_path / "second") as driver:
+        page.open(node.address)
+        other = Page(driver).open(node.address)
+        page.hold_pad(0.0, 1.5)
+        wait_for(lambda: other.text("#driver") == "Another page drives · 2 pages open", "the word")
+        other.hold_pad(0.0, -1.5)
+        wait_for(lambda: heard and pair(heard[-1]) == (-0.5, 0.0), "the second page's command")
+        wait_for(lambda: page.text("#driver").startswith("Another page drives"), "its word")
+        assert page.body("hand") == "" and other.body("driver") == "you"
+        page.drag(0, 5)  # still held, and no longer heard
+        page.wait_for_states(5)
+        assert pair(heard[-1]) == (-0.5, 0.0)
+        page.let_go()
+        page.find("#stop").click()
+        wait_to_stop(page, heard)
+        wait_for(lambda: other.body("hand") == "", "the second page to let go")
+        other.let_go()
+
+
+def test_without_the_token_there_is_no_page(peer: Peer, page: Page) -> None:
+    """A wrong one is refused with a sentence; the right one is remembered by the browser."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(token="open-sesame", **LIMITS) as node:
+        bare = f"http://127.0.0.1:{node.port}/"
+        for address in (bare, f"{bare}?token=open-barley"):
+            page.driver.get(address)
+            assert "token" in page.text("body")
+            assert page.driver.execute_script("return document.querySelector('#pad')") is None
+        assert node.address.endswith("/?token=open-sesame")
+        page.open(node.address)
+        page.open(bare)
+        page.act().key_down("w").perform()
+        wait_to_move(heard)
+        page.act().key_up("w").perform()
+        wait_to_stop(page, heard)
+
+
+FOREIGN = """<!doctype html><title>waiting</title><script>
+const socket = new WebSocket("ws://127.0.0.1:PORT/ws");
+const drive = '{"type": "drive", "seq": 1, "linear": 0.5, "angular": 0}';
+socket.onopen = () => { socket.send(drive); document.title = "open"; };
+socket.onerror = () => { document.title = "refused"; };
+</script>"""
+
+
+def test_a_foreign_page_is_refused(peer: Peer, page: Page, tmp_path: Path) -> None:
+    """Whatever else the user has open in this browser cannot steer, though it has the cookie."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        (tmp_path / "index.html").write_text(FOREIGN.replace("PORT", str(node.port)))
+        handler = functools.partial(Quiet, directory=str(tmp_path))
+        with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            for name in ("127.0.0.1", "localhost"):
+                page.driver.get(f"http://{name}:{server.server_port}/")
+                wait_for(lambda: page.driver.title == "refused", "the refusal")
+            server.shutdown()
+        page.open(node.address)
+        page.wait_for_states(2)
+        assert heard == []
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """A server of files that says nothing."""
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""

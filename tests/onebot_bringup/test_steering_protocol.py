@@ -1,0 +1,115 @@
+"""What pages may say to the steering server."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_bringup.steering.protocol import (
+    ChooseTopic,
+    Drive,
+    ProtocolError,
+    Release,
+    SetLimits,
+    Stop,
+    Velocity,
+    parse,
+    state_text,
+)
+
+
+@pytest.mark.parametrize(
+    "text, meant",
+    [
+        ('{"type":"drive","seq":0,"linear":0.5,"angular":-1}', Drive(Velocity(0.5, -1.0))),
+        ('{"type":"release"}', Release()),
+        ('{"type":"stop"}', Stop()),
+        ('{"type":"topic","topic":"/robot_1/cmd_vel"}', ChooseTopic("/robot_1/cmd_vel")),
+        ('{"type":"limits","linear":1,"angular":2e-1}', SetLimits(Velocity(1.0, 0.2))),
+    ],
+)
+def test_each_message_is_understood(text, meant):
+    """The five messages of the protocol mean what they say."""
+    assert parse(text) == meant
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "hello",
+        "[]",
+        "5",
+        "null",
+        "{}",
+        '{"type":"fly"}',
+        '{"type":["drive"]}',
+        '{"type":"stop","now":true}',
+        '{"type":"drive","linear":1,"angular":0}',
+        '{"type":"drive","seq":1,"linear":1,"angular":0,"z":1}',
+        '{"type":"drive","seq":1,"linear":NaN,"angular":0}',
+        '{"type":"drive","seq":1,"linear":1,"angular":-Infinity}',
+        '{"type":"drive","seq":1,"linear":1e999,"angular":0}',
+        '{"type":"drive","seq":1,"linear":1' + "0" * 400 + ',"angular":0}',
+        '{"type":"drive","seq":1,"linear":"1","angular":0}',
+        '{"type":"drive","seq":1,"linear":true,"angular":0}',
+        '{"type":"drive","seq":1,"linear":null,"angular":0}',
+        '{"type":"drive","seq":1,"linear":1,"linear":2,"angular":0}',
+        '{"type":"drive","seq":-1,"linear":1,"angular":0}',
+        '{"type":"drive","seq":0.5,"linear":1,"angular":0}',
+        '{"type":"drive","seq":true,"linear":1,"angular":0}',
+        '{"type":"limits","linear":0,"angular":1}',
+        '{"type":"limits","linear":1,"angular":-1}',
+        '{"type":"topic","topic":""}',
+        '{"type":"topic","topic":"/a//b"}',
+        '{"type":"topic","topic":"/1a"}',
+        '{"type":"topic","topic":"/a\\n"}',
+        '{"type":"topic","topic":"/' + "a" * 300 + '"}',
+        '{"type":"topic","topic":7}',
+        '{"type":"release"}' + " " * 2000,
+        "[" * 1000,
+        '{"type":"release"}{"type":"stop"}',
+    ],
+)
+def test_anything_else_is_refused(text):
+    """It gives a ProtocolError in plain words, and nothing else."""
+    with pytest.raises(ProtocolError) as caught:
+        parse(text)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 200
+
+
+_json = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=8,
+)
+_names = st.sampled_from(["type", "seq", "linear", "angular", "topic", "x"])
+_kinds = st.sampled_from(["drive", "release", "stop", "topic", "limits"])
+
+
+@given(st.text() | _json.map(json.dumps) | st.dictionaries(_names, _json | _kinds).map(json.dumps))
+def test_whatever_comes_is_a_finite_command_or_refused(text):
+    """No text gets an exception other than ProtocolError, or a number that is not finite, past."""
+    try:
+        message = parse(text)
+    except ProtocolError:
+        return
+    if isinstance(message, Drive):
+        assert math.isfinite(message.velocity.linear) and math.isfinite(message.velocity.angular)
+
+
+@given(*[st.floats(allow_nan=False) for _ in range(2)], st.floats(0, 5), st.floats(0, 5))
+def test_a_clamped_command_is_within_the_limits(linear, angular, most, turn):
+    """And it is the command itself, where that is within them."""
+    clamped = Velocity(linear, angular).clamped(Velocity(most, turn))
+    assert abs(clamped.linear) <= most and abs(clamped.angular) <= turn
+    if abs(linear) <= most and abs(angular) <= turn:
+        assert clamped == Velocity(linear, angular)
+
+
+def test_the_state_is_json_that_browsers_take():
+    """A NaN would not be: it is an error here, not a page that stands still."""
+    with pytest.raises(ValueError):
+        state_text({"odometry": {"x": math.nan}})

@@ -1,0 +1,213 @@
+"""The steering page follows what is on the ROS graph: types, topics, limits, odometry, views."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+
+from tests.onebot_bringup.steering_support import (
+    TOPIC,
+    Commands,
+    PageClient,
+    address_of,
+    steering,
+)
+from tests.ros_support import LATCHED, Peer
+from tests.support import wait_for
+
+STAMPED = "geometry_msgs/msg/TwistStamped"
+LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator[Peer]:
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+def _waited(page: PageClient, key: str, value: Any) -> None:
+    wait_for(lambda: page.state[key] == value, f"{key} to be {value}; it is {page.state[key]}")
+
+
+def test_a_robot_that_takes_stamped_commands_gets_them(peer):
+    """The type is the listeners'; the stamp is now."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        robot = Commands(peer, page, kind=TwistStamped)
+        _waited(page, "topic_type", STAMPED)
+        page.hold(0.3)
+        robot.reach(0.3)
+        stamp = robot.heard[-1].header.stamp
+        now = peer.node.get_clock().now().nanoseconds * 1e-9
+        assert abs(now - (stamp.sec + stamp.nanosec * 1e-9)) < 60.0
+        page.let_go()
+        robot.come_to_rest()
+
+
+def test_the_type_is_followed_live(peer, ros_domain):
+    """A robot that comes back with the other type is driven again."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        first: list[Any] = []
+        subscription = peer.node.create_subscription(Twist, TOPIC, first.append, 10)
+        _waited(page, "listeners", 1)
+        page.hold(0.3)
+        wait_for(lambda: first, "a Twist")
+        page.let_go()
+        peer.node.destroy_subscription(subscription)
+        _waited(page, "listeners", 0)
+    with steering() as node, PageClient(address_of(node)) as page:
+        wait_for(lambda: not peer.node.get_publishers_info_by_topic(TOPIC), "the node to be gone")
+        with Peer(ros_domain, "rerun_viewer") as viewer:
+            # A viewer that hears Twist is no robot: it must not hold the type.
+            viewer.hear(Twist, TOPIC, LATEST)
+            page.hold(0.3)
+            wait_for(lambda: peer.node.count_publishers(TOPIC), "a publisher")
+            page.let_go()
+        robot = Commands(peer, page, kind=TwistStamped)
+        _waited(page, "topic_type", STAMPED)
+        page.hold(0.2)
+        robot.reach(0.2)
+
+
+def test_another_topic_is_steered_after_the_old_robot_was_stopped(peer):
+    """The old one gets zeros, the new one nothing before somebody takes hold anew."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        first = Commands(peer, page)
+        second = peer.hear(TwistStamped, "/other/cmd_vel")
+        wait_for(
+            lambda: {TOPIC, "/other/cmd_vel"} <= set(page.state["topics"]), "both topics offered"
+        )
+        page.hold(0.3)
+        first.reach(0.3)
+        page.send("topic", topic="/other/cmd_vel")
+        _waited(page, "topic", "/other/cmd_vel")
+        _waited(page, "topic_type", STAMPED)
+        first.come_to_rest()
+        assert page.state["driver"] is None and second == []
+        page.let_go()
+        page.hold(0.1)
+        wait_for(lambda: second, "commands on the new topic")
+        assert {message.twist.linear.x for message in second} == {0.1}
+        count = len(first.heard)
+        page.send("topic", topic="/nobody/here")
+        _waited(page, "topic", "/nobody/here")
+        assert page.state["listeners"] == 0
+        wait_for(lambda: second[-1].twist.linear.x == 0.0, "the second robot to be stopped")
+        assert len(first.heard) == count
+
+
+def test_topics_with_a_listener_are_offered_first(peer):
+    """And none of another type."""
+    peer.node.create_publisher(Twist, "/a_source", 10)
+    peer.hear(Twist, "/z_robot")
+    peer.hear(String, "/not_a_command")
+    with steering() as node, PageClient(address_of(node)) as page:
+        _waited(page, "topics", ["/z_robot", "/a_source"])
+
+
+def test_the_limits_are_the_controllers(peer):
+    """As its parameters say; a page may set others, for all pages; without any, the usual ones."""
+    peer.node.declare_parameter("linear.x.max_velocity", 0.4)
+    peer.node.declare_parameter("angular.z.max_velocity", math.nan)
+    with (
+        steering() as node,
+        PageClient(address_of(node)) as page,
+        PageClient(address_of(node)) as other,
+    ):
+        _waited(page, "limits", {"linear": 1.0, "angular": 2.0})
+        robot = Commands(peer, page)
+        _waited(page, "limits", {"linear": 0.4, "angular": 2.0})
+        page.hold(5.0)
+        robot.reach(0.4)
+        page.send("limits", linear=0.2, angular=0.5)
+        _waited(other, "limits", {"linear": 0.2, "angular": 0.5})
+        robot.reach(0.2)
+
+
+def test_given_limits_are_the_most_that_pages_can_set(peer):
+    """max_linear and max_angular are the operator's word."""
+    with (
+        steering(max_linear=0.5, max_angular=0.7) as node,
+        PageClient(address_of(node)) as page,
+    ):
+        _waited(page, "limits", {"linear": 0.5, "angular": 0.7})
+        page.send("limits", linear=9.0, angular=0.1)
+        _waited(page, "limits", {"linear": 0.5, "angular": 0.1})
+
+
+def _odometry(x: float, yaw: float) -> Odometry:
+    message = Odometry()
+    message.pose.pose.position.x = x
+    message.pose.pose.orientation.z = math.sin(yaw / 2)
+    message.pose.pose.orientation.w = math.cos(yaw / 2)
+    message.twist.twist.linear.x, message.twist.twist.angular.z = 0.3, -0.2
+    return message
+
+
+def _shown(page: PageClient, publisher: Any, message: Odometry) -> dict[str, Any]:
+    """Publish until the page shows some: the first ones may come before the reader is ready."""
+
+    def condition() -> Any:
+        publisher.publish(message)
+        return page.state["odometry"]
+
+    found = wait_for(condition, "odometry on the page")
+    assert isinstance(found, dict)
+    return found
+
+
+def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
+    """The sibling of its topic, whatever else there is; with its age."""
+    other = peer.node.create_publisher(Odometry, "/elsewhere", 10)
+    with steering() as node, PageClient(address_of(node)) as page:
+        assert page.state["odometry"] is None
+        wait_for(lambda: other.get_subscription_count(), "the only odometry there is to be heard")
+        own = peer.publisher(Odometry, "/velocity_controller/odom")
+        wait_for(lambda: not other.get_subscription_count(), "the other one to be left")
+        shown = _shown(page, own, _odometry(1.5, 2.0))
+        assert shown["topic"] == "/velocity_controller/odom"
+        assert (shown["x"], shown["y"], shown["yaw"]) == pytest.approx((1.5, 0.0, 2.0), abs=1e-6)
+        assert (shown["linear"], shown["angular"]) == (0.3, -0.2)
+        wait_for(lambda: page.state["odometry"]["age"] > 0.5, "it to grow old")
+        own.publish(_odometry(math.nan, 0.0))
+        wait_for(lambda: page.state["odometry"] is None, "an impossible pose not to be shown")
+        assert _shown(page, own, _odometry(1.0, 0.0))["x"] == 1.0
+
+
+def test_odometry_can_be_named(peer):
+    """odom_topic goes before what would be found."""
+    peer.node.create_publisher(Odometry, "/velocity_controller/odom", 10)
+    with steering(odom_topic="/mine") as node, PageClient(address_of(node)) as page:
+        shown = _shown(page, peer.publisher(Odometry, "/mine"), _odometry(2.0, 0.0))
+        assert (shown["topic"], shown["x"]) == ("/mine", 2.0)
+
+
+VIEW = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark"
+
+
+def test_the_view_comes_and_goes_with_the_viewer(peer):
+    """A new viewer gives the page another path, so that it loads the view anew."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        assert page.state["view"] is None
+        viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
+        viewer.publish(String(data=VIEW))
+        shown = wait_for(lambda: page.state["view"], "the view")
+        host = address_of(node).removeprefix("http://")
+        assert shown == f"/view/?url=rerun%2Bhttp://{host}/proxy&theme=dark&view=1"
+        peer.node.destroy_publisher(viewer)
+        wait_for(lambda: page.state["view"] is None, "the view to go")
+        peer.publisher(String, "/rerun_viewer/page", LATCHED).publish(String(data=VIEW))
+        _waited(page, "view", shown.replace("view=1", "view=2"))
+
+
+def test_a_view_elsewhere_is_not_shown(peer):
+    """Whoever is on the ROS graph must not make the server ask hosts in its network."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
+        viewer.publish(String(data=VIEW.replace("127.0.0.1", "192.0.2.7")))
+        wait_for(lambda: "names no page on this computer" in node.output, "a warning")
+        assert page.state["view"] is None

@@ -1,0 +1,147 @@
+"""The steering page in a real browser, before a real node: what tests do on it and read off it."""
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from selenium.webdriver import ActionChains, Chrome
+from selenium.webdriver.common.by import By
+from selenium.webdriver.remote.webelement import WebElement
+
+from tests.ros_support import NodeProcess, ros_args
+from tests.support import wait_for
+
+MODULE = "onebot_bringup.steering_page"
+PORT = re.compile(r"open (http://127\.0\.0\.1:(\d+)\S*)")
+
+
+@contextmanager
+def steering(check: bool = True, **parameters: object) -> Iterator["Steering"]:
+    """The node on a free port of its own; stopped with Ctrl-C at the end."""
+    chosen = {"port": 0, "open_browser": "false", **parameters}
+    with NodeProcess(MODULE, *ros_args(**chosen), check=check) as node:
+        yield Steering(node)
+
+
+class Steering:
+    """A running node and the address that it printed."""
+
+    def __init__(self, node: NodeProcess) -> None:
+        self.node = node
+        found = wait_for(lambda: PORT.search(node.output), "the page's address")
+        self.address, self.port = found[1], int(found[2])
+
+
+class Page:
+    """The page in a tab of ``driver``."""
+
+    def __init__(self, driver: Chrome) -> None:
+        self.driver = driver
+        self._frames: list[tuple[str, dict[str, Any]]] = []
+        self._mouse = (0.0, 0.0)
+
+    def open(self, address: str) -> "Page":
+        """Go there, and wait until the page is connected and knows the robot's state."""
+        self.driver.get(address)
+        self.frames()
+        self._frames.clear()
+        wait_for(lambda: self.connected, "the page to connect")
+        self.wait_for_states(1)
+        return self
+
+    @property
+    def connected(self) -> bool:
+        """It says that it is."""
+        return self.body("connection") == "up"
+
+    def body(self, name: str) -> str:
+        """A ``data-`` attribute of the body: connection, driver or hand."""
+        return str(self.driver.execute_script(f"return document.body.dataset.{name}"))
+
+    def text(self, selector: str) -> str:
+        """What an element says, whether it is in sight or not."""
+        return str(self.find(selector).get_property("textContent")).strip()
+
+    def number(self, shown: str) -> float:
+        """A number of the read-out; NaN where it shows none."""
+        words = self.text(f'[data-show="{shown}"]').replace("\N{MINUS SIGN}", "-")
+        return float("nan") if words == "\N{EN DASH}" else float(words)
+
+    def find(self, selector: str) -> WebElement:
+        """The element."""
+        return self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def act(self) -> ActionChains:
+        """Real key events, as the browser's own input would be."""
+        return ActionChains(self.driver, duration=50)
+
+    def hold(self, selector: str, right: float, down: float) -> None:
+        """Press the mouse on an element's middle and drag by pixels; it stays held."""
+        box = self.find(selector).rect
+        self._mouse = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        self._move_mouse("mouseMoved", buttons=0)
+        self._move_mouse("mousePressed")
+        self.drag(right, down)
+
+    def hold_pad(self, right: float, up: float) -> None:
+        """Press the pad's middle and drag, by shares of the thumb's way; it stays held."""
+        radius = self.find("#pad .back").size["width"] / 2
+        self.hold("#pad", right * radius, -up * radius)
+
+    def drag(self, right: float, down: float) -> None:
+        """Move the held mouse by pixels."""
+        self._mouse = (self._mouse[0] + right, self._mouse[1] + down)
+        self._move_mouse("mouseMoved")
+
+    def let_go(self) -> None:
+        """Release the mouse's button."""
+        self._move_mouse("mouseReleased", buttons=0)
+
+    def _move_mouse(self, kind: str, buttons: int = 1) -> None:
+        # ActionChains' next perform() takes away the capture of a pointer that the last one holds.
+        x, y = self._mouse
+        button = "left" if buttons or kind == "mouseReleased" else "none"
+        self.devtools(
+            "Input.dispatchMouseEvent",
+            type=kind, x=x, y=y, button=button, buttons=buttons, clickCount=1,
+        )  # fmt: skip
+
+    def enter(self, selector: str, words: str) -> None:
+        """Replace what a field holds, and press Enter."""
+        field = self.find(selector)
+        self.driver.execute_script("arguments[0].focus(); arguments[0].select()", field)
+        field.send_keys(f"{words}\n")
+
+    def devtools(self, command: str, **parameters: Any) -> Any:
+        """A command of Chromium's DevTools."""
+        return self.driver.execute_cdp_cmd(command, parameters)
+
+    # --- what went over the WebSocket -----------------------------------------------------------
+
+    def frames(self) -> list[tuple[str, dict[str, Any]]]:
+        """All messages since the page was opened: ("sent" or "received", message)."""
+        for entry in self.driver.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            kind = {
+                "Network.webSocketFrameSent": "sent",
+                "Network.webSocketFrameReceived": "received",
+            }.get(message["method"])
+            payload = message["params"].get("response", {}).get("payloadData", "")
+            if kind and payload.startswith("{"):
+                self._frames.append((kind, json.loads(payload)))
+        return self._frames
+
+    def sent(self) -> list[dict[str, Any]]:
+        """What the page said since it was opened."""
+        return [message for kind, message in self.frames() if kind == "sent"]
+
+    def wait_for_states(self, count: int) -> None:
+        """Wait until the server has told its state ``count`` times more."""
+
+        def told() -> int:
+            return sum(message["type"] == "state" for _, message in self.frames())
+
+        enough = told() + count
+        wait_for(lambda: told() >= enough, f"{count} more states")
