@@ -76,7 +76,9 @@ def _launch(
 ) -> int:
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         make = NodeFactory(Path(folder), values, description, for_xacro, ros_args)
-        nodes: list[Node] = [make.robot_state_publisher()]
+        # The recorder first, so that it misses as little of the others as can be.
+        nodes: list[Node] = [make.bag_recorder()] if values["record"] else []
+        nodes.append(make.robot_state_publisher())
         if values.get("sim") == "true":
             nodes.append(make.velocity_controller())
         elif values["joint_states"] == "true":
@@ -85,6 +87,8 @@ def _launch(
             nodes.append(make.description_watcher())
         if values["viewer"] != "none" or values["save"]:
             nodes.append(make.rerun_viewer())
+        if make.steered:
+            nodes.append(make.steering_page())
         summary = summary_text(description, values)
         return Launcher(
             nodes, name=robot.program, started_message=summary, temporary=[Path(folder)]
@@ -146,16 +150,25 @@ def _check_files(values: Mapping[str, str]) -> None:
     """Complain about files that do not exist before anything starts."""
     for name in ("joints", "view", "params_file"):
         path = Path(values.get(name, ""))
-        if values.get(name) and not path.is_file():
+        nothing = name == "view" and values[name] == "none"
+        if values.get(name) and not nothing and not path.is_file():
             there = [entry.name for entry in path.parent.glob("*.y*ml")]
             raise OneBotError(
                 f"{name}:={path}: no such file{did_you_mean(path.name, there, 'there')}"
             )
     if values["joints"]:
         _check_joints(Path(values["joints"]), values["namespace"].strip("/"))
-    folder = Path(values["save"]).absolute().parent
-    if values["save"] and not folder.is_dir():
-        raise OneBotError(f"save:={values['save']}: the folder {folder} does not exist")
+    _check_outputs(values)
+
+
+def _check_outputs(values: Mapping[str, str]) -> None:
+    """Complain about recordings that could not be written."""
+    for name in ("save", "record"):
+        path = Path(values[name]).absolute()
+        if values[name] and not path.parent.is_dir():
+            raise OneBotError(f"{name}:={values[name]}: the folder {path.parent} does not exist")
+    if values["record"] and Path(values["record"]).exists():
+        raise OneBotError(f"record:={values['record']} exists already: name a new folder")
 
 
 def _check_joints(file: Path, namespace: str) -> None:

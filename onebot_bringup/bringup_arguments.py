@@ -10,6 +10,9 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _NAMESPACE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _MAX_FREQUENCY = 1000.0  # Hz
+_MAX_PORT = 65535
+_LOOPBACK = "127.0.0.1"
+_OF_STEERING = ("host", "port", "token")
 
 
 def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
@@ -19,9 +22,10 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         Argument("joints", joints, "parameters of joint_state_publisher, a YAML file"),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         Argument("viewer", "web", "where to see it", ("web", "native", "none")),
-        Argument("view", view, "what the viewer shows and from where, a YAML file"),
+        Argument("view", view, "what is shown and from where, .yaml or .rbl; empty: the robot's"),
         Argument("fixed_frame", "", "the frame that stands still; empty: the viewer chooses"),
         Argument("save", "", "record what the viewer gets to this .rrd file"),
+        Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),
         switch("reload", True, "take up edits of the model while running"),
         Argument("namespace", "", "the namespace of all nodes"),
         Argument("frame_prefix", "", "prepended to every frame of the robot"),
@@ -43,6 +47,10 @@ def simulation_arguments(control: str) -> list[Argument]:
     """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
     return [
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints instead"),
+        switch("steer", False, "a page to steer it from, beside its view"),
+        Argument("host", _LOOPBACK, "where that page is served; 0.0.0.0: to other computers, too"),
+        Argument("port", "8080", "of that page; 0: any"),
+        Argument("token", "", "asked for in its address, if host is not this computer"),
         Argument("params_file", control, "parameters of the controller, a YAML file"),
         Argument("x", "0.0", "where it starts, metres in odom"),
         Argument("y", "0.0", "where it starts, metres in odom"),
@@ -64,6 +72,12 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
     for name in ("x", "y", "yaw"):
         _check_pose(name, values.get(name, "0"))
+    if "port" in values:
+        _check_number("port", values["port"], _MAX_PORT, whole=True)
+    if values.get("steer") == "false":
+        for name in _OF_STEERING:
+            if name in given:
+                raise UsageError(f"{name}:={given[name]} is the steering page's: add steer:=true")
     if values.get("rate"):
         _check_number("rate", values["rate"], _MAX_FREQUENCY, whole=True)
     if values["domain_id"]:

@@ -29,6 +29,11 @@ class NodeFactory:
     xacro_arguments: Mapping[str, str]
     ros_args: Sequence[str]
 
+    @property
+    def steered(self) -> bool:
+        """There is to be a page to steer from."""
+        return self.values.get("steer") == "true"
+
     def robot_state_publisher(self) -> Node:
         """Return the node that publishes the robot's transforms; nothing works without it."""
         parameters = {
@@ -69,9 +74,23 @@ class NodeFactory:
             "view": self.values["view"],
             "fixed_frame": self._fixed_frame(),
             "frame_prefix": self.values["frame_prefix"],
+            "open_browser": not self.steered,  # the steering page holds the view
         }
         module = "onebot_bringup.rerun_viewer"
         return self._node("rerun_viewer", module, parameters, on_exit="ignore")
+
+    def steering_page(self) -> Node:
+        """Return the page to steer from; it may crash without the robot's noticing."""
+        parameters: dict[str, object] = {name: self.values[name] for name in ("host", "token")}
+        parameters["port"] = int(self.values["port"])
+        module = "onebot_bringup.steering_page"
+        return self._node("steering_page", module, parameters, on_exit="restart")
+
+    def bag_recorder(self) -> Node:
+        """Return the recorder, whose end stops nothing else."""
+        parameters = {"folder": str(Path(self.values["record"]).absolute())}
+        module = "onebot_bringup.bag_recorder"
+        return self._node("bag_recorder", module, parameters, on_exit="ignore")
 
     def description_watcher(self) -> Node:
         """Return the node that takes up edits of the model; it only serves those who edit."""

@@ -63,12 +63,16 @@ def summary_text(description: Description, values: Mapping[str, str]) -> str:
     ]
     if values.get("sim") == "true":
         drive = f"{space}/velocity_controller/cmd_vel"
+        if values.get("steer") == "true":
+            lines.append("  steer    in the browser; steering_page prints its address")
         lines.append(f"  drive    onebot teleop, or a Twist on {drive}")
     elif values["joint_states"] == "true":
         lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
     else:
         lines.append(f"  joints   wait for {space}/joint_states")
     lines.append(f"  viewer   {_viewer_hint(values)}")
+    if values["record"]:
+        lines.append(f"  record   all topics to {values['record']}")
     lines.append("  Ctrl-C stops everything")
     return "\n".join(lines)
 

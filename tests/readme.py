@@ -15,7 +15,9 @@ from pathlib import Path
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 UP = "Ctrl-C stops everything"
-BRINGUP = re.compile(r"\b(mrm_bringup|onebot_bringup|onebot view)\b(?!.*(--help|--show-args))")
+BRINGUP = re.compile(
+    r"\b(mrm_bringup|onebot_bringup|onebot view|onebot replay)\b(?!.*(--help|--show-args))"
+)
 
 
 def blocks() -> list[str]:
@@ -61,7 +63,7 @@ def run_until_up(
                 output += piece or b""
                 sys.stdout.write((piece or b"").decode(errors="replace"))
                 sys.stdout.flush()
-            if not interrupted and _is_up(output):
+            if not interrupted and _is_up(command, output):
                 interrupted = True
                 os.killpg(process.pid, signal.SIGINT)
             if time.monotonic() > deadline:
@@ -70,8 +72,10 @@ def run_until_up(
     return process.wait(30), output.decode(errors="replace")
 
 
-def _is_up(output: bytes) -> bool:
+def _is_up(command: str, output: bytes) -> bool:
     text = output.decode(errors="replace")
+    if "onebot replay" in command:
+        return "open http://" in text
     shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)
     moving = "robot description taken up" in text or "driving robot" in text
     return UP in text and moving and shown

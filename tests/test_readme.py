@@ -11,13 +11,17 @@ import pytest
 
 from tests import readme
 from tests.support import wait_for
+from tests.support_rendering import require_renderer
 
 CHECKOUT = readme.README.parent
 TEXT = readme.README.read_text()
 BESIDE = re.compile(r"<!-- beside (.*?) -->\n```sh\n(.*?)```", re.DOTALL)
+IN_TURN = re.compile(r"<!-- in turn -->\n```sh\n(.*?)```", re.DOTALL)
 ALONE = [
     line
-    for block in re.findall(r"```sh\n(.*?)```", BESIDE.sub("", TEXT), re.DOTALL)[2:]
+    for block in re.findall(r"```sh\n(.*?)```", IN_TURN.sub("", BESIDE.sub("", TEXT)), re.DOTALL)[
+        2:
+    ]
     for line in block.splitlines()
 ]
 ENDLESS = re.compile(r"topic pub (?!.*(--once|--times))|topic hz")
@@ -35,9 +39,27 @@ def test_first_two_commands_are_what_ci_runs():
 @pytest.mark.parametrize("command", ALONE)
 def test_command(command, ros_domain, tmp_path):
     """It runs as written, in a folder with the checkout's files, and ends with exit code 0."""
+    if "snapshot" in command:
+        require_renderer()
+    _lay_out_checkout(tmp_path)
+    _run(command, tmp_path)
+
+
+@pytest.mark.parametrize("block", IN_TURN.findall(TEXT))
+def test_commands_in_turn(block, ros_domain, tmp_path):
+    """Each finds what the one before has left."""
+    _lay_out_checkout(tmp_path)
+    for command in block.splitlines():
+        _run(command, tmp_path)
+
+
+def _lay_out_checkout(folder):
     for entry in CHECKOUT.iterdir():
         if not entry.name.startswith("."):
-            (tmp_path / entry.name).symlink_to(entry)
+            (folder / entry.name).symlink_to(entry)
+
+
+def _run(command, tmp_path):
     if readme.BRINGUP.search(command):
         code, output = readme.run_until_up(command, tmp_path, timeout=120)
         assert "Traceback" not in output
@@ -50,8 +72,10 @@ def test_command(command, ros_domain, tmp_path):
 
 
 @pytest.mark.parametrize(("robot", "block"), BESIDE.findall(TEXT))
-def test_commands_beside_a_running_robot(robot, block, ros_domain):
+def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path, monkeypatch):
     """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
+    _lay_out_checkout(tmp_path)
+    monkeypatch.chdir(tmp_path)
     with RunningCommand(robot) as running:
         wait_for(lambda: "driving robot" in running.output, "the robot")
         for command in block.splitlines():

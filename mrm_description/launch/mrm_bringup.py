@@ -4,9 +4,7 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.bringup import Robot, bring_up
 from onebot_bringup.cli.run import run_command
-from onebot_description.ament import package_share
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -14,6 +12,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
 
     def launch() -> int:
+        # Here, where Ctrl-C is already answered: importing takes a moment.
+        from onebot_bringup.bringup import Robot, bring_up
+        from onebot_description.ament import package_share
+
         share = package_share("mrm_description").resolve()  # where edits are made
         mrm = Robot(
             program="mrm_bringup",

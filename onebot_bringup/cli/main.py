@@ -38,7 +38,10 @@ VERBS: dict[str, Verb] = {
     "param": Verb("list, get, set and dump parameters", f"{_HERE}.param", group=True),
     "service": Verb("list and call services", f"{_HERE}.service", group=True),
     "interface": Verb("list types of messages and show them", f"{_HERE}.interface", group=True),
+    "snapshot": Verb("draw a robot into a picture file", f"{_HERE}.snapshot"),
+    "replay": Verb("show a recording", f"{_HERE}.replay", 0),
     "accuracy": Verb("measure how true OneBot drives", f"{_HERE}.accuracy"),
+    "steer": Verb("drive from a page in the browser", f"{_HERE}.steer", 0),
     "teleop": Verb("drive from the keyboard", f"{_HERE}.teleop", 0),
 }
 

@@ -4,9 +4,7 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.bringup import Robot, bring_up
 from onebot_bringup.cli.run import run_command
-from onebot_description.ament import package_share
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -14,7 +12,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
 
     def launch() -> int:
-        description = package_share("onebot_description")
+        # Here, where Ctrl-C is already answered: importing takes a moment.
+        from onebot_bringup.bringup import Robot, bring_up
+        from onebot_description.ament import package_share
+
+        description = package_share("onebot_description").resolve()  # where edits are made
         onebot = Robot(
             program="onebot_bringup",
             summary="Brings OneBot up on ROS 2, simulated; a Twist on velocity_controller/cmd_vel "
