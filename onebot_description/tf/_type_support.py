@@ -45,7 +45,7 @@ def load(message_class: type) -> TypeSupport:
         TypeSupportError: the library is missing or outdated, or ROS is not ROS 2 Jazzy.
     """
     _check_versions()
-    library = _load_library()
+    library = load_library()
     _configure(library, message_class)
     return TypeSupport(
         create_ros_message=_capsule(library.onebot_tf_create),
@@ -109,7 +109,12 @@ def _unfit(detail: str) -> TypeSupportError:
 
 
 @functools.cache
-def _load_library() -> ctypes.PyDLL:
+def load_library() -> ctypes.PyDLL:
+    """Return the compiled library.
+
+    Raises:
+        TypeSupportError: it is missing, outdated or broken.
+    """
     path = build_library.LIBRARY
     if not path.exists():
         raise TypeSupportError(f"The type support of TFMessage is not built. {_REMEDY}")
@@ -120,7 +125,7 @@ def _load_library() -> ctypes.PyDLL:
         raise TypeSupportError(
             f"The type support of TFMessage cannot be loaded: {error}. {_REMEDY}"
         ) from error
-    if build_library.SOURCE.exists():
+    if all(source.exists() for source in build_library.SOURCES):
         built_from = ctypes.string_at(ctypes.addressof(digest)).decode()
         if built_from != build_library.source_digest():
             raise TypeSupportError(

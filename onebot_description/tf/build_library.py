@@ -1,4 +1,4 @@
-"""Compile the type support of TFMessage; needs a C compiler or the ``ziglang`` wheel, no ROS.
+"""Compile the library of TFMessage and the transforms; needs a C compiler or the ``ziglang`` wheel.
 
 ``python -m onebot_description.tf.build_library [TARGET]`` builds it in place, or as ``TARGET``.
 The build hook of the wheel loads this file by its path, before the package can be imported: only
@@ -16,7 +16,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-SOURCE = Path(__file__).with_name("_tf_message.c")
+SOURCES = tuple(Path(__file__).with_name(name) for name in ("_tf_message.c", "_joint_transforms.c"))
 LIBRARY = Path(__file__).with_name("_tf_message.so")
 
 # The oldest C library that the ROS 2 wheels themselves run on.
@@ -32,9 +32,10 @@ class BuildError(Exception):
     """The library cannot be compiled; ``str(error)`` says why and what to do."""
 
 
-def source_digest(source: Path = SOURCE) -> str:
-    """Hash a source text; the library carries it, so that an outdated one is noticed."""
-    return hashlib.sha256(source.read_bytes()).hexdigest()[:16]
+def source_digest() -> str:
+    """Hash the sources; the library carries it, so that an outdated one is noticed."""
+    texts = b"\0".join(source.read_bytes() for source in SOURCES)
+    return hashlib.sha256(texts).hexdigest()[:16]
 
 
 def find_system_compilers() -> list[list[str]]:
@@ -89,7 +90,7 @@ def build(target: Path) -> None:
 def _compile(command: list[str], library: Path) -> str | None:
     """Run one compiler and load what it made; return what went wrong, None if nothing."""
     digest = f'-DONEBOT_SOURCE_DIGEST="{source_digest()}"'
-    arguments = [*command, *_FLAGS, digest, "-o", str(library), str(SOURCE)]
+    arguments = [*command, *_FLAGS, digest, "-o", str(library), *map(str, SOURCES), "-lm"]
     # Zig keeps what it built in a folder that would stay behind, or may be read-only.
     caches = {name: str(library.parent) for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
     environment = {**os.environ, **caches}
@@ -115,7 +116,7 @@ def _compile(command: list[str], library: Path) -> str | None:
 
 
 def _explain(failures: list[str]) -> str:
-    lines = [f"cannot compile {SOURCE.name}, which publishing transforms needs."]
+    lines = [f"cannot compile {SOURCES[0].name}, which publishing transforms needs."]
     if failures:
         lines += ["Tried:", *(f"  {failure}" for failure in failures)]
     elif cc := os.environ.get("CC", "").strip():

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.model import RobotModel
-from onebot_description.tf.wire import Floats, TfTemplate
+from onebot_description.tf.kernel import Motion, make_kernel
+from onebot_description.tf.wire import STAMP, Floats, TfTemplate
 
 V = TypeVar("V")
 
@@ -36,24 +37,38 @@ class JointStatePlan:
         self.rows = np.array(rows, np.intp)
         self._joints = model.moving.take(rows)
         columns = [first[follower.source] for _, follower in followers]
-        in_order = columns == list(range(len(names)))
-        self._columns = None if in_order else np.array(columns, np.intp)
-        scale = np.array([follower.multiplier for _, follower in followers], float)
-        shift = np.array([follower.offset for _, follower in followers], float)
-        plain = bool((scale == 1.0).all() and (shift == 0.0).all())
-        self._linear = None if plain else (scale, shift)
+        self._motion = Motion(
+            self._joints,
+            np.array(columns, np.intp),
+            np.array([follower.multiplier for _, follower in followers], float),
+            np.array([follower.offset for _, follower in followers], float),
+        )
         self.template = TfTemplate(
             [frame_prefix + parent for parent in self._joints.parents],
             [frame_prefix + child for child in self._joints.children],
         )
+        self._kernel = make_kernel(self._motion, self.template)
 
     def transforms(self, positions: Floats) -> Floats:
         """(K, 7) transforms for positions in the message's order, (len(names),)."""
-        if self._columns is not None:
-            positions = positions[self._columns]
-        if self._linear is not None:
-            positions = positions * self._linear[0] + self._linear[1]
-        return self._joints.transforms(positions)
+        if self._kernel is not None:
+            return self._kernel.transforms(positions)
+        motion = self._motion
+        own = positions[motion.columns] * motion.multiplier + motion.offset
+        return motion.joints.transforms(own)
+
+    def message(self, data: bytes, at: int, count: int) -> bytes:
+        """Return the serialized TFMessage for a serialized JointState.
+
+        Args:
+            data: the JointState.
+            at: where its positions begin, in bytes.
+            count: of its positions, all of them finite.
+        """
+        if self._kernel is not None:
+            return self._kernel.message(data, at)
+        positions = np.frombuffer(data, "<f8", count, at)
+        return self.template.fill(data[STAMP], self.transforms(positions))
 
 
 class RecentlyUsed(OrderedDict[object, V]):

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from onebot_description.model import RobotModel
 from onebot_description.stamps import NANO
 from onebot_description.tf.joint_state_plan import JointStatePlan, LastPublished, RecentlyUsed
+from onebot_description.tf.kernel import all_finite
 from onebot_description.tf.wire import (
     ENCAPSULATION,
+    STAMP,
     Floats,
     JointStateArrays,
     Reader,
@@ -25,7 +27,6 @@ from onebot_description.tf.wire import (
     pack_stamp,
 )
 
-_STAMP = slice(4, 12)
 _NAMES_START = 12
 # Publishers of one topic, times the subsets of joints each sends; more only costs time.
 _KEPT_LAYOUTS = 64
@@ -138,18 +139,18 @@ class StateConverter:
             return None
         if layout.first + 8 * count > len(data):
             raise WireError("truncated positions")
-        positions = np.frombuffer(data, "<f8", count, layout.first)
-        stamp = data[_STAMP]
+        stamp = data[STAMP]
         seconds = int.from_bytes(stamp[:4], "little", signed=True)
         stamp_ns = seconds * NANO + int.from_bytes(stamp[4:], "little")
-        if not np.isfinite(positions).all():
+        if not all_finite(data, layout.first, count):
+            positions = np.frombuffer(data, "<f8", count, layout.first)
             state = JointStateArrays(stamp_ns, "", layout.names, positions, positions, positions)
             result = self.convert(state, now_ns)
             return None if result is None else result.serialized()
         plan = layout.plan
         if not self._due(plan, stamp_ns, now_ns):
             return None
-        return plan.template.fill(stamp, plan.transforms(positions))
+        return plan.message(data, layout.first, count)
 
     def convert(self, state: JointStateArrays, now_ns: int) -> Transforms | None:
         """Do the same for a JointState that was deserialised; the result is equal bit by bit."""

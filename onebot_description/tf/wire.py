@@ -22,6 +22,7 @@ from onebot_description.stamps import NANO
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _BODY = len(ENCAPSULATION)
 _U32 = struct.Struct("<I")
+STAMP = slice(_BODY, _BODY + 8)  # where it lies in a message that begins with a header
 _STAMP = struct.Struct("<iI")
 DOUBLES_PER_TRANSFORM = 7
 
@@ -183,6 +184,8 @@ class TfTemplate:
     Attributes:
         parents: parent frame of each transform, N of them.
         children: child frame of each.
+        stamps_at: (N,) where the stamps lie in the message, in bytes.
+        values_at: (N,) where the seven numbers begin.
     """
 
     def __init__(self, parents: Sequence[str], children: Sequence[str]) -> None:
@@ -204,6 +207,8 @@ class TfTemplate:
         room[_BODY : 2 * _BODY + len(body)] = np.frombuffer(ENCAPSULATION + bytes(body), np.uint8)
         self._message = room[_BODY : 2 * _BODY + len(body)]
         self._words, self._doubles = room.view("<u4"), room.view("<f8")
+        self.stamps_at = _BODY + np.array(stamps, np.intp)
+        self.values_at = _BODY + np.array(values, np.intp)
         self._stamps = _slots(stamps, 4, 2)
         self._values = _slots(values, 8, DOUBLES_PER_TRANSFORM)
 
@@ -216,6 +221,15 @@ class TfTemplate:
         """
         self._words[self._stamps] = np.frombuffer(stamp, "<u4")
         self._doubles[self._values] = values
+        return self.serialized()
+
+    @property
+    def address(self) -> int:
+        """Where the message lies in memory, as long as this object lives."""
+        return int(self._message.ctypes.data)
+
+    def serialized(self) -> bytes:
+        """Return the message as it was filled last."""
         return self._message.tobytes()
 
 
