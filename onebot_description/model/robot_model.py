@@ -1,4 +1,4 @@
-"""A robot's joints as arrays: all of them move in one numpy expression.
+"""A robot's joints as arrays: all of them move in one expression, compiled where that is built.
 
 A joint's transform is its fixed origin followed by its motion, so no tree needs walking to publish
 /tf: for a revolute joint with origin rotation q0 and axis a (in the child frame), the rotation is
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from onebot_description.errors import OneBotError
-from onebot_description.model import quaternions
+from onebot_description.model import compiled, quaternions
 from onebot_description.text import did_you_mean
 
 if TYPE_CHECKING:
@@ -122,6 +122,8 @@ class RobotModel:
         self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
         self._order = [*moving, *fixed]
         self._ancestors: list[Indices] | None = None
+        self._joints = _compiled_joints(self.moving) if compiled.available() else None
+        self._tree: compiled.Tree | None = None
 
     @classmethod
     def from_description(cls, description: "Description") -> "RobotModel":
@@ -192,7 +194,8 @@ class RobotModel:
         Raises:
             OneBotError: the number of positions is not the number of joints.
         """
-        values = self.moving.transforms(self._checked(positions))
+        q = self._checked(positions)
+        values = self._joints.transforms(q) if self._joints else self.moving.transforms(q)
         return values[..., :3], values[..., 3:]
 
     def link_poses(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
@@ -205,6 +208,29 @@ class RobotModel:
             (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
         """
         q = self._checked(positions)
+        if self._joints is None:
+            return self._poses_by_arrays(q)
+        if self._tree is None:
+            self._tree = self._make_tree(self._joints)
+        return self._tree.poses(q)
+
+    def _make_tree(self, joints: compiled.Joints) -> compiled.Tree:
+        """Order the joints from the root to the tips."""
+        rows = {name: number for number, name in enumerate(self.links)}
+        below: dict[str, list[tuple[str, int]]] = {}
+        for row, parent in enumerate(self.moving.parents):
+            below.setdefault(parent, []).append((self.moving.children[row], row))
+        for row, parent in enumerate(self.fixed.parents):
+            below.setdefault(parent, []).append((self.fixed.children[row], -1 - row))
+        steps: list[tuple[int, int, int]] = []
+        reached = [self.root_link]
+        for parent in reached:
+            for child, row in below.get(parent, ()):
+                steps.append((rows[parent], rows[child], row))
+                reached.append(child)
+        return compiled.Tree(joints, len(rows), rows[self.root_link], steps, self.fixed.constant)
+
+    def _poses_by_arrays(self, q: Floats) -> Floats:
         count, batch = len(self.links), q.shape[:-1]
         # Row L is the identity every chain of ancestors ends in.
         poses = np.zeros((*batch, count + 1, 7))
@@ -261,6 +287,11 @@ def _arrays(joints: Sequence["JointSpec"]) -> JointArrays:
         quaternions.rotate(rotation, axis) * slides[:, None],
         bool(slides.any()),
     )
+
+
+def _compiled_joints(joints: JointArrays) -> compiled.Joints:
+    slide = joints.slide if joints.slides else None
+    return compiled.Joints(joints.half_turns, joints.constant, joints.sine, slide)
 
 
 def _limits(joints: Sequence["JointSpec"], limit: str, none: float) -> Floats:

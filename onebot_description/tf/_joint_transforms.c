@@ -8,14 +8,15 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "../model/_joint.h"
+
 #define EXPORT __attribute__((visibility("default")))
-#define DOUBLES 7 /* of a transform: translation x y z, rotation x y z w */
 #define STAMP_AT 4 /* in a serialized message that begins with a header */
 
 /* A row of the array that kernel.py makes (JOINT there); offsets are in bytes. */
 struct joint {
   double half_turn, multiplier, offset;
-  double constant[DOUBLES], sine[4], slide[3];
+  double constant[ONEBOT_POSE], sine[4], slide[3];
   uint64_t column, stamp_at, values_at;
 };
 
@@ -23,10 +24,7 @@ static void transform(const struct joint *joint, const unsigned char *positions,
   double position;
   memcpy(&position, positions + joint->column * sizeof position, sizeof position);
   position = position * joint->multiplier + joint->offset;
-  const double half = position * joint->half_turn, cosine = cos(half), sine = sin(half);
-  for (int i = 0; i < 3; i++) out[i] = joint->constant[i] + joint->slide[i] * position;
-  for (int i = 0; i < 4; i++)
-    out[3 + i] = joint->constant[3 + i] * cosine + joint->sine[i] * sine;
+  onebot_joint_transform(joint->half_turn, joint->constant, joint->sine, joint->slide, position, out);
 }
 
 /* Whether all doubles from `positions` on, which need not be aligned, are finite. */
@@ -43,7 +41,7 @@ EXPORT int onebot_all_finite(const unsigned char *data, size_t at, size_t count)
 EXPORT void onebot_fill_message(unsigned char *message, const struct joint *joints, size_t count,
                                 const unsigned char *data, size_t at) {
   for (const struct joint *joint = joints; joint < joints + count; joint++) {
-    double values[DOUBLES];
+    double values[ONEBOT_POSE];
     transform(joint, data + at, values);
     memcpy(message + joint->stamp_at, data + STAMP_AT, 8);
     memcpy(message + joint->values_at, values, sizeof values);
@@ -53,5 +51,5 @@ EXPORT void onebot_fill_message(unsigned char *message, const struct joint *join
 /* The same numbers into an array of `count` rows of seven doubles. */
 EXPORT void onebot_joint_transforms(double *values, const struct joint *joints, size_t count,
                                     const unsigned char *positions) {
-  for (size_t i = 0; i < count; i++) transform(joints + i, positions, values + DOUBLES * i);
+  for (size_t i = 0; i < count; i++) transform(joints + i, positions, values + ONEBOT_POSE * i);
 }

@@ -16,7 +16,13 @@ import sys
 import tempfile
 from pathlib import Path
 
-SOURCES = tuple(Path(__file__).with_name(name) for name in ("_tf_message.c", "_joint_transforms.c"))
+_FOLDER = Path(__file__).parent
+SOURCES = (
+    _FOLDER / "_tf_message.c",
+    _FOLDER / "_joint_transforms.c",
+    _FOLDER.with_name("model") / "_kinematics.c",
+)
+_HEADERS = (_FOLDER.with_name("model") / "_joint.h",)
 LIBRARY = Path(__file__).with_name("_tf_message.so")
 
 # The oldest C library that the ROS 2 wheels themselves run on.
@@ -34,7 +40,7 @@ class BuildError(Exception):
 
 def source_digest() -> str:
     """Hash the sources; the library carries it, so that an outdated one is noticed."""
-    texts = b"\0".join(source.read_bytes() for source in SOURCES)
+    texts = b"\0".join(source.read_bytes() for source in (*SOURCES, *_HEADERS))
     return hashlib.sha256(texts).hexdigest()[:16]
 
 

@@ -65,6 +65,10 @@ def checkout(tmp_path: Path) -> Path:
     shutil.copytree(CHECKOUT / FOLDER, project / FOLDER, ignore=unwanted)
     for name in ("__init__.py", "errors.py"):
         shutil.copy(CHECKOUT / "onebot_description" / name, project / "onebot_description")
+    model = Path("onebot_description/model")
+    (project / model).mkdir()
+    for name in ("_kinematics.c", "_joint.h"):
+        shutil.copy(CHECKOUT / model / name, project / model)
     shutil.copy(CHECKOUT / "hatch_build.py", project)
     (project / ".gitignore").write_text("*.so\n__pycache__/\n")
     (project / "pyproject.toml").write_text(PYPROJECT)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
-from onebot_description.model import RobotModel, quaternions
+from onebot_description.model import RobotModel, compiled, quaternions
 from tests.random_robots import chain, robots
 
 
@@ -104,6 +104,26 @@ def test_rpy_is_the_urdf_convention(rpy):
         quaternions.to_matrix(3.0 * quaternion), expected.as_matrix(), atol=1e-12
     )
     assert (Rotation.from_quat(quaternion) * expected.inv()).magnitude() < 1e-9
+
+
+@settings(deadline=None)
+@given(robots(), st.data())
+def test_compiled_and_arrays_agree(urdf, data):
+    """What is compiled is built here, and finds what the arrays find, batch or not."""
+    model = RobotModel.from_description(parse_description(urdf))
+    size = len(model.joints)
+    numbers = data.draw(st.lists(st.floats(-9, 9), min_size=6 * size, max_size=6 * size))
+    assert compiled.available()
+    for shape in ((2, 3, size), (6, size)):
+        q = np.array(numbers).reshape(shape)
+        values = np.concatenate(model.transforms(q), axis=-1)
+        np.testing.assert_allclose(values, model.moving.transforms(q), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            model.link_poses(q), model._poses_by_arrays(q), rtol=0, atol=1e-12
+        )
+    if size:
+        view = np.frombuffer(b"1234" + q[0].tobytes(), "<f8", size, 4)
+        np.testing.assert_array_equal(model.link_poses(view), model.link_poses(q[0]))
 
 
 def test_mimics_follow_through_chains():

@@ -1,0 +1,86 @@
+/* Transforms of joints and poses of links for many sets of positions; robot_model.py has the
+ * formula. Plain functions on arrays that know nothing of Python or ROS.
+ */
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "_joint.h"
+
+#define EXPORT __attribute__((visibility("default")))
+enum { POSE = ONEBOT_POSE };
+
+/* Some joints, as JointArrays in robot_model.py has them. */
+struct joints {
+  int64_t count;
+  const double *half_turns; /* 1 each */
+  const double *constant;   /* POSE each */
+  const double *sine;       /* 4 each */
+  const double *slide;      /* 3 each; NULL if none slides */
+};
+
+static inline void joint_transform(const struct joints *joints, int64_t row, double position,
+                                   double *pose) {
+  const double *slide = joints->slide ? joints->slide + 3 * row : NULL;
+  onebot_joint_transform(joints->half_turns[row], joints->constant + POSE * row,
+                         joints->sine + 4 * row, slide, position, pose);
+}
+
+/* Positions may be a view into a message, where they need not be aligned. */
+static inline double load(const unsigned char *numbers, int64_t index) {
+  double number;
+  memcpy(&number, numbers + index * (int64_t)sizeof number, sizeof number);
+  return number;
+}
+
+/* Parent-to-child transforms: positions (states, joints) to poses (states, joints, 7). */
+EXPORT void onebot_transforms(const struct joints *joints, int64_t states,
+                              const unsigned char *positions, double *poses) {
+  for (int64_t state = 0, index = 0; state < states; state++)
+    for (int64_t row = 0; row < joints->count; row++, index++, poses += POSE)
+      joint_transform(joints, row, load(positions, index), poses);
+}
+
+/* How links hang together: steps in an order in which parents come before children. */
+struct tree {
+  int64_t links, steps, root;
+  const int32_t *parent, *child; /* links, one a step */
+  const int32_t *moving;         /* the row of the moving joint; -1 - row of a fixed one */
+  const double *fixed;           /* (fixed joints, POSE) */
+};
+
+/* out = above * step */
+static inline void compose(const double *above, const double *step, double *out) {
+  double x = above[3], y = above[4], z = above[5], w = above[6];
+  /* v + 2 w (u x v) + 2 u x (u x v) */
+  double tx = 2.0 * (y * step[2] - z * step[1]), ty = 2.0 * (z * step[0] - x * step[2]),
+         tz = 2.0 * (x * step[1] - y * step[0]);
+  out[0] = above[0] + step[0] + w * tx + (y * tz - z * ty);
+  out[1] = above[1] + step[1] + w * ty + (z * tx - x * tz);
+  out[2] = above[2] + step[2] + w * tz + (x * ty - y * tx);
+  double a = step[3], b = step[4], c = step[5], d = step[6];
+  out[3] = w * a + x * d + y * c - z * b;
+  out[4] = w * b - x * c + y * d + z * a;
+  out[5] = w * c + x * b - y * a + z * d;
+  out[6] = w * d - x * a - y * b - z * c;
+}
+
+/* Poses in the root's frame: positions (states, joints) to poses (states, links, 7). */
+EXPORT void onebot_link_poses(const struct joints *joints, const struct tree *tree, int64_t states,
+                              const unsigned char *positions, double *poses) {
+  static const double identity[POSE] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  for (int64_t state = 0; state < states; state++) {
+    memcpy(poses + POSE * tree->root, identity, sizeof identity);
+    for (int64_t number = 0; number < tree->steps; number++) {
+      int64_t row = tree->moving[number];
+      double moved[POSE];
+      const double *step = moved;
+      if (row < 0)
+        step = tree->fixed + POSE * (-1 - row);
+      else
+        joint_transform(joints, row, load(positions, state * joints->count + row), moved);
+      compose(poses + POSE * tree->parent[number], step, poses + POSE * tree->child[number]);
+    }
+    poses += POSE * tree->links;
+  }
+}
