@@ -178,11 +178,15 @@ class Drive:
 
     def finish(self) -> None:
         """Turn the wheels for a control period."""
-        left, right = self._command.left, self._command.right
-        velocities = dict.fromkeys(self.config.left_wheel_names, left)
-        velocities.update(dict.fromkeys(self.config.right_wheel_names, right))
-        self.plant.step(velocities, self.period)
+        self.plant.step(self.wheel_velocities, self.period)
         self.ticks += 1
+
+    @property
+    def wheel_velocities(self) -> dict[str, float]:
+        """What ``begin`` decided on: the velocity of each driven joint, rad/s."""
+        velocities = dict.fromkeys(self.config.left_wheel_names, self._command.left)
+        velocities.update(dict.fromkeys(self.config.right_wheel_names, self._command.right))
+        return velocities
 
     def snapshot(self) -> Snapshot:
         """Return the robot as it was last looked at."""

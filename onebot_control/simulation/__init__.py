@@ -9,5 +9,15 @@ print(simulation.base_pose().translation)
 from onebot_control.simulation.settings import Settings
 from onebot_control.simulation.simulation import Simulation
 from onebot_control.simulation.states import JointStates, Pose, Twist
+from onebot_control.simulation.world import Member, World, WorldRobot
 
-__all__ = ["JointStates", "Pose", "Settings", "Simulation", "Twist"]
+__all__ = [
+    "JointStates",
+    "Member",
+    "Pose",
+    "Settings",
+    "Simulation",
+    "Twist",
+    "World",
+    "WorldRobot",
+]

@@ -1,5 +1,6 @@
 """The motors of a robot's driven joints."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -42,7 +43,7 @@ class Motors:
                     "the effort (Nm, or N) is what its motor can do, and must be above 0"
                 )
             self._efforts.append(effort)
-        self._fastest = model.velocity[[model.row(name) for name in self.driven]]
+        self._fastest = model.velocity[[model.row(name) for name in self.driven]].tolist()
 
     def targets(self, velocities: Mapping[str, float] | ArrayLike) -> list[float]:
         """Return the speeds in the order of ``driven``, no faster than the joints' limits.
@@ -60,11 +61,15 @@ class Motors:
         wanted = np.asarray(velocities, float)
         if wanted.shape != (len(self.driven),):
             raise ValueError(f"velocities must be {len(self.driven)} numbers, not {velocities!r}")
-        if not np.isfinite(wanted).all():
+        # Plain floats: for a handful of numbers arrays take longer than all the rest.
+        values = wanted.tolist()
+        if not all(map(math.isfinite, values)):
             # One NaN would make the whole world NaN for good.
             raise ValueError(f"velocities must be finite, not {velocities!r}")
-        limited: list[float] = np.clip(wanted, -self._fastest, self._fastest).tolist()
-        return limited
+        return [
+            min(max(value, -fastest), fastest)
+            for value, fastest in zip(values, self._fastest, strict=True)
+        ]
 
     def drive(self, client: int, robot: Robot, targets: Sequence[float]) -> None:
         """Have the motors keep up ``targets`` (in the order of ``driven``) from now on."""
@@ -76,13 +81,3 @@ class Motors:
             forces=self._efforts,
             physicsClientId=client,
         )
-
-    def efforts(self, client: int, robot: Robot) -> list[float]:
-        """Return what the motors applied in the last physics step, Nm or N."""
-        indices = [robot.joints[name] for name in self.driven]
-        states = engine.getJointStates(robot.body, indices, physicsClientId=client)
-        return [state[3] for state in states]
-
-    def hold(self, client: int, robot: Robot) -> None:
-        """Have the motors keep their joints still."""
-        self.drive(client, robot, [0.0] * len(self.driven))

@@ -41,3 +41,18 @@ class Settings:
                 raise OneBotError(
                     f"simulation: {name} must be a whole number, not {getattr(self, name)}"
                 )
+
+    def steps(self, duration: float) -> int:
+        """Return how many physics steps ``duration`` (s) is.
+
+        Raises:
+            ValueError: it is no whole number of them, or none at all.
+        """
+        exact = duration * self.rate
+        count = round(exact) if math.isfinite(exact) else 0
+        if count < 1 or abs(exact - count) > 1e-6:
+            raise ValueError(
+                f"duration must be a whole number of physics steps of 1/{self.rate} s, "
+                f"not {duration} s"
+            )
+        return count

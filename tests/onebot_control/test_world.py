@@ -1,0 +1,196 @@
+"""Several robots in one world: each as if alone, all at the same time, and in each other's way."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from onebot_control.fleet import Fleet
+from onebot_control.frames import PlanarPose, yaw_of
+from onebot_control.simulation import Member, World
+from onebot_control.simulation.engine import engine
+from onebot_description.errors import OneBotError
+from tests.onebot_control.control_support import config
+from tests.onebot_control.control_support import robot as small_robot
+from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot, simulate, wheels
+
+STARTS = [(0.0, 0.0, 0.0), (3.0, 0.0, 1.0), (0.0, -4.0, -2.0)]
+
+
+def _world(starts=STARTS):
+    description = robot()
+    return World([Member(description, DRIVEN, *start) for start in starts])
+
+
+def _planar(body):
+    pose = body.base_pose()
+    return (*pose.translation[:2].tolist(), yaw_of(*pose.rotation.tolist()))
+
+
+def _bits(world):
+    states = [(*r.joint_states(), *r.base_pose(), *r.base_twist()) for r in world.robots]
+    return (
+        b"".join(array.tobytes() for state in states for array in state) + repr(world.time).encode()
+    )
+
+
+def test_all_start_where_they_are_told_and_at_rest():
+    """To rounding, with joints at 0, and time at 0."""
+    with _world() as world:
+        for body, start in zip(world.robots, STARTS, strict=True):
+            assert _planar(body) == pytest.approx(start, abs=1e-13)
+            for array in (*body.base_twist(), *body.joint_states()):
+                assert not array.any()
+        assert world.time == 0.0
+
+
+def test_each_drives_as_it_would_alone():
+    """What the others do makes no difference that a ruler would show."""
+    with _world() as world:
+        for _ in range(100):
+            for number, body in enumerate(world.robots):
+                body.turn(wheels(0.2, 0.3 * number))
+            world.step(0.01)
+        for number, (body, (x, y, yaw)) in enumerate(zip(world.robots, STARTS, strict=True)):
+            with simulate(x=x, y=y, yaw=yaw) as alone:
+                for _ in range(100):
+                    alone.step(wheels(0.2, 0.3 * number), 0.01)
+                expected, found = alone.base_pose(), body.base_pose()
+                np.testing.assert_allclose(found.translation, expected.translation, atol=1e-4)
+                np.testing.assert_allclose(
+                    body.joint_states().positions[:2], alone.joint_states().positions[:2], atol=1e-3
+                )
+        assert world.time == pytest.approx(1.0)
+
+
+def test_a_speed_holds_until_another_is_given_and_resting_ones_stay():
+    """Only the robot that was told turns its wheels."""
+    with _world() as world:
+        first, second, _ = world.robots
+        first.turn({LEFT: 3.0, RIGHT: 3.0})
+        world.step(0.5)
+        second.step([0.0, 0.0], 0.5)
+        assert first.joint_states().positions[:2] == pytest.approx([3.0, 3.0], abs=0.1)
+        assert _planar(second) == pytest.approx(STARTS[1], abs=1e-5)
+        assert world.time == 1.0
+
+
+def test_reset_returns_to_the_start_bit_for_bit():
+    """After it the same drive gives the same bits; so does another world."""
+    with _world() as world, _world() as other:
+        start = _bits(world)
+        for each in (world, other):
+            for body in each.robots:
+                body.turn(wheels(0.3, 0.5))
+            each.step(1.0)
+        first = _bits(world)
+        assert _bits(other) == first
+        world.robots[1].teleport(8.0, 8.0, 0.0)
+        world.step(0.2)
+        world.reset()
+        assert _bits(world) == start
+        for body in world.robots:
+            body.turn(wheels(0.3, 0.5))
+        world.step(1.0)
+        assert _bits(world) == first
+
+
+def test_one_is_put_elsewhere_and_the_others_drive_on():
+    """Teleport and reset concern that robot alone."""
+    with _world() as world:
+        moved, other, _ = world.robots
+        other.turn(wheels(0.2, 0.0))
+        world.step(0.5)
+        before = _planar(other)
+        moved.teleport(-5.0, 6.0, 2.5)
+        assert _planar(moved) == pytest.approx((-5.0, 6.0, 2.5), abs=1e-13)
+        assert _planar(other) == before
+        world.step(0.5)
+        assert math.dist(_planar(other)[:2], before[:2]) > 0.08
+        moved.reset()
+        assert _planar(moved) == pytest.approx(STARTS[0], abs=1e-13)
+        assert not moved.joint_states().positions.any()
+
+
+def test_robots_run_into_each_other():
+    """One that drives against another pushes it, or is stopped; it does not go through."""
+    with World([Member(robot(), DRIVEN), Member(robot(), DRIVEN, x=1.0, yaw=math.pi)]) as world:
+        for body in world.robots:
+            body.turn(wheels(0.3, 0.0))
+        world.step(3.0)
+        apart = _planar(world.robots[1])[0] - _planar(world.robots[0])[0]
+        assert 0.1 < apart < 0.9
+
+
+def test_two_in_the_same_place_are_refused():
+    """The message says which, and where."""
+    with pytest.raises(OneBotError, match=r"robots 1 and 3 .*x 0.05 m, y 0 m"):
+        _world([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.05, 0.0, 0.0)])
+
+
+def test_a_broken_world_says_so_and_can_be_reset():
+    """One robot's NaN is everyone's."""
+    with _world() as world:
+        start = _bits(world)
+        parts = world.robots[0].body.parts
+        engine.resetJointState(
+            parts.body, parts.joints[LEFT], math.nan, math.nan, physicsClientId=world.client
+        )
+        with pytest.raises(OneBotError, match="reset it"):
+            world.step(0.1)
+        with pytest.raises(OneBotError, match="reset it"):
+            world.step(0.1)
+        world.reset()
+        assert _bits(world) == start
+    with pytest.raises(OneBotError, match="closed"):
+        world.step(0.1)
+    with pytest.raises(OneBotError, match="closed"):
+        world.robots[0].turn([0.0, 0.0])
+
+
+@pytest.mark.parametrize("duration", [0.0, 0.001, math.nan])
+def test_only_whole_physics_steps(duration):
+    """As for one robot."""
+    with _world() as world, pytest.raises(ValueError, match="whole number"):
+        world.step(duration)
+
+
+def test_a_fleet_drives_as_commanded_each_on_its_own():
+    """Odometry and truth agree; who is not commanded stays; other places than the config's."""
+    starts = [PlanarPose(), PlanarPose(2.0, 0.0, 1.5)]
+    with Fleet(small_robot(), config(linear_x_max_acceleration=0.5), starts) as fleet:
+        for _ in range(150):
+            fleet.drives[1].accept(0.2, 0.4)
+            snapshots = fleet.cycle()
+        resting, driving = snapshots
+        assert resting.odometry == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+        assert driving.twist == pytest.approx((0.2, 0.4), abs=1e-3)
+        drive = fleet.drives[1]
+        believed, true = drive.origin.then(drive.snapshot().odometry), drive.true_pose
+        assert believed[:2] == pytest.approx(true[:2], abs=5e-3)
+        assert drive.ticks == 150
+        fleet.drives[1].reset()
+        assert fleet.drives[1].true_pose == pytest.approx(starts[1], abs=1e-9)
+
+
+def test_fast_wheels_cost_no_more_than_slow_ones():
+    """The points that PyBullet remembers along a wheel's way bear nothing, and are not solved.
+
+    Solved, they take four times as long at 1 m/s. The least of many times hardly depends on what
+    else the machine does.
+    """
+    with simulate() as simulation:
+
+        def least(speed: float) -> float:
+            times = []
+            for _ in range(400):
+                began = time.thread_time_ns()
+                simulation.step(wheels(speed, 0.0), 0.01)
+                times.append(time.thread_time_ns() - began)
+            return min(times[200:])
+
+        slow, fast = least(0.1), least(1.0)
+        remembered = engine.getContactPoints(physicsClientId=simulation._client)
+        assert len(remembered) > 6
+        assert fast < 2 * slow
