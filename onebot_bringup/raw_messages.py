@@ -17,20 +17,18 @@ from onebot_bringup.viewer.odometry_wire import (
 )
 from onebot_description.stamps import nanoseconds
 from onebot_description.tf import messages
+from onebot_description.tf.repeated import JointStateReader, TfReader
 from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import (
-    JointStateArrays,
-    TfArrays,
-    WireError,
-    decode_joint_state,
-    decode_tf,
-)
+from onebot_description.tf.wire import JointStateArrays, TfArrays, WireError
+
+# They remember the names of messages that come again and again.
+_TF, _JOINT_STATES = TfReader(), JointStateReader()
 
 
 def tf_arrays(data: bytes) -> TfArrays:
     """Decode a TFMessage."""
     try:
-        return decode_tf(data)
+        return _TF.read(data)
     except WireError:
         transforms = deserialize_message(data, TFMessage).transforms
     stamps = [nanoseconds(t.header.stamp) for t in transforms]
@@ -48,7 +46,7 @@ def tf_arrays(data: bytes) -> TfArrays:
 def joint_state_arrays(data: bytes) -> JointStateArrays:
     """Decode a JointState."""
     try:
-        return decode_joint_state(data)
+        return _JOINT_STATES.read(data)
     except WireError:
         return messages.joint_state_arrays(deserialize_message(data, JointState))
 

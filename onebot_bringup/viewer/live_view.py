@@ -65,6 +65,8 @@ class LiveView:
         self._robot: Robot | None = None
         self._ranges: tuple[JointRange, ...] = ()
         self._marked: tuple[object, ...] = ()  # what the marks of the ranges were drawn for
+        self._missing: list[str] = []
+        self._missing_of: tuple[object, ...] = ()  # what that was found out for
         self._retired: set[str] = set()
         self._complaints = Complaints(clock)
         self.frames = FrameTree()
@@ -145,9 +147,13 @@ class LiveView:
         """The view's fixed frame under the name it is known by; "" if there is none such."""
         assert self._robot is not None
         wanted = self._view.fixed_frame
-        known = self.frames.names.union(map(self._scene.frame_of, self._robot.links))
-        names = (wanted, self._scene.frame_of(wanted)) if wanted else ()
-        return next((name for name in names if name in known), "")
+        if not wanted:
+            return ""
+        heard, links = self.frames.names, self._robot.links
+        if wanted in heard or wanted in map(self._scene.frame_of, links):
+            return wanted
+        prefixed = self._scene.frame_of(wanted)
+        return prefixed if prefixed in heard or wanted in links else ""
 
     def set_description(self, urdf: str) -> list[str]:
         """Show the robot that ``urdf`` describes, in the place of the one before.
@@ -255,10 +261,13 @@ class LiveView:
 
     def _missing_links(self) -> list[str]:
         assert self._robot is not None
-        fixed = self.fixed_frame
-        frames = map(self._scene.frame_of, self._robot.links)
-        top = self.frames.top(fixed)
-        return [frame for frame in frames if self.frames.top(frame) != top]
+        what = (self.frames.version, self._robot, self.fixed_frame)
+        if what != self._missing_of:
+            frames = map(self._scene.frame_of, self._robot.links)
+            top = self.frames.top(self.fixed_frame)
+            self._missing = [frame for frame in frames if self.frames.top(frame) != top]
+            self._missing_of = what
+        return self._missing
 
     def _lay_out(self, complete: bool) -> None:
         """Send the layout once all frames are known, or do not come."""

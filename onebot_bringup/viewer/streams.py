@@ -5,7 +5,7 @@ Times are those of the messages, on the timeline ``ros_time``.
 """
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -20,6 +20,7 @@ TF_STATIC_ENTITY = "tf_static"
 # A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
 # (seconds), so that it is never the oldest.
 REPEAT_AFTER = 10.0
+_MOST_COLUMNS = 32  # columns of frame names kept for the next time
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +59,9 @@ class TransformStream:
         self._pending: list[Transforms] = []
         self._placed: dict[str, _Place] = {}
         self._static: dict[str, tuple[object, ...]] = {}
+        self._names = _NameColumns()
+        # Lists of children, by identity, and when each was last heard; sorted into _logged later.
+        self._heard: dict[int, tuple[Sequence[str], float]] = {}
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
         self._latest_ns = 0
         self._next_repeat = 0.0
@@ -107,6 +111,7 @@ class TransformStream:
         """Drop ``frames`` until they are heard again."""
         frames = list(frames)
         self._frames.forget(frames)
+        self._sort_heard()
         for frame in frames:
             self._static.pop(frame, None)
             self._logged.pop(frame, None)
@@ -117,76 +122,95 @@ class TransformStream:
         Returns:
             True if there was anything.
         """
-        batch, self._pending = self._pending, []
-        placed, self._placed = self._placed, {}
-        heard = [name for item in batch for name in item.children]
-        if not heard and not placed:
+        batch = [item for item in self._pending if item.children]
+        placed, self._placed, self._pending = self._placed, {}, []
+        if not batch and not placed:
             return False
         ours = placed.values()
-        parents = [name for item in batch for name in item.parents]
         stamps = _stack([item.stamps_ns for item in batch], [p.stamp_ns for p in ours])
         stamps = np.where(stamps == 0, now_ns, stamps).astype(np.int64)
         translations = _stack([i.translations for i in batch], [p.translation for p in ours])
         rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
-        all_parents = [*parents, *(place.parent for place in ours)]
-        self._send(stamps, all_parents, [*heard, *placed], translations, rotations)
-        if heard:
-            self._remember(parents, heard, translations, rotations, int(stamps.max()))
+        names = self._names.columns(batch, placed)
+        self._send(stamps, translations, rotations, names)
+        if batch:
+            self._remember(batch, int(stamps.max()))
         return True
 
-    def _remember(
-        self,
-        parents: list[str],
-        children: list[str],
-        translations: Floats,
-        rotations: Floats,
-        latest_ns: int,
-    ) -> None:
+    def _remember(self, batch: Sequence[Transforms], latest_ns: int) -> None:
         """Take what /tf said into ``frames``, and log anew what it has not said for a while."""
-        last = dict(zip(children, range(len(children)), strict=True))
-        rows = list(last.values())
-        names = [parents[row] for row in rows]
-        self._frames.update(names, last, translations[rows], rotations[rows])
         now = time.monotonic()
-        self._logged.update(dict.fromkeys(last, now))
+        for item in batch:
+            self._frames.update(*_columns(item))
+            self._heard[id(item.children)] = (item.children, now)
         self._latest_ns = latest_ns
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_AFTER / 2
             self._repeat_slow(now)
 
+    def _sort_heard(self) -> None:
+        """Put down for each frame when it was last heard."""
+        for children, when in sorted(self._heard.values(), key=lambda entry: entry[1]):
+            self._logged.update(dict.fromkeys(children, when))
+        self._heard.clear()
+
     def _repeat_slow(self, now: float) -> None:
         """Log anew the frames not heard for a while, at the time of the newest ones."""
-        edges = self._frames.edges
+        self._sort_heard()
         slow = [child for child, when in self._logged.items() if now - when > REPEAT_AFTER]
         if not slow:
             return
+        edges = self._frames.edges
+        names = rr.Transform3D.columns(
+            parent_frame=[edges[child].parent for child in slow], child_frame=slow
+        )
         self._send(
             np.full(len(slow), self._latest_ns),
-            [edges[child].parent for child in slow],
-            slow,
             np.array([edges[child].translation for child in slow]),
             np.array([edges[child].rotation for child in slow]),
+            names,
         )
         self._logged.update(dict.fromkeys(slow, now))
 
     def _send(
         self,
         stamps_ns: NDArray[np.int64],
-        parents: list[str],
-        children: list[str],
         translations: Floats,
         rotations: Floats,
+        names: rr.ComponentColumnList,
     ) -> None:
+        numbers = rr.Transform3D.columns(translation=translations, quaternion=rotations)
         self._recording.send_columns(
-            TF_ENTITY,
-            indexes=[time_column(stamps_ns)],
-            columns=rr.Transform3D.columns(
-                translation=translations,
-                quaternion=rotations,
-                parent_frame=parents,
-                child_frame=children,
-            ),
+            TF_ENTITY, indexes=[time_column(stamps_ns)], columns=[*numbers, *names]
         )
+
+
+class _NameColumns:
+    """Columns of frame names, made once for messages whose lists of names are the same objects."""
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[object, ...], tuple[object, rr.ComponentColumnList]] = {}
+
+    def columns(
+        self, batch: Sequence[Transforms], placed: Mapping[str, _Place]
+    ) -> rr.ComponentColumnList:
+        """Return the columns of some messages, and of frames of ours below them."""
+        ours = [(child, place.parent) for child, place in placed.items()]
+        key = (*(id(names) for item in batch for names in (item.parents, item.children)), *ours)
+        made = self._made.get(key)
+        if made is None:
+            parents = [name for item in batch for name in item.parents]
+            children = [name for item in batch for name in item.children]
+            columns = rr.Transform3D.columns(
+                parent_frame=[*parents, *(parent for _, parent in ours)],
+                child_frame=[*children, *(child for child, _ in ours)],
+            )
+            if len(self._made) >= _MOST_COLUMNS:
+                self._made.clear()
+            # The lists are kept, or others could come to bear their identity.
+            kept = [(item.parents, item.children) for item in batch]
+            made = self._made[key] = (kept, columns)
+        return made[1]
 
 
 def _columns(transforms: Transforms) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:

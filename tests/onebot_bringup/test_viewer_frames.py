@@ -47,3 +47,31 @@ def test_forgotten_frames_are_gone_until_heard_again():
     assert tree.names == {"odom", "base", "wheel"}
     tree.update(["base"], ["arm"], np.zeros((1, 3)), NO_TURN[None])
     assert "arm" in tree.names
+
+
+def test_the_same_lists_of_names_again_only_move_the_frames():
+    """Poses follow, and nothing says that what hangs on what has changed."""
+    tree, parents, children = FrameTree(), ["a", "b"], ["b", "c"]
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1))
+    tree.update(parents, children, np.array([[1.0, 0, 0], [2.0, 0, 0]]), turns)
+    version = tree.version
+    tree.update(parents, children, np.array([[3.0, 0, 0], [4.0, 0, 0]]), turns)
+    assert tree.version == version
+    assert tree.pose("c", "a")[0, 3] == 7.0
+
+
+def test_another_message_on_a_frame_counts_and_so_does_the_next_of_the_first():
+    """The last word on each frame holds, whoever says it; hanging elsewhere is a change."""
+    tree, parents, children = FrameTree(), ["a", "b"], ["b", "c"]
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1))
+    both = np.array([[1.0, 0, 0], [2.0, 0, 0]])
+    tree.update(parents, children, both, turns)
+    version = tree.version
+    tree.update(["x"], ["c"], np.array([[9.0, 0, 0]]), turns[:1])
+    assert tree.version != version and tree.top("c") == "x"
+    tree.update(parents, children, both, turns)
+    assert tree.top("c") == "a" and tree.pose("c", "a")[0, 3] == 3.0
+    tree.forget(["b"])
+    assert tree.top("c") == "b" and tree.names == {"b", "c"}
+    tree.update(parents, children, both, turns)
+    assert tree.top("c") == "a" and tree.names == {"a", "b", "c"}
