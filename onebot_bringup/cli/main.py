@@ -41,6 +41,7 @@ VERBS: dict[str, Verb] = {
     "snapshot": Verb("draw a robot into a picture file", f"{_HERE}.snapshot"),
     "replay": Verb("show a recording", f"{_HERE}.replay", 0),
     "accuracy": Verb("measure how true OneBot drives", f"{_HERE}.accuracy"),
+    "bench": Verb("measure how fast all is, against floors", f"{_HERE}.bench"),
     "steer": Verb("drive from a page in the browser", f"{_HERE}.steer", 0),
     "teleop": Verb("drive from the keyboard", f"{_HERE}.teleop", 0),
 }

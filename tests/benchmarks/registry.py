@@ -1,0 +1,81 @@
+"""Which benchmarks there are, what they are told, and how one is run.
+
+A benchmark is a module with ``SUMMARY: str``, one line for ``onebot bench --list``, and
+``run(options: Options) -> Report``. It says what it is doing with ``options.say``, raises
+``WrongAnswer`` where an answer is wrong, and stops all it has started however it ends.
+"""
+
+import importlib
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+from onebot_description.errors import OneBotError
+from onebot_description.text import did_you_mean
+from tests.benchmarks.report import Report
+
+_HERE = "tests.benchmarks"
+BENCHMARKS = {
+    "state_publisher": f"{_HERE}.state_publisher",
+    "model": f"{_HERE}.model",
+    "simulation": f"{_HERE}.simulation",
+    "startup": f"{_HERE}.startup",
+    "control_loop": f"{_HERE}.control_loop",
+    "viewer": f"{_HERE}.viewer",
+    "growth": f"{_HERE}.growth",
+}
+
+
+def say_on_stderr(text: str) -> None:
+    """Print a line of progress, with the time of day, beside the results on standard output."""
+    print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a benchmark is told.
+
+    Attributes:
+        quick: do a little of everything, to check the answers; the times mean nothing.
+        peer: command of another node to measure, with placeholders; see state_publisher.py.
+        say: is told what is being done, a line at a time.
+    """
+
+    quick: bool = False
+    peer: str | None = None
+    say: Callable[[str], None] = field(default=say_on_stderr, repr=False)
+
+    def choose(self, full: int, quick: int) -> int:
+        """``full``, or ``quick`` in quick mode: for counts of rounds, messages and the like."""
+        return quick if self.quick else full
+
+
+def chosen(names: Sequence[str]) -> list[str]:
+    """Return the benchmarks to run: ``names`` in the table's order, or all where none is given.
+
+    Raises:
+        OneBotError: there is no such benchmark.
+    """
+    for name in names:
+        if name not in BENCHMARKS:
+            known = did_you_mean(name, BENCHMARKS, "benchmarks")
+            raise OneBotError(f'no benchmark "{name}"{known}')
+    return [name for name in BENCHMARKS if not names or name in names]
+
+
+def summary(name: str) -> str:
+    """Return what a benchmark measures, in one line."""
+    return str(importlib.import_module(BENCHMARKS[name]).SUMMARY)
+
+
+def run(name: str, options: Options) -> Report:
+    """Run one benchmark.
+
+    Raises:
+        WrongAnswer: what was measured gave wrong answers, so there is nothing to report.
+        OneBotError: it cannot be run here.
+    """
+    module = importlib.import_module(BENCHMARKS[name])
+    return cast(Report, module.run(options))

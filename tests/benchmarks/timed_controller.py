@@ -1,0 +1,50 @@
+"""velocity_controller as it is, with a watch on its control loop; a process of its own.
+
+``python -m tests.benchmarks.timed_controller [ARGUMENTS]`` takes the node's arguments. A line on
+standard input is answered by one of JSON on standard output: what has happened since the last one
+(see ``Watch``). It ends with Ctrl-C.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+
+from onebot_control import control_loop, velocity_controller
+from onebot_control.drive import Drive
+from onebot_control.pacing import Pacer
+from tests.benchmarks.watch import Watch
+
+
+def install(watch: Watch) -> None:
+    """Have ``watch`` look at the control loop: when cycles begin, and when wheels are told."""
+
+    class TimedPacer(Pacer):
+        """Tells how late each cycle begins."""
+
+        def next(self, wait: Callable[[float], object]) -> None:
+            """Wait for the next cycle."""
+            super().next(wait)
+            watch.woke(time.monotonic() - self.due, self.lag)
+
+    accept, finish = Drive.accept, Drive.finish
+
+    def timed_accept(drive: Drive, linear: float, angular: float, age: float = 0.0) -> str | None:
+        refused = accept(drive, linear, angular, age)
+        if refused is None:
+            watch.commanded(linear)
+        return refused
+
+    def timed_finish(drive: Drive) -> None:
+        watch.told_wheels(drive.controller.odometry.linear)
+        finish(drive)
+
+    setattr(control_loop, "Pacer", TimedPacer)  # noqa: B010 - the loop makes its own
+    Drive.accept = timed_accept  # type: ignore
+    Drive.finish = timed_finish  # type: ignore
+
+
+if __name__ == "__main__":
+    watch = Watch()
+    install(watch)
+    watch.answer_orders()
+    sys.exit(velocity_controller.main())

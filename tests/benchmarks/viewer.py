@@ -1,0 +1,275 @@
+"""What the viewer's own work costs for each robot state, against bare calls of the same data.
+
+A robot state is a message of /tf and one of /joint_states, as raw bytes, at 100 Hz. The viewer
+takes them in as its node does and logs what has come 20 times a second: 5 states a call. The floor
+is two ``send_columns`` of the same rows, whose arrays lie ready. Both write a file. Then both files
+are read again, and must hold the same.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from onebot_bringup.raw_messages import joint_state_arrays, tf_arrays
+from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.recording import Recording, open_recording
+from onebot_bringup.viewer.streams import TF_ENTITY, time_column
+from onebot_description.tf.wire import TfTemplate, pack_stamp
+from tests.benchmarks.chains import Chain, Floats
+from tests.benchmarks.measuring import WrongAnswer, in_turn, median
+from tests.benchmarks.recorded import Frames, read_frames
+from tests.benchmarks.registry import Options
+from tests.benchmarks.report import Goal, Plot, Report, Value, at_most
+
+SUMMARY = "CPU of the viewer for each robot state against bare send_columns"
+
+FLOOR, OURS = "bare send_columns", "viewer"
+_PER_CALL = 5
+_PERIOD_NS = 10_000_000
+_START_NS = 1_700_000_000_000_000_000
+_VARIANTS = 50  # states that differ
+_GOAL = 1.5
+_GOALS_FOR = (10, 100)
+_POSITIONS = "joints/position/0"
+# Rerun keeps numbers of 32 bits: that is the most by which one of up to 1 may be off.
+_ROUNDING = 1e-7
+
+
+class States(NamedTuple):
+    """States of a chain, over and over the same but for their stamps.
+
+    Attributes:
+        chain: that moves.
+        positions: (S, N), rad.
+        transforms: (S, N, 7), translation and rotation.
+        template: writes a TFMessage.
+        joints: (S) serialized JointStates, but for their stamps.
+    """
+
+    chain: Chain
+    positions: Floats
+    transforms: Floats
+    template: TfTemplate
+    joints: list[bytearray]
+
+    @classmethod
+    def of(cls, joints: int) -> "States":
+        """Return states of a chain of so many joints."""
+        chain = Chain(joints)
+        positions = chain.positions(_VARIANTS)
+        template = TfTemplate(list(chain.links[:-1]), list(chain.links[1:]))
+        messages = [
+            bytearray(
+                serialize_message(
+                    JointState(header=Header(), name=list(chain.joints), position=row.tolist())
+                )
+            )
+            for row in positions
+        ]
+        return cls(chain, positions, chain.transforms(positions), template, messages)
+
+    def raw(self, number: int) -> tuple[bytes, bytes]:
+        """Return the TFMessage and the JointState of a state, as bytes."""
+        row, stamp = number % _VARIANTS, pack_stamp(self.stamp(number))
+        joints = self.joints[row]
+        joints[4:12] = stamp
+        return self.template.fill(stamp, self.transforms[row]), bytes(joints)
+
+    def stamp(self, number: int) -> int:
+        """When a state is, nanoseconds."""
+        return _START_NS + number * _PERIOD_NS
+
+
+class Viewer:
+    """Logs states as the viewer's node does."""
+
+    def __init__(self, states: States, file: Path) -> None:
+        """Show the chain, in a recording that is written to ``file``."""
+        self._states = states
+        self.recording: Recording = open_recording(save=file)
+        self._live = LiveView(self.recording.stream)
+        self._live.set_description(states.chain.urdf())
+
+    def prepare(self, first: int, count: int) -> list[list[tuple[bytes, bytes]]]:
+        """Return the messages of states, by call."""
+        numbers = range(first, first + count)
+        messages = [self._states.raw(number) for number in numbers]
+        return [messages[at : at + _PER_CALL] for at in range(0, count, _PER_CALL)]
+
+    def log(self, calls: list[list[tuple[bytes, bytes]]]) -> None:
+        """Take in messages, and log them."""
+        live = self._live
+        for messages in calls:
+            for tf, joints in messages:
+                live.add_transforms(tf_arrays(tf))
+                state = joint_state_arrays(joints)
+                live.add_joints(state.stamp_ns, state.names, state.positions, state.velocities)
+            live.tick(0)
+
+
+class Columns(NamedTuple):
+    """The arrays of one call.
+
+    Attributes:
+        transform_stamps: (S * N,), nanoseconds.
+        translations: (S * N, 3), m.
+        rotations: (S * N, 4), x y z w.
+        state_stamps: (S,), nanoseconds.
+        positions: (S * N,), rad.
+    """
+
+    transform_stamps: np.ndarray
+    translations: Floats
+    rotations: Floats
+    state_stamps: np.ndarray
+    positions: Floats
+
+
+class Bare:
+    """Logs the same by nothing but Rerun's own calls."""
+
+    def __init__(self, states: States, file: Path) -> None:
+        """Open a recording that is written to ``file``."""
+        self._states = states
+        self.recording: Recording = open_recording(save=file)
+        self._parents = list(states.chain.links[:-1]) * _PER_CALL
+        self._children = list(states.chain.links[1:]) * _PER_CALL
+
+    def prepare(self, first: int, count: int) -> list[Columns]:
+        """Return the arrays of states, by call."""
+        return [self._columns(at, _PER_CALL) for at in range(first, first + count, _PER_CALL)]
+
+    def _columns(self, first: int, count: int) -> Columns:
+        states, joints = self._states, len(self._states.chain.joints)
+        rows = np.arange(first, first + count) % _VARIANTS
+        stamps = np.array([states.stamp(first + number) for number in range(count)], np.int64)
+        transforms = states.transforms[rows].reshape(-1, 7)
+        return Columns(
+            np.repeat(stamps, joints),
+            np.ascontiguousarray(transforms[:, :3]),
+            np.ascontiguousarray(transforms[:, 3:]),
+            stamps,
+            states.positions[rows].ravel(),
+        )
+
+    def log(self, calls: list[Columns]) -> None:
+        """Log the arrays."""
+        stream, joints = self.recording.stream, len(self._states.chain.joints)
+        for columns in calls:
+            stream.send_columns(
+                TF_ENTITY,
+                indexes=[time_column(columns.transform_stamps)],
+                columns=rr.Transform3D.columns(
+                    translation=columns.translations,
+                    quaternion=columns.rotations,
+                    parent_frame=self._parents,
+                    child_frame=self._children,
+                ),
+            )
+            lengths = [joints] * len(columns.state_stamps)
+            stream.send_columns(
+                _POSITIONS,
+                indexes=[time_column(columns.state_stamps)],
+                columns=rr.Scalars.columns(scalars=columns.positions).partition(lengths),
+            )
+
+
+class Logger:
+    """Times one of the two."""
+
+    def __init__(self, what: Viewer | Bare) -> None:
+        """Begin with the first state."""
+        self._what = what
+        self.logged = 0
+
+    def log(self, count: int) -> float:
+        """Log so many states; return the processor time of each, of all threads, us."""
+        calls = self._what.prepare(self.logged, count)
+        self.logged += count
+        began = time.process_time()
+        self._what.log(calls)  # type: ignore[arg-type]
+        self._what.recording.stream.flush(timeout_sec=10.0)
+        return 1e6 * (time.process_time() - began) / count
+
+
+def run(options: Options) -> Report:
+    """Measure chains of several lengths."""
+    counts = (10,) if options.quick else (10, 30, 100, 300, 1000)
+    rows: list[dict[str, Value]] = []
+    goals: list[Goal] = []
+    curves: dict[str, list[tuple[float, float]]] = {OURS: [], FLOOR: []}
+    for joints in counts:
+        options.say(f"viewer: {joints} joints")
+        taken = measure(joints, options)
+        pairs = zip(taken[OURS], taken[FLOOR], strict=True)
+        over = median([ours / floor for ours, floor in pairs])
+        ours, floor = median(taken[OURS]), median(taken[FLOOR])
+        for name, value in ((OURS, ours), (FLOOR, floor)):
+            curves[name].append((float(joints), value))
+        names = ("Joints", "CPU us/state", "bare", "over bare")
+        rows.append(dict(zip(names, (joints, ours, floor, over), strict=True)))
+        if joints in _GOALS_FOR:
+            goals.append(at_most(f"{joints} joints: CPU per state over bare calls", over, _GOAL))
+    notes = [
+        f"A state is a message of /tf and one of /joint_states; {_PER_CALL} states a call, as at "
+        "100 Hz. Processor time of all threads, Rerun's too, which write a file. All that was "
+        "logged was read from the files again, and is the same."
+    ]
+    plot = Plot("Viewer", "joints", "CPU us per robot state", curves)
+    return Report("viewer", rows, goals, notes, [plot])
+
+
+def measure(joints: int, options: Options) -> dict[str, list[float]]:
+    """Log states in turn; return the time of each, a number a round.
+
+    Raises:
+        WrongAnswer: a file does not hold what was logged.
+    """
+    states = States.of(joints)
+    count = _PER_CALL * max(2, options.choose(20_000, 200) // (joints * _PER_CALL))
+    with TemporaryDirectory() as folder:
+        files = {name: Path(folder) / f"{number}.rrd" for number, name in enumerate((OURS, FLOOR))}
+        makers: dict[str, Callable[[States, Path], Viewer | Bare]] = {OURS: Viewer, FLOOR: Bare}
+        whats = {name: make(states, files[name]) for name, make in makers.items()}
+        loggers = {name: Logger(what) for name, what in whats.items()}
+        for logger in loggers.values():
+            logger.log(count)  # to get warm
+        variants = {name: (lambda it=it: it.log(count)) for name, it in loggers.items()}
+        taken = in_turn(variants, options.choose(9, 1))
+        for name, what in whats.items():
+            what.recording.close()
+            check(states, loggers[name].logged, read_frames(files[name]), name)
+    return taken
+
+
+def check(states: States, count: int, frames: Frames, name: str) -> None:
+    """Compare what is in a file with what was logged.
+
+    Raises:
+        WrongAnswer: it is not the same.
+    """
+    numbers = np.arange(count)
+    joints = len(states.chain.joints)
+    stamps = np.repeat(_START_NS + numbers * _PERIOD_NS, joints)
+    if not np.array_equal(frames.stamps_ns, stamps):
+        raise WrongAnswer(
+            f"{name}: {len(frames.stamps_ns)} rows in the file, and {len(stamps)} logged; or at "
+            "other times"
+        )
+    if frames.children != list(states.chain.links[1:]) * count:
+        raise WrongAnswer(f"{name}: other child frames in the file than were logged")
+    if frames.parents != list(states.chain.links[:-1]) * count:
+        raise WrongAnswer(f"{name}: other parent frames in the file than were logged")
+    expected = states.transforms[numbers % _VARIANTS].reshape(-1, 7)
+    found = np.concatenate([frames.translations, frames.rotations], axis=1)
+    error = float(np.abs(found - expected).max())
+    if not error <= _ROUNDING:
+        raise WrongAnswer(f"{name}: numbers in the file are off by {error:g}")
