@@ -12,7 +12,7 @@ from onebot_bringup.bringup_arguments import (
     description_arguments,
     simulation_arguments,
 )
-from onebot_bringup.bringup_nodes import NodeFactory
+from onebot_bringup.bringup_nodes import NodeFactory, output_path
 from onebot_bringup.bringup_text import Robot, help_text, summary_text
 from onebot_bringup.launcher import Launcher, Node
 from onebot_bringup.launcher.arguments import (
@@ -164,10 +164,12 @@ def _check_files(values: Mapping[str, str]) -> None:
 def _check_outputs(values: Mapping[str, str]) -> None:
     """Complain about recordings that could not be written."""
     for name in ("save", "record"):
-        path = Path(values[name]).absolute()
+        path = output_path(values[name])
         if values[name] and not path.parent.is_dir():
             raise OneBotError(f"{name}:={values[name]}: the folder {path.parent} does not exist")
-    if values["record"] and Path(values["record"]).exists():
+    if values["save"] and output_path(values["save"]).suffix != ".rrd":
+        raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
+    if values["record"] and output_path(values["record"]).exists():
         raise OneBotError(f"record:={values['record']} exists already: name a new folder")
 
 

@@ -1,5 +1,6 @@
 """The nodes of a description bringup, as processes to start."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,11 @@ from onebot_bringup.joint_sweep import sweep_parameters
 from onebot_bringup.launcher import Node, OnExit, python_node
 from onebot_bringup.launcher.parameter_files import write_parameters
 from onebot_description.description import Description, published_urdf
+
+
+def output_path(text: str) -> Path:
+    """Return the path of a file or folder to write; shells leave the ~ of ``name:=~/x`` to us."""
+    return Path(text).expanduser().absolute()
 
 
 @dataclass(frozen=True)
@@ -80,15 +86,30 @@ class NodeFactory:
         return self._node("rerun_viewer", module, parameters, on_exit="ignore")
 
     def steering_page(self) -> Node:
-        """Return the page to steer from; it may crash without the robot's noticing."""
-        parameters: dict[str, object] = {name: self.values[name] for name in ("host", "token")}
-        parameters["port"] = int(self.values["port"])
+        """Return the page to steer from; it may crash without the robot's noticing.
+
+        Its port and its token are chosen here, so that open pages find it again after a crash.
+
+        Raises:
+            OneBotError: the page cannot be served where it should be.
+        """
+        from onebot_bringup.steering.access import is_loopback, new_token
+        from onebot_bringup.steering.serving import listen
+
+        wanted, token = int(self.values["port"]), self.values["token"]
+        with listen(self.values["host"], wanted) as probe:
+            address, port = probe.getsockname()[:2]
+        if wanted not in (0, port):
+            print(f"warning: port {wanted} is in use; using {port} instead", file=sys.stderr)
+        if not token and not is_loopback(address):
+            token = new_token()
+        parameters = {"host": self.values["host"], "port": port, "token": token}
         module = "onebot_bringup.steering_page"
         return self._node("steering_page", module, parameters, on_exit="restart")
 
     def bag_recorder(self) -> Node:
         """Return the recorder, whose end stops nothing else."""
-        parameters = {"folder": str(Path(self.values["record"]).absolute())}
+        parameters = {"folder": str(output_path(self.values["record"]))}
         module = "onebot_bringup.bag_recorder"
         return self._node("bag_recorder", module, parameters, on_exit="ignore")
 

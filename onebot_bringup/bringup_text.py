@@ -63,13 +63,16 @@ def summary_text(description: Description, values: Mapping[str, str]) -> str:
     ]
     if values.get("sim") == "true":
         drive = f"{space}/velocity_controller/cmd_vel"
-        if values.get("steer") == "true":
-            lines.append("  steer    in the browser; steering_page prints its address")
-        lines.append(f"  drive    onebot teleop, or a Twist on {drive}")
+        lines.append(
+            f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"
+        )
     elif values["joint_states"] == "true":
         lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
     else:
         lines.append(f"  joints   wait for {space}/joint_states")
+    if values.get("steer") == "true":
+        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
+        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
     lines.append(f"  viewer   {_viewer_hint(values)}")
     if values["record"]:
         lines.append(f"  record   all topics to {values['record']}")

@@ -225,17 +225,20 @@ class LiveView:
         """Take in a Twist of ``topic``, as the view names it; its time in nanoseconds."""
         self._drive.add_command(topic, stamp_ns, sample)
 
-    def tick(self, now_ns: int) -> list[str]:
+    def tick(self, now_ns: int, *, curves: bool = True) -> list[str]:
         """Log what was collected and set the view up; call it some 20 times a second.
 
         Args:
             now_ns: stands in for a stamp of zero, nanoseconds.
+            curves: log those of the joints, too; they may come in larger pieces than where the
+                robot stands, which is less work for a page that draws slowly.
 
         Returns:
             What the user should know now, a sentence each.
         """
         self._transforms.flush(now_ns)
-        self._joints.flush()
+        if curves:
+            self._joints.flush()
         problems = self._drive.tick(self.fixed_frame, now_ns)
         self._show_frames()
         if self._robot is None:

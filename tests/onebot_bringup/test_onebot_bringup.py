@@ -1,8 +1,15 @@
 """OneBot, brought up as a user brings it up, and driven over real DDS."""
 
+import re
+import urllib.error
+import urllib.request
+from urllib.parse import urlsplit
+
+import psutil
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -94,6 +101,45 @@ def test_namespace_and_rate(ros_domain):
         assert peer.node.count_subscribers("/left/velocity_controller/cmd_vel")
 
 
+def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
+    """The page is there with the robot; other computers need the token, the same after a crash."""
+    words = ["steer:=true", "host:=0.0.0.0", "port:=0", "viewer:=none"]
+    with NodeProcess(MODULE, *words) as node, Peer(ros_domain) as peer:
+        find = re.compile(r"open (http://\S+)(\?token=\S+)")
+        address = wait_for(lambda: find.search(node.output), "the page")
+        port = urlsplit(address[1]).port
+        page = f"http://127.0.0.1:{port}/"
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(page, timeout=30)
+        with urllib.request.urlopen(page + address[2], timeout=30) as response:
+            assert "<title>" in response.read().decode()
+        wait_for(lambda: peer.node.count_subscribers(ODOM), "the page's read-out")
+        [process] = [
+            child
+            for child in psutil.Process(node.process.pid).children(recursive=True)
+            if "onebot_bringup.steering_page" in child.cmdline()
+        ]
+        process.kill()
+        again = wait_for(lambda: find.findall(node.output)[1:], "the page's return")
+        assert again[0][1] == address[2]
+
+
+def test_record_keeps_all_that_is_said(ros_domain, tmp_path):
+    """record:= makes a folder that rosbags reads, with the topics of the robot."""
+    folder = tmp_path / "run"
+    with NodeProcess(MODULE, "viewer:=none", f"record:={folder}") as node, Peer(ros_domain) as peer:
+        odom, publisher = peer.hear(Odometry, ODOM), peer.publisher(Twist, CMD_VEL, subscribers=2)
+        for _ in range(5):
+            publisher.publish(Twist())
+        wait_for(lambda: len(odom) > 60, "a second of odometry")
+        assert node.interrupt() == 0
+    with AnyReader([folder]) as reader:
+        count = {connection.topic: connection.msgcount for connection in reader.connections}
+    topics = ("/tf", "/tf_static", "/joint_states", "/robot_description", ODOM, CMD_VEL)
+    assert {topic: count.get(topic, 0) for topic in topics if not count.get(topic)} == {}
+    assert count[CMD_VEL] == 5 and count[ODOM] >= len(odom)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -102,6 +148,12 @@ def test_namespace_and_rate(ros_domain):
         (["rate:=fast"], "rate:=fast"),
         (["params_file:=nowhere.yaml"], "nowhere.yaml"),
         (["sim:=maybe"], "sim:=maybe"),
+        (["host:=0.0.0.0"], "add steer:=true"),
+        (["steer:=true", "port:=70000"], "port:=70000"),
+        (["steer:=true", "host:=1.2.3.4"], "1.2.3.4"),
+        (["save:=run.mcap"], "must end in .rrd"),
+        (["record:=/"], "exists already"),
+        (["record:=/no/such/folder"], "does not exist"),
     ],
 )
 def test_wrong_arguments_are_explained(ros_domain, words, said):
