@@ -1,18 +1,25 @@
 """Shows a recording in Rerun as the live viewer would have shown it, all of its time at once."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
 import rerun as rr
 import rerun.blueprint as rrb
-from rclpy.serialization import deserialize_message
-from std_msgs.msg import String
 
+from onebot_bringup.bag.frame_prefix import frame_prefix_of
 from onebot_bringup.bag.messages import BagMessage
 from onebot_bringup.bag.reader import Bag
+from onebot_bringup.bag_robot import (
+    DESCRIPTION,
+    TF,
+    RobotTopics,
+    frames_of,
+    robot_of,
+    text_of,
+)
 from onebot_bringup.raw_messages import (
     joint_state_arrays,
     odometry_sample,
@@ -20,26 +27,18 @@ from onebot_bringup.raw_messages import (
     twist_sample,
     twist_stamped_sample,
 )
-from onebot_bringup.rerun_topics import wanted_topics
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.streams import TIMELINE
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_bringup.viewer.view_files import view_for
-from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.text import listing
 
-_TF, _STRING, _JOINTS = (
-    "tf2_msgs/msg/TFMessage",
-    "std_msgs/msg/String",
-    "sensor_msgs/msg/JointState",
-)
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _TWISTS = {
     "geometry_msgs/msg/Twist": twist_sample,
     "geometry_msgs/msg/TwistStamped": twist_stamped_sample,
 }
-_DESCRIPTION = "robot_description"
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
 _SETTLE = 10.0  # s after its end, for what is shown only once nothing better came
 _SAY_EVERY = 2.0  # s
@@ -69,6 +68,8 @@ def log_bag(
     *,
     view: Path | None = None,
     fixed_frame: str = "",
+    frame_prefix: str = "",
+    namespace: str = "",
     from_start: bool = True,
     progress: Say = print,
     warn: Say = print,
@@ -81,24 +82,31 @@ def log_bag(
         view: how to look at it, a .yaml or .rbl file; None for the view of the robot's
             description, if that is installed.
         fixed_frame: the frame to show everything in; "" for the view's.
+        frame_prefix: put before link names to get their frames; "" to find it out.
+        namespace: of the robot to show; "" for the first.
         from_start: the viewer plays it from its beginning; False: it shows its end.
         progress: told how far it is when that takes over two seconds.
         warn: told what cannot be shown, and of damage.
 
     Raises:
-        OneBotError: there is nothing to show in it, or the view is wrong.
+        OneBotError: there is nothing to show in it or in the namespace, or the view is wrong.
     """
-    names = _Names(bag)
+    names = RobotTopics(bag, namespace)
     if not names.shown:
         raise OneBotError(
             f"{bag.source} holds nothing of a robot: no description, transforms or joint states "
             f"(topics: {listing(bag.topics)})"
         )
-    if len(names.descriptions) > 1:
-        warn(f"several robots are recorded; showing that of {names.descriptions[0]}")
+    if len(names.spaces) > 1 and not namespace:
+        there = listing([space or "/" for space in names.spaces])
+        warn(f"several robots are recorded, in {there}: showing that in {names.space or '/'}")
     elif not names.descriptions:
-        warn(f"{bag.source} holds no {_DESCRIPTION}: showing the frames without the robot")
-    view = view or _own_view(bag, names)
+        warn(f"{bag.source} holds no {DESCRIPTION}: showing the frames without the robot")
+    robot = robot_of(bag, names)
+    view = view or (view_for(robot.name) if robot is not None else None)
+    if robot is not None and not frame_prefix:
+        frames = frames_of(bag, names)
+        frame_prefix = frame_prefix_of(robot.root, robot.links, frames, names.space)
     config, blueprint = ViewConfig(), None
     if view is not None and view.suffix == ".rbl":
         blueprint = view
@@ -110,59 +118,12 @@ def log_bag(
         warn(sentence)
     told = len(bag.warnings)
     played = cast(rr.RecordingStream, _Played(stream)) if from_start else stream
-    shown = _Replay(names, played, config, blueprint, warn).run(bag, progress)
+    shown = _Replay(names, played, config, blueprint, frame_prefix, warn).run(bag, progress)
     for sentence in bag.warnings[told:]:
         warn(sentence)
+    if not shown.messages:
+        raise OneBotError(f"nothing of {bag.source} can be shown")
     return shown
-
-
-def _own_view(bag: Bag, names: "_Names") -> Path | None:
-    for message in bag.messages(names.descriptions[:1]):
-        try:
-            return view_for(parse_description(_text(message)).robot_name)
-        except OneBotError:
-            return None  # it is complained of when it is shown
-    return None
-
-
-def _text(message: BagMessage) -> str:
-    return str(deserialize_message(message.data, String).data)
-
-
-class _Names:
-    """Which topics of a recording show the robot, and its namespace."""
-
-    def __init__(self, bag: Bag) -> None:
-        self._types = bag.topics
-        self.descriptions = sorted(
-            (
-                topic
-                for topic, kind in bag.topics.items()
-                if _is(topic, _DESCRIPTION, kind, _STRING)
-            ),
-            key=lambda topic: (topic.count("/"), topic),
-        )
-        joints = [t for t, kind in bag.topics.items() if _is(t, "joint_states", kind, _JOINTS)]
-        self.space = self.descriptions[0].rpartition("/")[0] if self.descriptions else ""
-        self.joints = self.resolved("joint_states")
-        if not self.descriptions and joints and self.joints not in joints:
-            self.joints = joints[0]
-        tf = [t for t in ("/tf", "/tf_static") if bag.topics.get(t) == _TF]
-        joints = [self.joints] if self.joints in joints else []
-        self.shown = [*tf, *self.descriptions[:1], *joints]
-
-    def resolved(self, name: str) -> str:
-        """The full name of a topic that the view names."""
-        return name if name.startswith("/") else f"{self.space}/{name}"
-
-    def of_view(self, view: ViewConfig) -> Mapping[str, str]:
-        """The recorded topics that ``view`` asks for, and how it names them."""
-        wanted = {self.resolved(name): name for name in wanted_topics(view)}
-        return {full: name for full, name in wanted.items() if full in self._types}
-
-
-def _is(topic: str, name: str, kind: str, wanted: str) -> bool:
-    return kind == wanted and topic.rpartition("/")[2] == name
 
 
 class _Replay:
@@ -170,10 +131,11 @@ class _Replay:
 
     def __init__(
         self,
-        names: _Names,
+        names: RobotTopics,
         stream: rr.RecordingStream,
         view: ViewConfig,
         blueprint: Path | None,
+        frame_prefix: str,
         warn: Say,
     ) -> None:
         self._names = names
@@ -181,7 +143,14 @@ class _Replay:
         self._warn = warn
         self._now = 0  # ns
         self._shift = 0  # ns, from the time of reception to that of the stamps
-        self._live = LiveView(stream, view, blueprint=blueprint, clock=lambda: self._now / 1e9)
+        self._left_out: dict[str, int] = {}  # messages by topic
+        self._live = LiveView(
+            stream,
+            view,
+            blueprint=blueprint,
+            frame_prefix=frame_prefix,
+            clock=lambda: self._now / 1e9,
+        )
 
     def run(self, bag: Bag, progress: Say) -> Shown:
         count, start, last_tick = 0, None, 0
@@ -189,8 +158,7 @@ class _Replay:
         for message in bag.messages([*self._names.shown, *self._of_view]):
             self._now = max(self._now, message.time)
             start = message.time if start is None else start
-            self._take_safely(message)
-            count += 1
+            count += self._take_safely(message)
             if self._now - last_tick >= _TICK:
                 last_tick = self._now
                 self._tick()
@@ -203,6 +171,9 @@ class _Replay:
         self._now += int(_SETTLE * 1e9)
         self._tick()
         self._live.finish(self._stamp(0))
+        for topic, number in self._left_out.items():
+            if number > 1:
+                self._warn(f"{number} messages of {topic} were left out")
         robot = self._live.robot
         return Shown(robot.name if robot is not None else "", count, seconds)
 
@@ -212,21 +183,27 @@ class _Replay:
             for sentence in sentences:
                 self._warn(sentence)
 
-    def _take_safely(self, message: BagMessage) -> None:
+    def _take_safely(self, message: BagMessage) -> bool:
+        """Take a message in; whether that could be done. Of each topic, one failure is told."""
         try:
             self._take(message)
         except (OneBotError, ValueError, IndexError) as error:
-            self._warn(f"a message of {message.topic} is left out: {error}")
+            number = self._left_out.get(message.topic, 0)
+            self._left_out[message.topic] = number + 1
+            if not number:
+                self._warn(f"a message of {message.topic} is left out: {error}")
+            return False
+        return True
 
     def _take(self, message: BagMessage) -> None:
         topic, data = message.topic, message.data
-        if message.type == _TF:
+        if message.type == TF:
             transforms = tf_arrays(data)
             if topic == "/tf" and len(transforms.stamps_ns):
                 self._stamp(int(transforms.stamps_ns[-1]))
             self._live.add_transforms(transforms, static=topic == "/tf_static")
         elif topic in self._names.descriptions:
-            for problem in self._live.set_description(_text(message)):
+            for problem in self._live.set_description(text_of(message)):
                 self._warn(problem)
         elif topic == self._names.joints:
             state = joint_state_arrays(data)

@@ -78,20 +78,25 @@ class _Heard:
     """A subscription; its topic enters the recording with its first message."""
 
     def __init__(
-        self, wish: _Wish, subscribe: Callable[[Callable[[bytes], None]], Any], take: Any
+        self,
+        wish: _Wish,
+        subscribe: Callable[[Callable[[bytes], None]], Any],
+        take: Any,
+        number: int | None = None,
     ) -> None:
+        """Hear as ``wish`` says; ``number`` is the topic's where the recording has it already."""
         self.wish = wish
         self._take = take
-        self._number: int | None = None
+        self.number = number
         self.subscription = subscribe(self._on_message)
 
     @property
     def used(self) -> bool:
         """A message has come."""
-        return self._number is not None
+        return self.number is not None
 
     def _on_message(self, data: bytes) -> None:
-        self._number = self._take(self, self._number, data)
+        self.number = self._take(self, self.number, data)
 
 
 class BagTopics:
@@ -153,7 +158,7 @@ class BagTopics:
             self._change_type(topic, heard, wish)
         elif _stricter(heard.wish, wish) or not heard.used:
             self._node.destroy_subscription(self._heard.pop(topic).subscription)
-            self._listen(topic, wish)
+            self._listen(topic, wish, heard.number)
 
     def _change_type(self, topic: str, heard: _Heard, wish: _Wish) -> None:
         if heard.used:
@@ -200,7 +205,7 @@ class BagTopics:
             found.append(kind)
         return found
 
-    def _listen(self, topic: str, wish: _Wish) -> None:
+    def _listen(self, topic: str, wish: _Wish, number: int | None = None) -> None:
         def subscribe(on_message: Callable[[bytes], None]) -> Any:
             kind = message_class(wish.type)
             return self._node.create_subscription(kind, topic, on_message, wish.profile, raw=True)
@@ -212,7 +217,7 @@ class BagTopics:
             self._bag.write(number, now, data)
             return number
 
-        self._heard[topic] = _Heard(wish, subscribe, take)
+        self._heard[topic] = _Heard(wish, subscribe, take, number)
 
     def _topic(self, name: str, kind: str) -> Topic:
         """The topic as it enters the recording, with what its publishers offer now."""

@@ -1,11 +1,14 @@
-"""Raw CDR messages into arrays, quickly; whatever is not plain CDR, as rclpy does it."""
+"""Raw CDR messages into arrays, quickly; whatever is not plain CDR, as rclpy does it.
+
+Bytes that are no such message are a ValueError or an IndexError, whoever finds out.
+"""
 
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message
+from rclpy import serialization
 from sensor_msgs.msg import JointState
 
 from onebot_bringup.viewer.odometry_wire import (
@@ -23,6 +26,19 @@ from onebot_description.tf.wire import JointStateArrays, TfArrays, WireError
 
 # They remember the names of messages that come again and again.
 _TF, _JOINT_STATES = TfReader(), JointStateReader()
+
+
+def deserialize_message(data: bytes, kind: type) -> Any:
+    """Decode a message of the class ``kind`` as rclpy does.
+
+    Raises:
+        ValueError: the bytes are no such message; rclpy's own errors are of many kinds.
+    """
+    try:
+        return serialization.deserialize_message(data, kind)
+    except Exception as error:
+        reason = " ".join(str(error).split()).partition("., at /")[0]  # of rclpy's source code
+        raise ValueError(f"it is no {kind.__name__}: {reason}") from error
 
 
 def tf_arrays(data: bytes) -> TfArrays:

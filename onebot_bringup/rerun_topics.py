@@ -137,14 +137,27 @@ class DriveTopics:
             sample = odometry_sample(data)
             self._live.add_odometry(topic, sample.stamp_ns or self._now(), sample)
 
-        return take
+        return self._guarded(topic, take)
 
     def _on_twist(self, topic: str, kind: str) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
             sample = _TWIST_READERS[kind](data)
             self._live.add_command(topic, sample.stamp_ns or self._now(), sample)
 
-        return take
+        return self._guarded(topic, take)
+
+    def _guarded(self, topic: str, take: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        """A strange message must not end the viewer."""
+
+        def guarded(data: bytes) -> None:
+            try:
+                take(data)
+            except (ValueError, IndexError) as error:
+                self._node.get_logger().warning(
+                    f"ignored a message of {topic}: {error}", throttle_duration_sec=5.0
+                )
+
+        return guarded
 
     def _now(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)

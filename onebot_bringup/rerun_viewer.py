@@ -31,6 +31,7 @@ Parameters:
     memory_limit (string, "256MB"): what is kept for viewers that join later.
 """
 
+import itertools
 import re
 import sys
 from collections.abc import Callable
@@ -57,6 +58,7 @@ from onebot_description.tf.tf_message import TFMessage
 
 VIEWERS = ("web", "native", "none")
 FLUSH_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
+CURVES_EVERY = 4  # flushes
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -103,6 +105,7 @@ class RerunViewer(Node):
         )
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
         self._page_told = ""
+        self._ticks = itertools.count()
         self._subscribe()
         self._drive = DriveTopics(self, self._live, self._source.view)
 
@@ -159,7 +162,8 @@ class RerunViewer(Node):
         self.create_timer(0.25, self._watch_view, clock=steady)
 
     def _tick(self) -> None:
-        for message in self._live.tick(self.get_clock().now().nanoseconds):
+        curves = next(self._ticks) % CURVES_EVERY == 0
+        for message in self._live.tick(self.get_clock().now().nanoseconds, curves=curves):
             self.get_logger().warning(message)
 
     def _watch_display(self) -> None:
@@ -232,9 +236,12 @@ class RerunViewer(Node):
         self._guard(lambda: self._live.add_transforms(tf_arrays(data), static=True))
 
     def _on_joints(self, data: bytes) -> None:
-        state = joint_state_arrays(data)
-        stamp = state.stamp_ns or self.get_clock().now().nanoseconds
-        self._live.add_joints(stamp, state.names, state.positions, state.velocities)
+        def take() -> None:
+            state = joint_state_arrays(data)
+            stamp = state.stamp_ns or self.get_clock().now().nanoseconds
+            self._live.add_joints(stamp, state.names, state.positions, state.velocities)
+
+        self._guard(take)
 
     def _guard(self, action: Callable[[], None]) -> None:
         """A strange message must not end the viewer."""

@@ -36,6 +36,7 @@ import queue
 import sys
 import threading
 import webbrowser
+from collections.abc import Callable
 from urllib.parse import quote
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -50,12 +51,9 @@ from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.server import Cockpit, Robot, SteeringServer
 from onebot_bringup.steering.serving import ServerThread, listen, reachable_as
 from onebot_bringup.steering.view_proxy import View, ViewProxy
-from onebot_bringup.steering_topics import (
-    CommandTopic,
-    ControllerLimits,
-    OdometryTopic,
-    command_topics,
-)
+from onebot_bringup.steering_limits import ControllerLimits
+from onebot_bringup.steering_odometry import OdometryTopic
+from onebot_bringup.steering_topics import CommandTopic, command_topics, foreign_type
 from onebot_bringup.viewer.serving import has_display
 from onebot_description.errors import OneBotError
 from onebot_description.ros import run_node
@@ -96,6 +94,7 @@ class SteeringPage(Node):
             descriptor = ParameterDescriptor(description=meaning, read_only=True)
             self.declare_parameter(name, default, descriptor)
         self._server: ServerThread | None = None
+        self._refuse: Callable[[str, str], None] = lambda page, why: None
         self._fixed = Velocity(self._number("max_linear"), self._number("max_angular"))
         rate = self._number("rate")
         if not _LEAST_RATE <= rate <= _MOST_RATE:
@@ -106,7 +105,7 @@ class SteeringPage(Node):
         self._odometry = OdometryTopic(self, self._topic("odom_topic"))
         self._controller = ControllerLimits(self)
         self._topics: tuple[str, ...] = ()
-        self._wishes: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._wishes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
         ceiling = Velocity(self._fixed.linear or math.inf, self._fixed.angular or math.inf)
         self._helm = Helm(_USUAL, self._commands.publish, ceiling)
         self._helm.set_limits(self._limits(_USUAL))
@@ -157,11 +156,12 @@ class SteeringPage(Node):
             self.get_logger().warning(f"port {wanted} is in use; using {port} instead")
         access = Access(self._token(address), address, port)
         cockpit = Cockpit(
-            self._helm, access, self._view, self._robot, self._wishes.put, self._complain, rate
+            self._helm, access, self._view, self._robot, self._wish, self._complain, rate
         )
         server = SteeringServer(cockpit)
         self._server = thread = ServerThread(server.app, listener)
         self._helm.changed = lambda: thread.call(server.tell)
+        self._refuse = lambda page, why: thread.call(lambda: server.refuse(page, why))
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
         url = f"http://{reachable_as(listener)}{query}"
         # Not by the logger: what that says goes to /rosout, and is no place for a token.
@@ -180,6 +180,9 @@ class SteeringPage(Node):
             " whoever listens on the network between learns it (an SSH tunnel keeps it private)"
         )
         return given or new_token()
+
+    def _wish(self, page: str, topic: str) -> None:
+        self._wishes.put((page, topic))
 
     def _complain(self, problem: str) -> None:
         self._refused += 1
@@ -208,11 +211,16 @@ class SteeringPage(Node):
                 "stopped: the page that drives fell silent", throttle_duration_sec=_WARN_EVERY
             )
         while not self._wishes.empty():
-            self._choose(self._wishes.get())
+            self._choose(*self._wishes.get())
 
-    def _choose(self, name: str) -> None:
+    def _choose(self, page: str, name: str) -> None:
         topic = str(self.resolve_topic_name(name))
-        if topic != self._commands.topic:
+        if topic == self._commands.topic:
+            return
+        kind = foreign_type(self, topic)
+        if kind:
+            self._refuse(page, f"{topic} holds {kind}, not Twist or TwistStamped: choose another.")
+        else:
             self._helm.halt()
             self._commands.choose(topic)
             self._look()

@@ -54,13 +54,23 @@ class Bag:
         """Return the messages of ``topics``, by the time they were received.
 
         What is damaged ends the file it is in, with a warning.
+
+        Raises:
+            OneBotError: they are not compressed as metadata.yaml says.
         """
-        unpack = zstandard.ZstdDecompressor().decompressobj if self._compressed else None
         for file in self._files:
             for message in _READERS[file.suffix](file, topics, self.warnings.append):
-                if unpack is not None:
-                    message = message._replace(data=unpack().decompress(message.data))
-                yield message
+                yield self._unpacked(message) if self._compressed else message
+
+    def _unpacked(self, message: BagMessage) -> BagMessage:
+        try:
+            unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
+        except zstandard.ZstdError as error:
+            raise OneBotError(
+                f"{self.source / FILE_NAME} says compression_mode: message, but a message of "
+                f"{message.topic} is not compressed by zstd: correct it to compression_mode: ''"
+            ) from error
+        return message._replace(data=unpacked)
 
     # --- files ----------------------------------------------------------------------------------
 

@@ -8,10 +8,16 @@ from pathlib import Path
 from onebot_bringup.bag.messages import BagMessage, Contents
 from onebot_description.errors import OneBotError
 
+# SQLite lets anything be in any column.
+_TOPICS = """
+    SELECT name, type FROM topics
+    WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
+"""
 _MESSAGES = """
     SELECT topics.name, topics.type, messages.timestamp, messages.data
     FROM messages JOIN topics ON messages.topic_id = topics.id
     WHERE topics.name IN ({})
+        AND typeof(messages.data) = 'blob' AND typeof(messages.timestamp) = 'integer'
     ORDER BY messages.timestamp, messages.id
 """
 
@@ -24,9 +30,7 @@ def topics_of_sqlite(path: Path) -> Contents:
     """
     try:
         with closing(_connect(path)) as database:
-            topics = dict(
-                database.execute("SELECT name, type FROM topics WHERE serialization_format='cdr'")
-            )
+            topics = dict(database.execute(_TOPICS))
             (count,) = database.execute("SELECT count(*) FROM messages").fetchone()
     except sqlite3.Error as error:
         raise OneBotError(f"{path} is no recording of rosbag2: {error}") from error

@@ -30,12 +30,15 @@ ARGUMENTS = (
     Argument("save", "", "write it to this .rrd file as well; with viewer:=none only that"),
     Argument("view", "", "what is shown and from where, .yaml or .rbl; empty: the robot's own"),
     Argument("fixed_frame", "", "the frame that stands still; empty: the view's"),
+    Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
+    Argument("namespace", "", "of the robot to show, where several are recorded"),
     Argument("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),
     Argument("web_port", "9090", "of the page on 127.0.0.1; 0: any"),
     Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
 )
 _RRD = ".rrd"
 _RRD_STARTS = (b"RRF", b"RRIO")  # of its versions
+_NOTHING = 200  # bytes of a .rrd file that holds nothing
 _ALL = "100%"  # of the memory: everything must be there for a page that is opened later
 _WATCH_EVERY = 0.1  # s
 
@@ -79,7 +82,7 @@ def _values(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _replay(source: Path, values: Mapping[str, str], interrupts: "_Interrupts") -> int:
-    rrd = source.suffix == _RRD
+    rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder
     view = _view(values["view"])
     if rrd:
         _check_rrd(source, view, values)
@@ -100,6 +103,8 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: "_Interrupts") 
                 display.stream,
                 view=view,
                 fixed_frame=values["fixed_frame"],
+                frame_prefix=values["frame_prefix"],
+                namespace=values["namespace"],
                 progress=interrupts.checked(_Log().info),
                 warn=_Log().warning,
             )
@@ -127,9 +132,11 @@ def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> No
     if not start.startswith(_RRD_STARTS):
         what = "is empty" if not start else "is no recording of Rerun"
         raise OneBotError(f"{source} {what}")
+    if source.stat().st_size < _NOTHING:
+        raise OneBotError(f"{source} was cut short before anything was in it")
     if view is not None and view.suffix != ".rbl":
         raise UsageError(f"a .rrd file has its view in it: view:={view.name} must be a .rbl file")
-    for name in ("save", "fixed_frame"):
+    for name in ("save", "fixed_frame", "frame_prefix", "namespace"):
         if values[name]:
             raise UsageError(f"{name}:={values[name]}: a .rrd file is shown as it is")
 

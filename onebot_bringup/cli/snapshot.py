@@ -84,7 +84,7 @@ def _record_running(args: Namespace, scene: Path) -> None:
 def _record_bag(args: Namespace, scene: Path) -> None:
     from onebot_bringup.snapshot.recordings import record_bag
 
-    record_bag(Path(args.source), args.view, scene, _say, _warn)
+    record_bag(Path(args.source), args.view, scene, _say, _warn, args.frame_prefix)
 
 
 def _record_description(args: Namespace, scene: Path) -> None:

@@ -18,6 +18,7 @@ from onebot_bringup.launcher.arguments import (
     table,
 )
 from onebot_bringup.launcher.parameter_files import write_parameters
+from onebot_bringup.steering.access import check_host, is_loopback, new_token
 from onebot_description.errors import OneBotError
 
 _TOPIC = "velocity_controller/cmd_vel"
@@ -89,6 +90,7 @@ def run(argv: Sequence[str]) -> int:
     given = {**topic, **arguments.given}
     values = complete(_ARGUMENTS, given)
     _check(values)
+    values["token"] = _token(values)
     os.environ.update(environment(values, forced="discovery" in given))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         return _launch(Path(folder), values, arguments.ros_args)
@@ -144,11 +146,31 @@ def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         session.node.create_subscription(String, "rerun_viewer/page", pages.append, latched)
         found = session.look_for(
-            lambda: any(page.data for page in pages), "the robot's view, a rerun_viewer with a page"
+            lambda: any(_answers(page.data) for page in pages),
+            "the robot's view, a rerun_viewer with a page",
         )
     if not found:
         print("there is none: starting one")
     return not found
+
+
+def _answers(address: str) -> bool:
+    """Say if a viewer's page is there, and not only its last word on the topic."""
+    from onebot_bringup.steering.view_proxy import View
+    from onebot_bringup.viewer.processes import answers
+
+    view = View.parse(address)
+    return view is not None and answers(view.page_port)
+
+
+def _token(values: Mapping[str, str]) -> str:
+    """Return the token given, or one made anew if it is needed, for as long as we run.
+
+    Raises:
+        OneBotError: the host is no address of this computer.
+    """
+    check_host(values["host"])
+    return values["token"] or ("" if is_loopback(values["host"]) else new_token())
 
 
 def _namespace_words(namespace: str) -> list[str]:

@@ -60,7 +60,8 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
         "--frame-prefix",
         default="",
         metavar="PREFIX",
-        help="of the running robot's frames, as robot_state_publisher's",
+        help="of the robot's frames, as robot_state_publisher's (default: none; of a recording: "
+        "as its frames are)",
     )
     words, given = _take_out_arguments(argv)
     args = parser.parse(words)
@@ -93,9 +94,13 @@ def _check(args: Namespace) -> None:
         for option, value in (("--joints", args.joints), ("name:=value", args.arguments)):
             if value:
                 raise UsageError(f"{option} is for a URDF or xacro file as SOURCE")
-    if args.source is not None and (args.ros_args or args.frame_prefix):
-        option = "--ros-args" if args.ros_args else "--frame-prefix"
-        raise UsageError(f"{option} is for the running robot, not for {args.source}")
+    if args.source is not None and args.ros_args:
+        raise UsageError(f"--ros-args is for the running robot, not for {args.source}")
+    if args.frame_prefix and kind not in ("running", "bag"):
+        raise UsageError(
+            "--frame-prefix is for the running robot and for recordings of ROS messages, not for "
+            f"{args.source}"
+        )
     if kind == "running" and args.dashboard and (args.view or args.frame_prefix):
         raise UsageError("the dashboard of a running robot is its viewer's as it is")
     if kind == "rrd" and args.view:
@@ -107,9 +112,11 @@ def kind_of(source: str | None) -> str:
     if source is None:
         return "running"
     path = Path(source)
+    if path.is_dir():
+        return "bag"  # whatever its name: record:=run.rrd makes a folder, too
     if path.suffix == ".rrd":
         return "rrd"
-    if path.suffix in (".mcap", ".db3") or path.is_dir():
+    if path.suffix in (".mcap", ".db3"):
         return "bag"
     return "description"
 

@@ -1,6 +1,7 @@
 """The running robot as it stands now: heard on its topics until every link has its place."""
 
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_bringup.cli.ros_session import PATIENCE, Session
-from onebot_bringup.raw_messages import joint_state_arrays, tf_arrays
+from onebot_bringup.raw_messages import deserialize_message, joint_state_arrays, tf_arrays
 from onebot_bringup.snapshot.view_choice import choose_view
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.geometry import Robot, read_robot
@@ -27,6 +28,7 @@ _SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
 _LISTED = 5
+_STRANGE = suppress(ValueError, IndexError)  # a strange message is no reason to give up
 # Everything is shown as of one moment, always the same: the picture is of places, not of times.
 _NOW_NS = 1_700_000_000_000_000_000
 
@@ -42,25 +44,25 @@ class HeardRobot:
         self._frames = FrameTree()
         self._joints: dict[str, float] = {}
         listen = session.node.create_subscription
-        listen(String, "robot_description", self._on_description, _LATCHED)
+        listen(String, "robot_description", self._on_description, _LATCHED, raw=True)
         listen(TFMessage, "/tf", self._on_tf, 100, raw=True)
         listen(TFMessage, "/tf_static", self._on_tf, _STATIC_TF, raw=True)
         listen(JointState, "joint_states", self._on_joints, _SENSOR, raw=True)
 
-    def _on_description(self, message: String) -> None:
-        self._urdf = message.data
+    def _on_description(self, data: bytes) -> None:
+        with _STRANGE:
+            self._urdf = deserialize_message(data, String).data
 
     def _on_tf(self, data: bytes) -> None:
-        try:
+        with _STRANGE:
             heard = tf_arrays(data)
-        except (ValueError, IndexError):
-            return  # a strange message is no reason to give up
-        self._frames.update(heard.parents, heard.children, heard.translations, heard.rotations)
+            self._frames.update(heard.parents, heard.children, heard.translations, heard.rotations)
 
     def _on_joints(self, data: bytes) -> None:
-        state = joint_state_arrays(data)
-        if len(state.positions) == len(state.names):
-            self._joints.update(zip(state.names, state.positions.tolist(), strict=True))
+        with _STRANGE:
+            state = joint_state_arrays(data)
+            if len(state.positions) == len(state.names):
+                self._joints.update(zip(state.names, state.positions.tolist(), strict=True))
 
     def record(self, asked_view: str, rrd: Path) -> list[str]:
         """Record the robot into the file ``rrd`` once all its links have a place.
@@ -155,7 +157,10 @@ class HeardRobot:
     def _hint(self, robot: Robot, missing: list[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
         if not self._frames.edges:
-            return f"{text}: nothing on /tf and /tf_static; robot_state_publisher publishes them"
+            return (
+                f"{text}: nothing on /tf and /tf_static; robot_state_publisher publishes them, "
+                "or the simulation is paused"
+            )
         prefixes = {
             name[: -len(robot.root)]
             for name in self._frames.names

@@ -50,6 +50,7 @@ def record_bag(
     rrd: Path,
     say: Callable[[str], None],
     warn: Callable[[str], None],
+    frame_prefix: str = "",
 ) -> None:
     """Record what a bag of ROS messages holds of a robot into the file ``rrd``.
 
@@ -59,6 +60,7 @@ def record_bag(
         rrd: the recording to write.
         say: told how far it is, when that takes over two seconds.
         warn: told what cannot be shown.
+        frame_prefix: put before link names to get their frames; "" to find it out.
 
     Raises:
         OneBotError: it cannot be read, or holds nothing of a robot.
@@ -71,6 +73,14 @@ def record_bag(
         raise OneBotError(f"view {path}: there is no such file")
     recording = open_recording(save=rrd)
     try:
-        log_bag(Bag(source), recording.stream, view=path, from_start=False, progress=say, warn=warn)
+        log_bag(
+            Bag(source),
+            recording.stream,
+            view=path,
+            frame_prefix=frame_prefix,
+            from_start=False,
+            progress=say,
+            warn=warn,
+        )
     finally:
         recording.close()

@@ -1,6 +1,7 @@
 """The viewer of a running robot: it has the curves and trails that no newcomer can know."""
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import unquote
 
@@ -8,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from onebot_bringup.cli.ros_session import PATIENCE, Session
-from onebot_bringup.raw_messages import tf_arrays
+from onebot_bringup.raw_messages import deserialize_message, tf_arrays
 from onebot_description.errors import OneBotError
 from onebot_description.tf.tf_message import TFMessage
 
@@ -50,12 +51,17 @@ def running_viewer(session: Session) -> RunningViewer:
     pages: list[str] = []
     stamps: list[int] = []
 
+    def on_page(data: bytes) -> None:
+        with suppress(ValueError):
+            pages.append(server_of(deserialize_message(data, String).data))
+
     def on_tf(data: bytes) -> None:
-        stamps.append(int(tf_arrays(data).stamps_ns.max(initial=0)))
+        with suppress(ValueError, IndexError):  # a strange message is no reason to give up
+            stamps.append(int(tf_arrays(data).stamps_ns.max(initial=0)))
 
     listen = session.node.create_subscription
     topic = session.full_name("rerun_viewer/page")
-    listen(String, topic, lambda message: pages.append(server_of(message.data)), _LATCHED)
+    listen(String, topic, on_page, _LATCHED, raw=True)
     listen(TFMessage, "/tf", on_tf, 100, raw=True)
     if not session.look_for(lambda: pages and pages[-1], "the viewer"):
         raise OneBotError(

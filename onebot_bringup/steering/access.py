@@ -6,19 +6,17 @@ could drive the robot through ROS just as well. With a token, it needs that, too
 
 import hashlib
 import hmac
-import ipaddress
 import re
 import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from onebot_bringup.steering.addresses import check_host, is_loopback
+
+__all__ = ["Access", "check_host", "is_loopback", "new_token"]
+
 _HOST = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?")
 _LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
-
-
-def is_loopback(address: str) -> bool:
-    """Return whether an address (of a socket, so in numbers) is reached from this host only."""
-    return ipaddress.ip_address(address.partition("%")[0]).is_loopback
 
 
 def new_token() -> str:

@@ -2,6 +2,7 @@
 
 import asyncio
 import secrets
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -64,7 +65,8 @@ class Cockpit:
         access: who may.
         view: the way to the robot's view.
         robot: what is known about it.
-        choose_topic: called when a page wants to steer another topic.
+        choose_topic: called with the name of a page and that of the topic that it wants to steer;
+            ``SteeringServer.refuse`` tells it if it cannot.
         complain: told of every message that was refused.
         rate: of the commands, Hz.
     """
@@ -73,7 +75,7 @@ class Cockpit:
     access: Access
     view: ViewProxy
     robot: Callable[[], Robot]
-    choose_topic: Callable[[str], None]
+    choose_topic: Callable[[str, str], None]
     complain: Callable[[str], None]
     rate: float
 
@@ -97,6 +99,13 @@ class SteeringServer:
         """Send all pages the state now; to be called in the server's own thread."""
         for page in self._pages.values():
             page.news.set()
+
+    def refuse(self, name: str, sentence: str) -> None:
+        """Tell one page why nothing came of its wish; to be called in the server's own thread."""
+        for page in self._pages.values():
+            if page.name == name:
+                page.refusals.append(sentence)
+                page.news.set()
 
     # --- who may --------------------------------------------------------------------------------
 
@@ -163,7 +172,7 @@ class SteeringServer:
             await page.socket.send_str(error_text(f"Refused: {error}."))
             return
         if isinstance(message, ChooseTopic):
-            cockpit.choose_topic(message.topic)
+            cockpit.choose_topic(page.name, message.topic)
         else:
             cockpit.helm.take(page.name, message)
 
@@ -173,6 +182,8 @@ class SteeringServer:
             await page.socket.send_str(welcome_text(page.name, self._cockpit.rate))
             while not page.socket.closed:
                 page.news.clear()
+                while page.refusals:
+                    await page.socket.send_str(error_text(page.refusals.popleft()))
                 await page.socket.send_str(state_text(self._state(page)))
                 await asyncio.sleep(_SHORTEST)
                 try:
@@ -209,6 +220,7 @@ class _Page:
     host: str  # the name that the browser knows this server by
     name: str = field(default_factory=lambda: secrets.token_hex(4))
     news: asyncio.Event = field(default_factory=asyncio.Event)
+    refusals: deque[str] = field(default_factory=deque)
 
 
 def _policy(request: web.Request, status: int) -> dict[str, str]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from aiohttp import web
 
+from onebot_bringup.steering.addresses import not_here, resolve
 from onebot_description.errors import OneBotError
 
 _PATIENCE = 0.5  # s for what is being answered when the server stops
@@ -23,14 +24,9 @@ def listen(host: str, port: int) -> socket.socket:
     """
     if not 0 <= port <= _MAX_PORT:
         raise OneBotError(f"port:={port} is no port: write a number from 1 to 65535, or 0 for any")
-    try:
-        found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError):
-        raise _no_such(host) from None
-    # IPv4 first: "localhost" is 127.0.0.1 to everybody.
-    family, kind, number, _, address = min(found, key=lambda one: one[0] != socket.AF_INET)
+    family, address = resolve(host, port)
     for chosen in (port, 0):
-        listener = socket.socket(family, kind, number)
+        listener = socket.socket(family, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((address[0], chosen, *address[2:]))
@@ -42,17 +38,11 @@ def listen(host: str, port: int) -> socket.socket:
                     f"port:={port} is not allowed to you: use one from 1024 on"
                 ) from None
             if error.errno == errno.EADDRNOTAVAIL:
-                raise _no_such(host) from None
+                raise not_here(host) from None
             continue
         listener.setblocking(False)
         return listener
     raise OneBotError(f"there is no free port on {host}")
-
-
-def _no_such(host: str) -> OneBotError:
-    return OneBotError(
-        f"host:={host} is no address of this computer: write 127.0.0.1, or 0.0.0.0 for all"
-    )
 
 
 def reachable_as(listener: socket.socket) -> str:

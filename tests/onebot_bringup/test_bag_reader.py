@@ -1,5 +1,8 @@
 """Recordings of any origin and in any state are read, or refused in words."""
 
+import sqlite3
+from contextlib import closing
+
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -122,3 +125,30 @@ def test_refuses_what_is_not_there(tmp_path):
     (tmp_path / "bag/bag_0.mcap").unlink()
     with pytest.raises(OneBotError, match=r"lacks its files: bag_0\.mcap"):
         Bag(tmp_path / "bag")
+
+
+def test_anything_in_a_column(tmp_path):
+    """SQLite takes NULL and text for data and times, too: such messages are passed over."""
+    foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
+    (path,) = (tmp_path / "bag").glob("*.db3")
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("UPDATE messages SET data = 'text' WHERE id = 1")
+        database.execute("UPDATE messages SET timestamp = 'text' WHERE id = 2")
+        # Its own columns are NOT NULL; other writers' are not.
+        database.execute("CREATE TABLE m AS SELECT * FROM messages")
+        database.execute("DROP TABLE messages")
+        database.execute("ALTER TABLE m RENAME TO messages")
+        database.execute("UPDATE messages SET data = NULL WHERE id = 3")
+        database.execute("UPDATE messages SET timestamp = NULL WHERE id = 4")
+    assert words_of(Bag(tmp_path / "bag")) == [cdr(f"word {index}") for index in range(4, 20)]
+
+
+def test_not_compressed_as_said(tmp_path):
+    """Plain messages that metadata.yaml says to be compressed are one clear error."""
+    foreign(tmp_path / "bag", StoragePlugin.MCAP, CompressionMode.MESSAGE)
+    compressed = (tmp_path / "bag/metadata.yaml").read_text()
+    foreign(tmp_path / "plain", StoragePlugin.MCAP)
+    (file,) = (tmp_path / "plain").glob("*.mcap")
+    (tmp_path / "plain/metadata.yaml").write_text(compressed.replace("bag.mcap", file.name))
+    with pytest.raises(OneBotError, match=r"compression_mode: message, but a message of /words"):
+        words_of(Bag(tmp_path / "plain"))

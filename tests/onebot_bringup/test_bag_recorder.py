@@ -7,6 +7,7 @@ from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -134,6 +135,27 @@ def test_suits_every_publisher(tmp_path, ros_domain):
     assert connections["/joint_states"].ext.offered_qos_profiles[0].reliability.name == (
         "BEST_EFFORT"
     )
+
+
+def test_relaxed_topic_is_listed_once(tmp_path, ros_domain):
+    """A best-effort publisher that joins a reliable one: one topic, with the messages of both."""
+    folder = tmp_path / "run"
+    with Peer(ros_domain) as peer, record(folder):
+        reliable = peer.publisher(String, "/words", MANY)
+        send = lambda publisher, word: publisher.publish(String(data=word))  # noqa: E731
+        wait_for(
+            lambda: send(reliable, "reliable") or counted(folder, "/words"), "a reliable message"
+        )
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        sensor = peer.publisher(String, "/words", best_effort)
+
+        def heard():
+            send(sensor, "best effort")
+            return any(b"best effort" in data for _, _, data in read_all(folder)[0])
+
+        wait_for(heard, "a message of the other publisher")
+    with Reader(folder) as reader:
+        assert [one.topic for one in reader.connections] == ["/words"]
 
 
 def test_type_that_is_published(tmp_path, ros_domain):

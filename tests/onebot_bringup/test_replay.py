@@ -11,10 +11,12 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_bringup.bag.frame_prefix import frame_prefix_of
 from onebot_bringup.bag.reader import Bag
 from onebot_bringup.bag.writer import BagWriter
 from onebot_bringup.bag_replay import log_bag
 from onebot_bringup.cli.main import main
+from onebot_bringup.snapshot.command_line import kind_of
 from onebot_bringup.viewer.picture import headless_viewer, render
 from onebot_bringup.viewer.recording import open_recording
 from onebot_description.tf.tf_message import TFMessage
@@ -24,6 +26,8 @@ from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 SECOND = 10**9
+GARBAGE = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
+SPEED = "{commanded: {topic: /cmd_vel, type: Twist}}"
 START = 1_700_000_000 * SECOND
 TF, JOINTS, TWIST = (
     "tf2_msgs/msg/TFMessage",
@@ -37,7 +41,7 @@ def stamped(message, stamp):
     return message
 
 
-def record_arm(folder, *, description=True, stamps_from=START, space=""):
+def record_arm(folder, *, description=True, stamps_from=START, space="", prefix=""):
     """The arm moving 1 m along y within 5 s, recorded at START; the stamps as ``stamps_from``."""
     bag = BagWriter(folder)
     if description:
@@ -49,8 +53,8 @@ def record_arm(folder, *, description=True, stamps_from=START, space=""):
     for step in range(51):
         time, stamp = START + step * SECOND // 10, stamps_from + step * SECOND // 10
         y = step / 50
-        transform = stamped(TransformStamped(child_frame_id="tip"), stamp)
-        transform.header.frame_id = "base"
+        transform = stamped(TransformStamped(child_frame_id=f"{prefix}tip"), stamp)
+        transform.header.frame_id = f"{prefix}base"
         transform.transform.translation.y = y
         bag.write(tf, time, bytes(serialize_message(TFMessage(transforms=[transform]))))
         state = stamped(JointState(name=["slide"], position=[y]), stamp)
@@ -133,6 +137,96 @@ def test_without_a_description(tmp_path):
     assert [sentence for sentence in said if "holds no robot_description" in sentence] == said
 
 
+def test_frame_prefix_is_found_out(tmp_path):
+    """Recorded with a frame_prefix, the robot is in one piece; a wrong one leaves it in pieces."""
+    record_arm(tmp_path / "bag", space="/a", prefix="a/")
+    shown, said = to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
+    assert (shown.robot, said) == ("arm", [])
+    _, said = to_rrd(tmp_path / "bag", tmp_path / "b.rrd", frame_prefix="b/")
+    assert "b/tip" in "".join(said)
+
+
+@pytest.mark.parametrize(
+    ("frames", "namespace", "prefix"),
+    [
+        (["base", "tip"], "", ""),
+        (["base", "tip"], "/a", ""),
+        (["a/base", "a/tip"], "", "a/"),
+        (["a/base", "a/tip", "b/base", "b/tip"], "/b", "b/"),
+        (["base", "tip", "b/base", "b/tip"], "/b", "b/"),
+        (["base", "tip", "b/base", "b/tip"], "", ""),
+        (["left_base", "base", "tip"], "", ""),
+        (["odom"], "/a", ""),
+    ],
+)
+def test_frame_prefix(frames, namespace, prefix):
+    """The prefix that most links have; of several robots, the one named like the namespace."""
+    assert frame_prefix_of("base", ["base", "tip"], frames, namespace) == prefix
+
+
+def test_several_robots(tmp_path, capsys):
+    """It is said which one is shown; namespace:= shows another; a wrong one is an error."""
+    folder = tmp_path / "bag"
+    bag = BagWriter(folder)
+    for space, name in (("/a", "arm"), ("/b", "other")):
+        number = bag.add_topic(topic(f"{space}/robot_description"))
+        urdf = ARM.replace('name="arm"', f'name="{name}"')
+        bag.write(number, START, bytes(serialize_message(String(data=urdf))))
+    bag.close()
+    shown, said = to_rrd(folder, tmp_path / "a.rrd")
+    assert shown.robot == "arm"
+    assert "several robots are recorded, in /a, /b: showing that in /a" in said
+    shown, said = to_rrd(folder, tmp_path / "b.rrd", namespace="b")
+    assert shown.robot == "other"
+    assert not [sentence for sentence in said if "several" in sentence]
+    words = ["viewer:=none", f"save:={tmp_path}/c.rrd", "namespace:=/c"]
+    assert main(["replay", str(folder), *words]) == 1
+    assert "namespace:=/c" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_undecodable_messages(tmp_path, capsys, good):
+    """Each topic's are told once, with their number; nothing else to show is an error."""
+    folder = tmp_path / "bag"
+    bag = BagWriter(folder)
+    topics = {
+        "/robot_description": "std_msgs/msg/String",
+        "/joint_states": JOINTS,
+        "/tf": TF,
+        "/odom": "nav_msgs/msg/Odometry",
+        "/cmd_vel": TWIST,
+    }
+    numbers = {name: bag.add_topic(topic(name, kind)) for name, kind in topics.items()}
+    for step in range(20):
+        for number in numbers.values():
+            bag.write(number, START + step, GARBAGE)
+    if good:
+        description = bytes(serialize_message(String(data=ARM)))
+        bag.write(numbers["/robot_description"], START + 20, description)
+    bag.close()
+    view = tmp_path / "view.yaml"
+    view.write_text(f"{VIEW}\ntrails: {{way: {{topic: /odom}}}}\nspeeds: {{lines: {SPEED}}}\n")
+    words = ["viewer:=none", f"save:={tmp_path}/a.rrd", f"view:={view}"]
+    assert main(["replay", str(folder), *words]) == (0 if good else 1)
+    said = capsys.readouterr()
+    for name in topics:
+        assert said.err.count(f"a message of {name} is left out") == 1
+        assert f"20 messages of {name} were left out" in said.err
+    if good:
+        assert 'of "arm": 1 messages' in said.out
+    else:
+        assert f"nothing of {folder} can be shown" in said.err
+
+
+def test_a_folder_of_any_name(tmp_path):
+    """record:=run.rrd has made a folder: it is replayed as one, and snapshots are made of it."""
+    record_arm(tmp_path / "run.rrd")
+    save = f"save:={tmp_path}/a.rrd"
+    assert main(["replay", str(tmp_path / "run.rrd"), "viewer:=none", save]) == 0
+    assert kind_of(str(tmp_path / "run.rrd")) == "bag"
+    assert kind_of(str(tmp_path / "a.rrd")) == "rrd"
+
+
 def test_nothing_to_show(tmp_path, capsys):
     """A recording of something else is an error that says what is in it."""
     write_words(tmp_path / "bag")
@@ -158,6 +252,7 @@ def test_converts(tmp_path, capsys):
         (["a", "b"], 2, "takes one recording, not 2"),
         (["none"], 1, "there is no recording none"),
         (["empty.rrd"], 1, "empty.rrd is empty"),
+        (["cut.rrd"], 1, "cut.rrd was cut short before anything was in it"),
         (["other.rrd"], 1, "other.rrd is no recording of Rerun"),
         (["other.txt"], 1, "its name must end in"),
         (["bag", "veiwer:=web"], 2, 'no argument "veiwer" (did you mean "viewer"?'),
@@ -172,6 +267,7 @@ def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
     monkeypatch.chdir(tmp_path)
     write_words(tmp_path / "bag")
     (tmp_path / "empty.rrd").write_bytes(b"")
+    (tmp_path / "cut.rrd").write_bytes(b"RRF2" + bytes(36))
     for name in ("other.rrd", "other.txt"):
         (tmp_path / name).write_text("what is this?")
     assert main(["replay", *words]) == code

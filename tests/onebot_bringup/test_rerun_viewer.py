@@ -211,6 +211,10 @@ def test_strange_messages_do_not_end_the_viewer(ros_domain, tmp_path):
             robot._tf.publish(_edge("", "", float("nan"), 5))
             robot._joints.publish(JointState(name=["a", "b"], position=[1.0]))
             robot._joints.publish(JointState(position=[np.inf]))
+            garbage = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
+            robot._tf.publish(garbage)
+            robot._joints.publish(garbage)
+            wait_for(lambda: "it is no " in node.output, "the warning")
             before = (tmp_path / "x.rrd").stat().st_size
 
             def recorded():

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from onebot_description.ament import use_environment_prefix
+from onebot_description.tf.tf_message import TFMessage
 from tests.onebot_bringup.test_snapshot_pictures import drawn, snapshot
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
-from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 from tests.support_rendering import colored, pixels, require_renderer
 
@@ -49,6 +51,32 @@ class Joint:
         self._thread.join()
 
 
+class Garbage:
+    """Publishes what is no message on what a snapshot hears, some times a second."""
+
+    def __init__(self, peer: Peer) -> None:
+        self._publishers = [
+            peer.node.create_publisher(TFMessage, "/tf", 10),
+            peer.node.create_publisher(JointState, "joint_states", 10),
+            peer.node.create_publisher(String, "robot_description", LATCHED),
+        ]
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        while not self._done.wait(0.05):
+            for publisher in self._publishers:
+                publisher.publish(b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0")
+
+    def __enter__(self) -> "Garbage":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._done.set()
+        self._thread.join()
+
+
 def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
     """Two pictures of the running robot at rest, and one without ROS, are equal to the byte."""
     view = ("--view", arm / "view.yaml")
@@ -56,7 +84,7 @@ def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
     assert colored(posed, ORANGE).any() and colored(posed, BLUE).any()
     # The stamp stays the same, as of a robot that was heard once: it is published all the same.
     with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)):
-        with Peer(ros_domain) as peer, Joint(peer, 0.75):
+        with Peer(ros_domain) as peer, Joint(peer, 0.75), Garbage(peer):
             np.testing.assert_array_equal(drawn(arm, *view, name="1.png"), posed)
             np.testing.assert_array_equal(drawn(arm, *view, name="2.png"), posed)
 
@@ -75,6 +103,7 @@ def test_what_is_missing_is_named(arm, ros_domain):
         done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/left"))
         assert done.returncode == 1 and "waiting for the frames of tip" in done.stderr
         assert "/tf and /tf_static" in done.stderr
+        assert "or the simulation is paused" in done.stderr
     assert not (arm / "a.png").exists()
 
 

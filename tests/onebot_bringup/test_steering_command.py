@@ -2,6 +2,7 @@
 
 import re
 import signal
+import socket
 from urllib.parse import urlsplit
 
 import pytest
@@ -14,7 +15,6 @@ from tests.onebot_bringup.steering_support import PageClient
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
-PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"
 QUIET = ("port:=0", "open_browser:=false")
 
 
@@ -64,7 +64,8 @@ def test_a_wrong_command_line_is_explained(ros_domain, words, complaint):
     [
         (["view:=nowhere.yaml"], "error: view:=nowhere.yaml: no such file"),
         (["a//b", "viewer:=none"], 'error: "a//b" is no name'),
-        (["host:=192.0.2.77", "viewer:=none"], "host:=192.0.2.77 is no address of this computer"),
+        (["host:=192.0.2.77"], "error: host:=192.0.2.77 is no address of this computer"),
+        (["host:=a..b"], "error: host:=a..b is no address of this computer"),
     ],
 )
 def test_a_wrong_name_or_file_is_explained(ros_domain, words, complaint):
@@ -72,6 +73,7 @@ def test_a_wrong_name_or_file_is_explained(ros_domain, words, complaint):
     done = onebot("steer", *words)
     assert done.returncode == 1
     assert complaint in done.stderr and "Traceback" not in done.stderr
+    assert "looking for" not in done.stderr + done.stdout
 
 
 def test_it_steers_the_topic_named_and_ends_with_ctrl_c(ros_domain, tmp_path, monkeypatch):
@@ -103,11 +105,32 @@ def test_without_a_viewer_it_starts_one(ros_domain, tmp_path, monkeypatch):
         assert marked(str(tmp_path)) == []
 
 
+def _page(port: int) -> str:
+    return f"http://127.0.0.1:{port}/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_viewer_that_does_not_answer_is_none(ros_domain, tmp_path, elsewhere):
+    """Its last word may outlive it, and it may be another computer's: one is started."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        page = _page(port).replace("127.0.0.1", "192.0.2.7") if elsewhere else _page(port)
+        if not elsewhere:
+            server.close()
+        with Peer(ros_domain) as peer:
+            viewer = peer.node.create_publisher(String, "/rerun_viewer/page", LATCHED)
+            viewer.publish(String(data=page))
+            with running(tmp_path, "steer", *QUIET) as command:
+                wait_for(lambda: "starting one" in command.out, "a viewer of its own")
+                _address(command)
+                assert command.interrupt() == 0
+
+
 def test_with_a_viewer_it_starts_none(ros_domain, tmp_path):
     """The robot's own view is beside the pad."""
-    with Peer(ros_domain) as peer:
+    with Peer(ros_domain) as peer, socket.create_server(("127.0.0.1", 0)) as server:
         viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
-        viewer.publish(String(data=PAGE))
+        viewer.publish(String(data=_page(server.getsockname()[1])))
         with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
             with PageClient(_address(command)) as page:
                 wait_for(lambda: page.state["view"], "the view")
@@ -122,4 +145,7 @@ def test_other_computers_need_the_token_that_it_prints(ros_domain, tmp_path):
     with running(tmp_path, *words) as command:
         assert len(urlsplit(_address(command)).query) > len("token=") + 20
         command.says("other computers can reach the page")
+        # A page that is started again has to come back at the same address.
+        token = onebot("param", "get", "/steering_page", "token").stdout.split()[-1]
+        assert urlsplit(_address(command)).query == f"token={token}"
         assert command.interrupt() == 0

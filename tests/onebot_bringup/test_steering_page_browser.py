@@ -326,6 +326,24 @@ def test_arrows_and_letters_drive_while_they_are_down(peer: Peer, page: Page) ->
         assert len(heard) == begin
 
 
+def test_the_command_key_lets_go(peer: Peer, page: Page) -> None:
+    """Keys that are let go while it is down are not told of by macOS; nothing resumes after it."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        page.act().key_down("w").perform()
+        wait_to_move(heard)
+        page.act().key_down(Keys.META).perform()
+        wait_to_stop(page, heard)
+        page.act().key_up(Keys.META).perform()
+        page.wait_for_states(3)
+        assert page.body("hand") == ""
+        page.act().key_up("w").key_down("w").perform()
+        wait_to_move(heard)
+        page.act().key_up("w").perform()
+        wait_to_stop(page, heard)
+
+
 def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer: Peer, page: Page) -> None:
     """Wherever the focus is; what is held has to be let go first."""
     heard = peer.hear(Twist, TOPIC, 1000)
@@ -401,6 +419,10 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         assert page.find("#topic-name").get_property("value") == TOPIC
         page.enter("#topic-name", "/other/cmd_vel")
         wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 listener", "its type")
+        assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
+        page.enter("#topic-name", "/rosout")
+        wait_for(lambda: "/rosout holds" in page.text("#message"), "the refusal")
+        assert page.find("#topic-name").get_property("value") == "/other/cmd_vel"
         page.act().key_down("w").perform()
         wait_for(lambda: heard and pair(heard[-1].twist) == (0.5, 0.0), "a stamped command")
         page.act().key_up("w").perform()

@@ -5,11 +5,17 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.steering.protocol import Velocity
+from onebot_bringup.steering_limits import ControllerLimits
+from onebot_bringup.steering_topics import Listener
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
@@ -100,6 +106,48 @@ def test_another_topic_is_steered_after_the_old_robot_was_stopped(peer):
         assert len(first.heard) == count
 
 
+def _holds_twist(peer: Peer, topic: str) -> bool:
+    ends = peer.node.get_publishers_info_by_topic(topic)
+    return any(end.topic_type.startswith("geometry_msgs/msg/Twist") for end in ends)
+
+
+def test_a_topic_of_another_type_is_refused(peer):
+    """With a sentence, to the page that wanted it only; what is steered goes on."""
+    texts = peer.hear(String, "/texts")
+    with (
+        steering() as node,
+        PageClient(address_of(node)) as page,
+        PageClient(address_of(node)) as other,
+    ):
+        robot = Commands(peer, page)
+        page.hold(0.3)
+        robot.reach(0.3)
+        for topic, kind in {
+            "/texts": "std_msgs/msg/String",
+            "/rosout": "rcl_interfaces/msg/Log",
+        }.items():
+            page.send("topic", topic=topic)
+            sentence = f"{topic} holds {kind}, not Twist or TwistStamped: choose another."
+            wait_for(lambda sentence=sentence: sentence in page.errors, "the refusal")
+            assert page.state["topic"] == TOPIC and page.state["you"]
+            assert not _holds_twist(peer, topic)
+        assert len(page.errors) == 2 and other.errors == [] and texts == []
+        page.let_go()
+        robot.come_to_rest()
+
+
+def test_nothing_is_sent_on_a_topic_of_another_type(peer):
+    """Not either when it was given at the start."""
+    texts = peer.hear(String, "/texts")
+    with steering(topic="/texts") as node, PageClient(address_of(node)) as page:
+        wait_for(lambda: page.state["topic"] == "/texts", "the topic")
+        page.hold(0.3)
+        wait_for(lambda: "/texts holds std_msgs/msg/String" in node.output, "a warning")
+        wait_for(lambda: not _holds_twist(peer, "/texts"), "a publisher made too early to go")
+        assert texts == []
+        page.let_go()
+
+
 def test_topics_with_a_listener_are_offered_first(peer):
     """And none of another type."""
     peer.node.create_publisher(Twist, "/a_source", 10)
@@ -126,6 +174,50 @@ def test_the_limits_are_the_controllers(peer):
         page.send("limits", linear=0.2, angular=0.5)
         _waited(other, "limits", {"linear": 0.2, "angular": 0.5})
         robot.reach(0.2)
+
+
+class _Dies(Exception):
+    pass
+
+
+@pytest.mark.parametrize("seen, patience", [(True, 600.0), (False, 0.5)])
+def test_a_robot_that_dies_before_it_answers_is_asked_again(
+    peer, ros_domain, monkeypatch, seen, patience
+):
+    """The next one of its name tells its limits, whether or not it was seen to be gone."""
+    monkeypatch.setattr("onebot_bringup.steering_limits._ANSWER_BY", patience)
+    limits = ControllerLimits(peer.node)
+    robots = [Listener("/robot", "geometry_msgs/msg/Twist")]
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain, args=[])
+    mute = rclpy.create_node("robot", context=context, start_parameter_services=False)
+
+    def die(request: Any, answer: Any) -> Any:
+        raise _Dies
+
+    mute.create_service(GetParameters, "/robot/get_parameters", die)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(mute)
+
+    def asked() -> bool:
+        assert limits.look(robots) is None
+        try:
+            executor.spin_once(0.1)
+        except _Dies:
+            return True
+        return False
+
+    wait_for(asked, "the first robot to be asked")
+    executor.shutdown()
+    mute.destroy_node()
+    rclpy.shutdown(context=context)
+    if seen:
+        assert limits.look([]) is None
+    with Peer(ros_domain, "robot") as robot:
+        robot.node.declare_parameter("linear.x.max_velocity", 0.4)
+        robot.node.declare_parameter("angular.z.max_velocity", 0.5)
+        found = wait_for(lambda: limits.look(robots), "the second robot's limits")
+    assert found == Velocity(0.4, 0.5)
 
 
 def test_given_limits_are_the_most_that_pages_can_set(peer):
@@ -176,6 +268,18 @@ def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
         own.publish(_odometry(math.nan, 0.0))
         wait_for(lambda: page.state["odometry"] is None, "an impossible pose not to be shown")
         assert _shown(page, own, _odometry(1.0, 0.0))["x"] == 1.0
+
+
+def test_odometry_that_cannot_be_decoded_is_not_shown(peer):
+    """The page goes on to hear of everything else, and of the odometry that comes next."""
+    with steering() as node, PageClient(address_of(node)) as page:
+        own = peer.publisher(Odometry, "/velocity_controller/odom")
+        _shown(page, own, _odometry(1.0, 0.0))
+        own.publish(b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0")
+        wait_for(lambda: page.state["odometry"] is None, "what is none not to be shown")
+        count = len(page.states)
+        wait_for(lambda: len(page.states) > count + 3, "more states")
+        assert _shown(page, own, _odometry(2.0, 0.0))["x"] == 2.0
 
 
 def test_odometry_can_be_named(peer):

@@ -29,6 +29,7 @@ export class Keys {
   }
 
   press(event) {
+    if (event.metaKey) this.cancel(); // macOS tells of no key let go while Cmd is down
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     if (event.code === "Space") {
       event.preventDefault(); // it would also press the button that has the focus

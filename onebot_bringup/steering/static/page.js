@@ -78,6 +78,7 @@ function hear(message) {
   } else if (message.type === "state") {
     wheel.hear(message);
     topic.show(message);
+    showTitle(message.topic);
     limits.show(message.limits);
     readout.show(message);
     const { command, limits: most } = message;
@@ -93,6 +94,12 @@ function showDriver({ driver, you, pages }) {
   document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
   const who = you ? "You drive" : driver ? "Another page drives" : "Nobody drives";
   write(element("driver"), pages > 1 ? `${who} · ${pages} pages open` : who);
+}
+
+/** Several robots' pages are told apart by it. */
+function showTitle(name) {
+  const title = `${name} – Steering`;
+  if (document.title !== title) document.title = title;
 }
 
 function showHolder(holder) {
