@@ -540,7 +540,7 @@ def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
 @own_only
 def test_another_transform_stamped_is_refused() -> None:
     """The library itself refuses types that are not the ones it is made for."""
-    library = _type_support._load_library()
+    library = _type_support.load_library()
     pose = type(PoseStamped)
     if pose._TYPE_SUPPORT is None:
         pose.__import_type_support__()
