@@ -7,7 +7,7 @@ import rerun as rr
 
 from onebot_bringup.viewer.streams import TIMELINE
 
-_DECIMALS = 6  # of m/s and rad/s
+_DECIMALS = 4  # of m/s and rad/s
 LINEAR_ENTITY = "speeds/linear"
 ANGULAR_ENTITY = "speeds/angular"
 # Seconds without a message over which a curve is not drawn on: nobody said anything there.

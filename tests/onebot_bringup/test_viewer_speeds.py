@@ -48,3 +48,13 @@ def test_infinity_is_a_gap(tmp_path):
     """One infinite value would hide the whole plot."""
     linear, angular = _flushed(tmp_path, [(0, 1.0, 1.0), (0.1, np.inf, -np.inf), (0.2, 2.0, 2.0)])
     np.testing.assert_array_equal([linear, angular], [[1, np.nan, 2]] * 2)
+
+
+def test_a_steady_speed_is_flat(tmp_path):
+    """A plot zooms in on whatever there is: a micrometre a second of noise would fill it."""
+    noise = 1.5e-6 * np.random.default_rng(3).standard_normal(200)
+    linear, angular = _flushed(
+        tmp_path, [(0.02 * i, 0.2 + error, error) for i, error in enumerate(noise)]
+    )
+    np.testing.assert_array_equal(linear, 0.2)
+    np.testing.assert_array_equal(angular, 0.0)
