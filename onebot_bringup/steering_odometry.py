@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.raw_messages import odometry_sample
+from onebot_control.frames import yaw_of
 
 RCLError = rclpy_implementation.RCLError
 
@@ -63,11 +64,10 @@ class OdometryTopic:
             sample = odometry_sample(data[0])
         except ValueError:
             return None
-        x, y, z, w = sample.rotation.tolist()
         values = {
             "x": float(sample.translation[0]),
             "y": float(sample.translation[1]),
-            "yaw": math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z),
+            "yaw": yaw_of(*sample.rotation.tolist()),
             "linear": float(sample.linear[0]),
             "angular": float(sample.angular[2]),
             "age": time.monotonic() - data[1],

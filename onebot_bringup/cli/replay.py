@@ -9,10 +9,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from onebot_bringup.launcher.arguments import Argument, UsageError, split, table, unknown
+from onebot_bringup.launcher.arguments import Argument, UsageError, complete, split, table
 from onebot_description.ament import use_environment_prefix
 from onebot_description.errors import OneBotError
-from onebot_description.text import did_you_mean
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.display import Display
@@ -65,17 +64,10 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _values(given: Mapping[str, str]) -> dict[str, str]:
-    known = {argument.name: argument for argument in ARGUMENTS}
-    values = {name: argument.default for name, argument in known.items()}
-    for name, value in given.items():
-        if name not in known:
-            raise UsageError(unknown(name, known))
-        choices = known[name].choices
-        if choices and value not in choices:
-            raise UsageError(f"{name}:={value}{did_you_mean(value, choices, 'choices')}")
-        if name.endswith("_port") and not (value.isdecimal() and int(value) <= 65535):
-            raise UsageError(f"{name}:={value} is no port: write a number from 0 to 65535")
-        values[name] = value
+    values = complete(ARGUMENTS, given)
+    for name in ("grpc_port", "web_port"):
+        if not (values[name].isdecimal() and int(values[name]) <= 65535):
+            raise UsageError(f"{name}:={values[name]} is no port: write a number from 0 to 65535")
     if values["viewer"] == "none" and not values["save"]:
         raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
     return values

@@ -12,6 +12,7 @@ from onebot_bringup.cli.subcommands import Parser, count
 from onebot_bringup.cli.topic_types import await_class
 from onebot_bringup.introspection.rates import Bandwidth, Delays, Intervals
 from onebot_description.errors import OneBotError
+from onebot_description.stamps import nanoseconds
 
 _REPORT = 1.0  # s
 _LONELY = 2  # reports without any message, after which it says so
@@ -51,8 +52,7 @@ def delay(parser: Parser, argv: Sequence[str]) -> int:
 
         def arrived(message: Any) -> None:
             stamp = message.header.stamp
-            sent = stamp.sec * 1_000_000_000 + stamp.nanosec
-            meter.arrived((clock.now().nanoseconds - sent) * 1e-9)
+            meter.arrived((clock.now().nanoseconds - nanoseconds(stamp)) * 1e-9)
 
         _measure(session, args, arrived, meter.report, raw=False)
 
