@@ -252,4 +252,4 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
 
 
 def _mean(values: Floats, rows: Sequence[int]) -> float:
-    return float(values[rows[0]]) if len(rows) == 1 else float(values[list(rows)].mean())
+    return values.item(rows[0]) if len(rows) == 1 else float(values[list(rows)].mean())

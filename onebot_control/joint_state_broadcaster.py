@@ -1,17 +1,13 @@
 """joint_state_broadcaster's choice of joints and interfaces. No ROS here."""
 
+import math
 from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.control_config import INTERFACES, BroadcasterConfig
 from onebot_control.control_parameters import BROADCASTER
 from onebot_control.simulation import JointStates
 from onebot_description.joints.problems import ConfigError, Problem
 from onebot_description.text import did_you_mean
-
-Floats = NDArray[np.float64]
 
 
 class JointStateBroadcaster:
@@ -40,16 +36,19 @@ class JointStateBroadcaster:
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
         self._rows = [list(joints).index(name) for name in chosen]
+        self._extra = [0.0] * len(extra)
+        self._hidden = [math.nan] * len(chosen) + self._extra
         self._shown = [
             not config.interfaces or interface in config.interfaces for interface in INTERFACES
         ]
 
-    def arrays(self, states: JointStates) -> JointStates:
+    def values(self, states: JointStates) -> list[list[float]]:
         """Return positions, velocities and efforts of ``names``; NaN where not asked for."""
-        count = len(self._rows)
-        fields = []
-        for shown, values in zip(self._shown, states, strict=True):
-            field = np.zeros(len(self.names))
-            field[:count] = values[self._rows] if shown else np.nan
-            fields.append(field)
-        return JointStates(*fields)
+        # For a handful of joints lists are quicker than arrays.
+        return [
+            self._chosen(field.tolist()) if shown else self._hidden
+            for field, shown in zip(states, self._shown, strict=True)
+        ]
+
+    def _chosen(self, field: list[float]) -> list[float]:
+        return [field[row] for row in self._rows] + self._extra

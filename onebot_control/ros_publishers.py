@@ -3,7 +3,6 @@
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -11,22 +10,20 @@ from sensor_msgs.msg import JointState
 from onebot_control.drive import Drive, Snapshot
 from onebot_control.frames import PlanarPose, prefixed
 from onebot_control.pacing import Divider
-from onebot_control.ros_messages import (
-    OdometryMessage,
-    joint_state,
-    limited_command,
-    transform_message,
-    transform_row,
+from onebot_control.ros_messages import transform_message, transform_values
+from onebot_control.wire import (
+    JointStateTemplate,
+    OdometryTemplate,
+    TransformTemplate,
+    TwistTemplate,
+    clock,
 )
 from onebot_description.model import quaternions
-from onebot_description.ros_description import LATCHED
-from onebot_description.tf.messages import time_message
+from onebot_description.qos import LATCHED
 from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import TfTemplate, pack_stamp
+from onebot_description.tf.wire import pack_stamp
 
 _DEPTH = 10  # ROS's system default
-
-Floats = NDArray[np.float64]
 
 
 class Publishers:
@@ -54,43 +51,46 @@ class Publishers:
         )
         self.odom_frame, self._world = odom, config.world_frame_id
         variances = config.pose_covariance_diagonal, config.twist_covariance_diagonal
-        self._odom_message = OdometryMessage(odom, self._base, *variances)
-        self._truth_message = OdometryMessage(self._world or odom, self._base)
-        self._template = TfTemplate([odom], [self._base])
+        self._odom_message = OdometryTemplate(odom, self._base, *variances)
+        self._truth_message = OdometryTemplate(self._world or odom, self._base)
+        self._transform = TransformTemplate(odom, self._base)
+        self._limited_message = TwistTemplate(self._base)
+        broadcaster = drive.broadcaster
+        self._joint_message = JointStateTemplate(broadcaster.frame_id, broadcaster.names)
         self._due = Divider(config.publish_rate, config.update_rate)
         self._origin = None
 
     def publish(self, snapshot: Snapshot, stamp_ns: int) -> None:
         """Publish all that is due."""
-        drive = self._drive
+        drive, stamp = self._drive, pack_stamp(stamp_ns)
         if self._clock is not None:
-            self._clock.publish(Clock(clock=time_message(stamp_ns)))
-        self._joint_states.publish(joint_state(drive.broadcaster, snapshot, stamp_ns))
+            self._clock.publish(clock(stamp))
+        joints = drive.broadcaster.values(snapshot.joints)
+        self._joint_states.publish(self._joint_message.fill(stamp, *joints))
         if drive.config.publish_limited_velocity:
-            self._limited.publish(limited_command(snapshot, stamp_ns, self._base))
+            command = _planar(snapshot.command.linear, snapshot.command.angular)
+            self._limited.publish(self._limited_message.fill(stamp, command))
         if self._due.due():
-            self._publish_odometry(snapshot, stamp_ns)
+            self._publish_odometry(snapshot, stamp)
         if drive.origin != self._origin:
             self._publish_origin(stamp_ns)
 
-    def _publish_odometry(self, snapshot: Snapshot, stamp_ns: int) -> None:
-        row = transform_row(snapshot.odometry)
+    def _publish_odometry(self, snapshot: Snapshot, stamp: bytes) -> None:
+        pose = transform_values(snapshot.odometry)
         if self._drive.config.enable_odom_tf:
-            self._tf.publish(self._template.fill(pack_stamp(stamp_ns), row))
-        linear, angular = np.zeros(3), np.zeros(3)
-        linear[0], angular[2] = snapshot.twist
-        self._odom.publish(self._odom_message.fill(stamp_ns, row[0], linear, angular))
-        truth = self._truth_message
-        pose = self._true_pose(snapshot)
-        self._truth.publish(truth.fill(stamp_ns, pose, *snapshot.velocity))
+            self._tf.publish(self._transform.fill(stamp, pose))
+        self._odom.publish(self._odom_message.fill(stamp, pose, _planar(*snapshot.twist)))
+        linear, angular = snapshot.velocity
+        velocity = (*linear.tolist(), *angular.tolist())
+        self._truth.publish(self._truth_message.fill(stamp, self._true_pose(snapshot), velocity))
 
-    def _true_pose(self, snapshot: Snapshot) -> Floats:
+    def _true_pose(self, snapshot: Snapshot) -> tuple[float, ...]:
         translation, rotation = snapshot.pose
         if not self._world:
-            back = transform_row(self._drive.origin.inverse())[0]
+            back = np.array(transform_values(self._drive.origin.inverse()))
             translation = back[:3] + quaternions.rotate(back[3:], translation)
             rotation = quaternions.multiply(back[3:], rotation)
-        return np.concatenate((translation, rotation))
+        return (*translation.tolist(), *rotation.tolist())
 
     def _publish_origin(self, stamp_ns: int) -> None:
         """Say where the odometry's zero lies in the world."""
@@ -99,3 +99,8 @@ class Publishers:
             frames = self._world, self.odom_frame
             transform = transform_message(stamp_ns, *frames, self._origin)
             self._tf_static.publish(TFMessage(transforms=[transform]))
+
+
+def _planar(linear: float, angular: float) -> tuple[float, ...]:
+    """Return a twist forward and to the left: linear x y z, angular x y z."""
+    return (linear, 0.0, 0.0, 0.0, 0.0, angular)

@@ -12,8 +12,8 @@ Subscribes:
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): puts the robot there, at rest; frame_id is
         world_frame_id (or empty) or the odometry's. The odometry takes no notice.
     ~/set_odometry (geometry_msgs/msg/PoseStamped, depth 10): makes the odometry say this pose.
-    robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or the parameter
-        gives it; a changed one is taken up where the robot stands.
+    robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or a path as
+        the parameter gives it; a changed one is taken up where the robot stands.
 
 Publishes (reliable, depth 10, if not said otherwise):
     joint_states (sensor_msgs/msg/JointState): every control cycle; rad, rad/s, Nm.
@@ -35,7 +35,8 @@ Services:
 
 Parameters: those of diff_drive_controller, and (* is read at the start only)
     cmd_vel_type (string, default auto): Twist, TwistStamped, or auto: the one that is published.
-    robot_description* (string, default ""): the URDF, or the path of a URDF or xacro file.
+    robot_description* (string, default ""): the URDF to start with, before the topic tells one, or
+        the path of a URDF or xacro file.
     x*, y* (double, m), yaw* (double, rad; default 0.0): where the robot starts in the world.
     update_rate* (double or integer, Hz, default 100): control cycles; controller_manager's.
     real_time_factor (double, default 1.0): simulated seconds a second; 0.0 is as fast as possible.
@@ -73,7 +74,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.joints.problems import ConfigError
 from onebot_description.node_main import run_described_node
 from onebot_description.ros_arguments import RosArguments
-from onebot_description.ros_description import DescriptionTopic, described_by
+from onebot_description.ros_description import DescriptionTopic, described_by, is_path
 from onebot_description.throttle import Throttled
 
 _LOOK_EVERY = 0.1  # s between looks at who publishes commands
@@ -128,7 +129,7 @@ class VelocityController(Node):
             self._drive(load_description(file))
         elif text:
             self._drive(described_by(text))
-        else:
+        if not file and not is_path(text):
             DescriptionTopic(self, self._on_description, lambda: self._loop is not None)
 
     def _drive(self, description: Description) -> None:
@@ -144,6 +145,10 @@ class VelocityController(Node):
             late=self._say_late,
             failed=self._fail,
         )
+        # From here on, what lives need not be looked through for garbage again and again.
+        gc.freeze()
+        self._loop.start()
+        # Only now: a process's first line of log takes rclpy 20 ms.
         for warning in description.warnings:
             self.get_logger().warning(warning)
         separation, radius = drive.geometry
@@ -151,9 +156,6 @@ class VelocityController(Node):
             f'driving robot "{description.robot_name}": wheels {separation:g} m apart, of radius '
             f"{radius:g} m"
         )
-        # From here on, what lives need not be looked through for garbage again and again.
-        gc.freeze()
-        self._loop.start()
 
     def _robot(self) -> ControlLoop | None:
         return self._loop

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description import Description
+from onebot_description.description import Description, JointSpec
 from onebot_description.errors import OneBotError
 from onebot_description.model import quaternions
 from onebot_description.model.robot_model import MOVING_KINDS
@@ -33,6 +33,7 @@ class Body:
         inertia: (3, 3), about the centre of mass, kg m^2.
         collisions: ``<collision>`` elements, each with its pose (4, 4) in the body.
         friction: lateral friction the URDF gives (the least, of several links), or None.
+        dynamics: ``<dynamics>`` of the joint that moves it, or None.
     """
 
     link: str
@@ -41,6 +42,7 @@ class Body:
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
     collisions: list[tuple[Element, Floats]] = field(default_factory=list)
     friction: float | None = None
+    dynamics: Element | None = None
 
     def add(self, link: Element, pose: Floats) -> None:
         """Add the mass and the shapes of ``link``, whose frame lies at ``pose`` (4, 4)."""
@@ -71,6 +73,11 @@ class Body:
         self.mass = total
 
 
+def moving_joints(description: Description) -> list[JointSpec]:
+    """Return the joints that move, in the description's order."""
+    return [joint for joint in description.joints if joint.kind in MOVING_KINDS]
+
+
 def rigid_bodies(description: Description, robot: Element) -> dict[str, Body]:
     """Return the bodies by the name of their first link, the root's first.
 
@@ -87,13 +94,15 @@ def rigid_bodies(description: Description, robot: Element) -> dict[str, Body]:
                 f'{description.source}: joint "{joint.name}" is {joint.kind}; the simulation moves '
                 f"{', '.join(MOVING_KINDS)} joints"
             )
-    firsts = [description.root_link]
-    firsts += [joint.child for joint in description.joints if joint.kind in MOVING_KINDS]
+    firsts = [description.root_link, *(joint.child for joint in moving_joints(description))]
     bodies = {link: Body(link) for link in firsts}
     places = placements(description)
     for link in robot.findall("link"):
         first, pose = places[link.get("name", "")]
         bodies[first].add(link, pose)
+    elements = {joint.get("name"): joint for joint in robot.findall("joint")}
+    for joint in moving_joints(description):
+        bodies[joint.child].dynamics = elements[joint.name].find("dynamics")
     return bodies
 
 
@@ -114,7 +123,8 @@ def placements(description: Description) -> dict[str, tuple[str, Floats]]:
 def matrix(xyz: Sequence[float], rpy: Sequence[float]) -> Floats:
     """Homogeneous transform (4, 4) of a URDF origin, m and rad."""
     result = np.eye(4)
-    result[:3, :3] = quaternions.to_matrix(quaternions.from_rpy(np.array(rpy, float)))
+    if any(rpy):  # Most are not turned.
+        result[:3, :3] = quaternions.to_matrix(quaternions.from_rpy(np.array(rpy, float)))
     result[:3, 3] = xyz
     return result
 

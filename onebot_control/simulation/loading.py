@@ -1,25 +1,27 @@
 """A world with level ground, and a robot loaded into it."""
 
-import tempfile
-from collections.abc import Mapping
-from pathlib import Path
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import NamedTuple
 
-from onebot_control.simulation.bodies import Body
+from onebot_control.simulation.bodies import Body, moving_joints
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.frames import Transform
-from onebot_control.simulation.meshes import convert_meshes
+from onebot_control.simulation.frames import Transform, inverse
+from onebot_control.simulation.meshes import converted_meshes
 from onebot_control.simulation.output import captured, log
 from onebot_control.simulation.physics_urdf import bodies_of, physics_urdf
+from onebot_control.simulation.places import FARTHEST
 from onebot_control.simulation.settings import Settings
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.model.robot_model import RobotModel
 
 # Points of two bodies farther apart than this, m, are left out by the solver. PyBullet remembers
 # the points where a rolling wheel has touched the ground, up to four a wheel, and solves them all:
 # at 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
+
+_SLAB = (FARTHEST, FARTHEST, 1.0)  # m, half of what is to be seen of the ground
 
 
 class Robot(NamedTuple):
@@ -31,12 +33,14 @@ class Robot(NamedTuple):
         ground: the number of the ground.
         mass_frame: centre of mass and principal axes of the root body in the root link's frame;
             that frame, not the link's, is what PyBullet calls the base.
+        link_frame: the root link's frame in that one.
     """
 
     body: int
     joints: Mapping[str, int]
     ground: int
     mass_frame: Transform
+    link_frame: Transform
 
 
 def make_world(client: int, settings: Settings) -> int:
@@ -51,7 +55,14 @@ def make_world(client: int, settings: Settings) -> int:
         physicsClientId=client,
     )
     plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
-    ground: int = engine.createMultiBody(0, plane, physicsClientId=client)
+    # It would be shown as a plane else, for whose texture PyBullet takes 7 ms and 6 MB.
+    slab = engine.createVisualShape(
+        engine.GEOM_BOX,
+        halfExtents=_SLAB,
+        visualFramePosition=(0.0, 0.0, -_SLAB[2]),
+        physicsClientId=client,
+    )
+    ground: int = engine.createMultiBody(0, plane, slab, physicsClientId=client)
     engine.changeDynamics(ground, -1, lateralFriction=settings.friction, physicsClientId=client)
     return ground
 
@@ -77,7 +88,7 @@ def load_robot(client: int, ground: int, description: Description, settings: Set
             "the ground; give the wheels one"
         )
     body = _load(client, description, bodies)
-    names = RobotModel.from_description(description).joints
+    names = [joint.name for joint in moving_joints(description)]
     root, *moved = bodies.values()
     joints = {}
     for index in range(engine.getNumJoints(body, physicsClientId=client)):
@@ -94,18 +105,19 @@ def load_robot(client: int, ground: int, description: Description, settings: Set
         # One key a call: with either of these PyBullet ignores which link is meant.
         engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
     dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
-    return Robot(body, joints, ground, (dynamics[3], dynamics[4]))
+    mass_frame = dynamics[3], dynamics[4]
+    return Robot(body, joints, ground, mass_frame, inverse(mass_frame))
 
 
 def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
-    with tempfile.TemporaryDirectory() as folder:
-        convert_meshes(bodies.values(), Path(folder))
-        path = Path(folder) / "robot.urdf"
-        path.write_text(physics_urdf(description, bodies), encoding="utf-8")
+    with (
+        converted_meshes(description, bodies.values()),
+        _file(physics_urdf(description, bodies)) as path,
+    ):
         try:
             with captured() as lines:
-                body: int = engine.loadURDF(str(path), flags=flags, physicsClientId=client)
+                body: int = engine.loadURDF(path, flags=flags, physicsClientId=client)
         except engine.error:
             reason = "; ".join(lines) or "it gives no reason"
             raise OneBotError(
@@ -113,6 +125,15 @@ def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> 
             ) from None
     log(lines)
     return body
+
+
+@contextmanager
+def _file(text: str) -> Iterator[str]:
+    """The path of a file with ``text``, in memory."""
+    with open(os.memfd_create("robot.urdf"), "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        yield f"/proc/self/fd/{file.fileno()}"
 
 
 def _set_contact(

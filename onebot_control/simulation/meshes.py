@@ -4,33 +4,51 @@ Its own readers crash on some broken files, skip ASCII STL and know no glTF; her
 all. As RViz does, a Collada file's unit counts and its axes are left as they are written.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from onebot_control.simulation.bodies import Body
+from onebot_description.description import Description
+from onebot_description.description.meshes import base_folder, resolve_mesh
 from onebot_description.errors import OneBotError
 
 
-def convert_meshes(bodies: Iterable[Body], folder: Path) -> None:
-    """Write the collision meshes of ``bodies`` into ``folder`` and point the bodies there.
+@contextmanager
+def converted_meshes(description: Description, bodies: Iterable[Body]) -> Iterator[None]:
+    """Have the collision meshes of ``bodies`` rewritten, in files that last as long as the block.
 
     Raises:
         OneBotError: a mesh cannot be read.
     """
-    written: dict[str, Path] = {}
-    for body in bodies:
-        for collision, _ in body.collisions:
-            for mesh in collision.iter("mesh"):
-                source = mesh.get("filename", "")
-                if source not in written:
-                    written[source] = folder / f"{len(written)}.obj"
-                    written[source].write_text(_as_obj(Path(source), body.link))
-                mesh.set("filename", str(written[source]))
+    meshes = [
+        (mesh, body.link)
+        for body in bodies
+        for collision, _ in body.collisions
+        for mesh in collision.iter("mesh")
+    ]
+    if not meshes:
+        yield
+        return
+    # Imported late, as trimesh below: shapes to collide are mostly simple.
+    from tempfile import TemporaryDirectory
+
+    base = base_folder(description.source)
+    written: dict[str, str] = {}
+    with TemporaryDirectory() as folder:
+        for mesh, link in meshes:
+            source = mesh.get("filename", "")
+            if source not in written:
+                copy = Path(folder) / f"{len(written)}.obj"
+                copy.write_text(_as_obj(resolve_mesh(source, base) or Path(source), link))
+                written[source] = str(copy)
+            mesh.set("filename", written[source])
+        yield
 
 
 def _as_obj(path: Path, link: str) -> str:
     """The triangles of a mesh file, in metres, as Wavefront OBJ."""
-    import trimesh  # slow, and rarely needed: shapes to collide are mostly simple
+    import trimesh
 
     owner = f'link "{link}": collision mesh {path}'
     try:

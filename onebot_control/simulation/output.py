@@ -6,9 +6,9 @@ import logging
 import os
 import re
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
+from typing import BinaryIO
 
 logger = logging.getLogger("onebot_control.simulation")
 
@@ -30,7 +30,7 @@ def captured(*descriptors: int) -> Iterator[list[str]]:
         A list that, once the block has ended (well or badly), holds the lines written.
     """
     lines: list[str] = []
-    with _lock, tempfile.TemporaryFile() as file, contextlib.ExitStack() as restoring:
+    with _lock, _memory() as file, contextlib.ExitStack() as restoring:
         _flush()
         for descriptor in descriptors or (1,):
             # A closed descriptor has nothing to write to, nor to restore.
@@ -51,6 +51,11 @@ def log(lines: list[str]) -> None:
     """Log caught lines as warnings."""
     for line in lines:
         logger.warning("PyBullet: %s", line)
+
+
+def _memory() -> BinaryIO:
+    """A file that is on no disk."""
+    return open(os.memfd_create("captured"), "w+b")
 
 
 def _flush() -> None:

@@ -12,14 +12,14 @@ from onebot_control.simulation.bodies import (
     Element,
     Floats,
     matrix,
+    moving_joints,
     number,
     placements,
     rigid_bodies,
 )
-from onebot_description.description import Description, JointSpec, with_absolute_meshes
+from onebot_description.description import Description, JointSpec
 from onebot_description.description.meshes import to_text
 from onebot_description.errors import OneBotError
-from onebot_description.model.robot_model import MOVING_KINDS
 
 # As the description's checks have it: moments are written with few digits.
 _ROUNDING = 0.01
@@ -40,11 +40,9 @@ def physics_urdf(description: Description, bodies: Mapping[str, Body]) -> str:
     for body in bodies.values():
         robot.append(_link(description, body, numbers[body.link]))
     places = placements(description)
-    elements = {e.get("name"): e for e in ElementTree.fromstring(description.urdf).iter("joint")}
-    moving = [joint for joint in description.joints if joint.kind in MOVING_KINDS]
-    for row, joint in enumerate(moving):
+    for row, joint in enumerate(moving_joints(description)):
         parent, pose = places[joint.parent]
-        element = _joint(description.source, joint, elements[joint.name], pose)
+        element = _joint(description.source, joint, bodies[joint.child].dynamics, pose)
         element.set("name", str(row))
         ElementTree.SubElement(element, "parent", link=numbers[parent])
         ElementTree.SubElement(element, "child", link=numbers[joint.child])
@@ -53,8 +51,8 @@ def physics_urdf(description: Description, bodies: Mapping[str, Body]) -> str:
 
 
 def bodies_of(description: Description) -> dict[str, Body]:
-    """Return the rigid bodies of ``description``, their meshes by absolute path."""
-    return rigid_bodies(description, ElementTree.fromstring(with_absolute_meshes(description)))
+    """Return the rigid bodies of ``description``."""
+    return rigid_bodies(description, ElementTree.fromstring(description.urdf))
 
 
 def _link(description: Description, body: Body, name: str) -> Element:
@@ -109,7 +107,7 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     return moments, axes
 
 
-def _joint(source: str, joint: JointSpec, element: Element, pose: Floats) -> Element:
+def _joint(source: str, joint: JointSpec, dynamics: Element | None, pose: Floats) -> Element:
     """``joint``, nameless, in the body in which its parent link lies at ``pose``."""
     result = ElementTree.Element("joint", type=joint.kind)
     result.append(_origin(pose @ matrix(joint.xyz, joint.rpy)))
@@ -120,7 +118,6 @@ def _joint(source: str, joint: JointSpec, element: Element, pose: Floats) -> Ele
     ElementTree.SubElement(
         result, "limit", {name: repr(value) for name, value in limits.items() if value is not None}
     )
-    dynamics = element.find("dynamics")
     if dynamics is not None:
         owner = f'{source}: joint "{joint.name}"'
         names = ("damping", "friction")

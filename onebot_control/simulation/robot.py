@@ -2,22 +2,24 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from onebot_control.simulation.bodies import moving_joints
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.frames import conjugate, cross, rotate
 from onebot_control.simulation.loading import Robot
 from onebot_control.simulation.motors import Motors
+from onebot_control.simulation.places import Place
 from onebot_control.simulation.settling import Stance, link_pose, place
 from onebot_control.simulation.states import JointStates, Pose, Twist
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.model.robot_model import RobotModel
 
-# Farther out, rounding is no longer small against the micrometres that a wheel's contact gives.
-FARTHEST = 10_000.0
+# Where in what getJointStates tells of each joint.
+_POSITION, _VELOCITY, _EFFORT = 0, 1, 3
 
 
 class RobotBody:
@@ -38,9 +40,10 @@ class RobotBody:
         Raises:
             OneBotError: a driven joint is none.
         """
-        self.joints = RobotModel.from_description(description).joints
+        self.joints = tuple(joint.name for joint in moving_joints(description))
         self.driven = tuple(driven)
         self.finite = True
+        self._source = description.source
         self._motors = Motors(description, self.driven)
         self._driven_rows = [self.joints.index(name) for name in self.driven]
 
@@ -49,33 +52,56 @@ class RobotBody:
         self._client, self.parts = client, parts
         self._indices = [parts.joints[name] for name in self.joints]
         self._driven_indices = [parts.joints[name] for name in self.driven]
-        self._motors.drive(client, parts, [0.0] * len(self.driven))
+        body = parts.body
+        self._ask_joints = partial(engine.getJointStates, body, self._indices, client)
+        self._ask_driven = partial(engine.getJointStates, body, self._driven_indices, client)
+        self._ask_velocity = partial(engine.getBaseVelocity, body, client)
+        self._stop_motors()
+
+    def check(self) -> None:
+        """Raise OneBotError if the state last read was not finite."""
+        if not self.finite:
+            raise OneBotError(
+                f"{self._source}: the simulation broke down: its state is no longer finite; "
+                "reset it"
+            )
 
     def targets(self, velocities: Mapping[str, float] | ArrayLike) -> list[float]:
         """Return what ``turn`` takes; see ``Motors.targets``."""
         return self._motors.targets(velocities)
 
-    def turn(self, targets: Sequence[float]) -> None:
+    def turn(self, targets: list[float]) -> None:
         """Have the motors keep up ``targets`` from now on."""
-        self._motors.drive(self._client, self.parts, targets)
-        self._totals = [0.0] * len(targets)
+        # PyBullet keeps them as well, and being told takes it as long as being asked.
+        if targets != self._targets:
+            self._drive(targets)
+
+    def begin(self) -> None:
+        """Get ready for physics steps: ``watch`` after each but the last, and then ``read``."""
+        self._watched: list[float] = []
 
     def watch(self) -> None:
-        """Add up what the motors applied; call it after each physics step."""
-        body, indices = self.parts.body, self._driven_indices
-        states = engine.getJointStates(body, indices, physicsClientId=self._client)
-        self._totals = [total + state[3] for total, state in zip(self._totals, states, strict=True)]
+        """Note what the motors applied in a physics step."""
+        # Numbers only: what else is told would fill the processor's caches with 100 robots.
+        for state in self._ask_driven():
+            self._watched.append(state[_EFFORT])
 
     def read(self, steps: int) -> None:
-        """Fetch the state after ``steps`` physics steps since ``turn``; see ``finite``."""
-        for row, total in zip(self._driven_rows, self._totals, strict=True):
-            self._efforts[row] = total / steps
-        self._read()
+        """Fetch the state after the last of ``steps`` physics steps since ``begin``."""
+        states = self._ask_joints()
+        for number, row in enumerate(self._driven_rows):
+            total = 0.0
+            # Not by sum(), which rounds otherwise from Python 3.12 on.
+            for effort in self._watched[number :: len(self._driven_rows)]:
+                total += effort
+            self._efforts[row] = (total + states[row][_EFFORT]) / steps
+        self._take(states)
 
     def joint_states(self) -> JointStates:
         """Return position, speed and motor effort of all joints, in the order of ``joints``."""
-        positions, velocities, *_ = zip(*self._states, strict=True)
-        return JointStates(np.array(positions), np.array(velocities), np.array(self._efforts))
+        return JointStates(
+            np.array(self._positions), np.array(self._velocities), np.array(self._efforts)
+        )
 
     def base_pose(self) -> Pose:
         """Return the true pose of the root link's frame in the world."""
@@ -85,12 +111,14 @@ class RobotBody:
     def base_twist(self) -> Twist:
         """Return the true velocity of the root link's frame, in its own axes."""
         back = conjugate(self.pose[1])
-        linear, angular = (rotate(back, value) for value in self._velocity)
+        linear, angular = self._velocity
+        x, y, z = rotate(back, linear)
+        turning = rotate(back, angular)
         # PyBullet tells the velocity of the centre of mass.
-        from_turning = cross(angular, self.parts.mass_frame[0])
-        return Twist(np.array(linear) - np.array(from_turning), np.array(angular))
+        a, b, c = cross(turning, self.parts.mass_frame[0])
+        return Twist(np.array((x - a, y - b, z - c)), np.array(turning))
 
-    def stand(self, stance: Stance, where: tuple[float, float, float], start: bool) -> None:
+    def stand(self, stance: Stance, where: Place, start: bool) -> None:
         """Set the robot down at x, y, yaw (m and rad), all of it still.
 
         Args:
@@ -98,47 +126,39 @@ class RobotBody:
             where: of the root link's frame.
             start: joints go to 0; else they stay where they are.
         """
-        positions = [0.0] * len(self.joints) if start else [state[0] for state in self._states]
+        positions = [0.0] * len(self.joints) if start else self._positions
         place(self._client, self.parts, stance.at(*where))
         self._set_joints(positions)
 
     def brake(self) -> None:
         """Stop everything at once: all speeds are exactly 0, nothing changes its place."""
         place(self._client, self.parts, self.pose)
-        self._set_joints([state[0] for state in self._states])
+        self._set_joints(self._positions)
 
     def _set_joints(self, positions: Sequence[float]) -> None:
-        for index, position in zip(self._indices, positions, strict=True):
-            engine.resetJointState(
-                self.parts.body, index, position, 0.0, physicsClientId=self._client
-            )
-        # A saved state holds no targets of motors, nor what they did last.
-        self._motors.drive(self._client, self.parts, [0.0] * len(self.driven))
-        self._efforts = [0.0] * len(self.joints)
-        self._read()
-
-    def _read(self) -> None:
-        """Fetch the state."""
         body, client = self.parts.body, self._client
-        self._states = engine.getJointStates(body, self._indices, physicsClientId=client)
-        self.pose = link_pose(client, self.parts)
-        self._velocity = engine.getBaseVelocity(body, physicsClientId=client)
-        total = sum(map(sum, (*self.pose, *self._velocity)))
-        total += sum([state[0] + state[1] for state in self._states]) + sum(self._efforts)
+        for index, position in zip(self._indices, positions, strict=True):
+            engine.resetJointState(body, index, position, 0.0, client)
+        # A saved state holds no targets of motors, nor what they did last.
+        self._stop_motors()
+        self._efforts = [0.0] * len(self.joints)
+        self._take(self._ask_joints())
+
+    def _stop_motors(self) -> None:
+        self._drive([0.0] * len(self.driven))
+
+    def _drive(self, targets: list[float]) -> None:
+        self._targets = targets
+        self._motors.drive(self._client, self.parts.body, self._driven_indices, targets)
+
+    def _take(self, states: Sequence[Sequence[float]]) -> None:
+        """Take over the joints' state, fetch the base's, and see whether all is finite."""
+        self._positions = [state[_POSITION] for state in states]
+        self._velocities = [state[_VELOCITY] for state in states]
+        self.pose = link_pose(self._client, self.parts)
+        self._velocity = self._ask_velocity()
+        (x, y, z), (a, b, c, d) = self.pose
+        (vx, vy, vz), (wx, wy, wz) = self._velocity
+        total = x + y + z + a + b + c + d + vx + vy + vz + wx + wy + wz
+        total += sum(self._positions) + sum(self._velocities) + sum(self._efforts)
         self.finite = math.isfinite(total)
-
-
-def checked_place(x: float, y: float, yaw: float) -> tuple[float, float, float]:
-    """Return a place to stand at.
-
-    Raises:
-        ValueError: a value is not finite.
-        OneBotError: it is too far away to be exact there.
-    """
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
-    if max(abs(x), abs(y)) > FARTHEST:
-        raise OneBotError(
-            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
-        )
-    return float(x), float(y), float(yaw)

@@ -18,7 +18,8 @@ class Settings:
         gravity: m/s^2, downwards.
         friction: of the ground, and of every link for which the URDF says nothing else by
             ``<contact><lateral_friction>``; that of a pair is the product of both.
-        settling: simulated seconds the robot is given to come to rest before it starts.
+        settling: simulated seconds the robot is given to come to rest before it starts; of one
+            that soon rests for good the rest of them is left out.
     """
 
     rate: int = 400

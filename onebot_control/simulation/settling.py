@@ -12,7 +12,6 @@ from onebot_control.simulation.frames import (
     Triple,
     about_z,
     compose,
-    inverse,
     multiply,
 )
 from onebot_control.simulation.loading import Robot
@@ -23,6 +22,10 @@ from onebot_description.errors import OneBotError
 
 # The robot counts as resting below this speed, m/s and rad/s.
 _STILL = 1e-3
+# One that stands firmly, and slower than this for so many seconds, is not watched any longer.
+_RESTING = 1e-6
+_LONG_ENOUGH = 0.05
+_NARROWEST = 1e-3  # m, what a robot stands on
 _STEEPEST = math.radians(45.0)
 
 
@@ -44,8 +47,8 @@ class Stance(NamedTuple):
 
 def link_pose(client: int, robot: Robot) -> Transform:
     """Pose of the root link's frame in the world: position in m, quaternion x y z w."""
-    mass_pose = engine.getBasePositionAndOrientation(robot.body, physicsClientId=client)
-    position, (x, y, z, w) = compose(mass_pose, inverse(robot.mass_frame))
+    mass_pose = engine.getBasePositionAndOrientation(robot.body, client)
+    position, (x, y, z, w) = compose(mass_pose, robot.link_frame)
     # Of the two quaternions of a rotation always the same one.
     return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
 
@@ -74,8 +77,7 @@ def settle(
     near = engine.getClosestPoints(robot.body, robot.ground, 1e3, physicsClientId=client)
     lowest = min(point[8] for point in near)
     place(client, robot, ((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
-    for _ in range(round(settings.settling * settings.rate)):
-        engine.stepSimulation(physicsClientId=client)
+    _come_to_rest(client, robot, settings)
     position, rotation = link_pose(client, robot)
     touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=client)
     _check_standing(description, position, rotation, bool(touching))
@@ -97,6 +99,45 @@ def settle(
     stance = Stance(position[2], multiply(about_z(-yaw_of(*rotation)), rotation))
     place(client, robot, stance.at(0.0, 0.0, 0.0))
     return stance
+
+
+def _come_to_rest(client: int, robot: Robot, settings: Settings) -> None:
+    """Let time pass until the robot rests for good, ``settings.settling`` seconds at most."""
+    needed, still = math.ceil(_LONG_ENOUGH * settings.rate), 0
+    for _ in range(round(settings.settling * settings.rate)):
+        engine.stepSimulation(client)
+        still = still + 1 if _fastest(client, robot) < _RESTING else 0
+        if still >= needed:
+            if _stands_firmly(client, robot):
+                return
+            still = 0
+
+
+def _fastest(client: int, robot: Robot) -> float:
+    """The greatest speed of the base and of the joints, m/s or rad/s."""
+    linear, angular = engine.getBaseVelocity(robot.body, client)
+    joints = engine.getJointStates(robot.body, list(robot.joints.values()), client)
+    speeds: list[float] = [*linear, *angular, *(state[1] for state in joints)]
+    return max(map(abs, speeds))
+
+
+def _stands_firmly(client: int, robot: Robot) -> bool:
+    """Whether its weight lies on an area, not on a point or a line on which it is but balanced.
+
+    The middle of the forces is the centre of mass where nothing moves, and their least deviation
+    from it, sideways in whatever direction, is how far it is from the area's edge.
+    """
+    touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=client)
+    forces: list[Triple] = [(point[9], *point[6][:2]) for point in touching]
+    total = sum(force for force, _, _ in forces)
+    if not total > 0.0:
+        return False
+    a = sum(force * x for force, x, _ in forces) / total
+    b = sum(force * y for force, _, y in forces) / total
+    xx = sum(force * (x - a) ** 2 for force, x, _ in forces) / total
+    yy = sum(force * (y - b) ** 2 for force, _, y in forces) / total
+    xy = sum(force * (x - a) * (y - b) for force, x, y in forces) / total
+    return (xx + yy) / 2.0 - math.hypot((xx - yy) / 2.0, xy) > _NARROWEST**2
 
 
 def _check_standing(

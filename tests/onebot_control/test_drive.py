@@ -85,9 +85,9 @@ def test_broadcaster_chooses_orders_and_adds() -> None:
         },
     )
     assert drive.broadcaster.names == ("right_wheel_joint", "left_wheel_joint", "arm")
-    positions, velocities, _ = drive.broadcaster.arrays(drive.begin().joints)
-    assert positions.tolist() == [2.0, 1.0, 0.0]
-    assert np.isnan(velocities[:2]).all()
+    positions, velocities, _ = drive.broadcaster.values(drive.begin().joints)
+    assert positions == [2.0, 1.0, 0.0]
+    assert np.isnan(velocities[:2]).all() and velocities[2] == 0.0
 
 
 def test_simulated_robot_drives_as_told() -> None:

@@ -1,8 +1,12 @@
 """Deadlines and stamps."""
 
+import ctypes
+import sys
+import threading
+
 import pytest
 
-from onebot_control.pacing import Divider, Pacer, SystemStamps
+from onebot_control.pacing import Divider, Pacer, SystemStamps, wake_exactly
 
 
 class Machine:
@@ -71,3 +75,21 @@ def test_divider_picks_the_right_number(rate: float, expected: int) -> None:
     picked = [divider.due() for _ in range(1000)]
     assert picked[0]
     assert sum(picked) == pytest.approx(expected * 10, abs=1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets threads choose")
+def test_waits_of_one_thread_end_on_time() -> None:
+    """The kernel then puts none of its timers off, and those of other threads as before."""
+    slack = ctypes.CDLL(None).prctl
+    asking = 30  # PR_GET_TIMERSLACK
+    before, found = slack(asking), []
+
+    def ask() -> None:
+        wake_exactly()
+        found.append(slack(asking))
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    thread.join()
+    assert found == [1]
+    assert slack(asking) == before > 1

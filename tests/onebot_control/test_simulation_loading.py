@@ -10,7 +10,7 @@ from onebot_control.simulation.engine import engine
 from onebot_control.simulation.physics_urdf import bodies_of, physics_urdf
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
-from tests.onebot_control.simulation_support import LEFT, ROBOTS, drive, robot, simulate
+from tests.onebot_control.simulation_support import LEFT, ROBOTS, bits, drive, robot, simulate
 from tests.random_robots import chain
 
 _WHEELS_SHAPE = r'(<link name="left_wheel">.*?)<collision>.*?</collision>'
@@ -114,7 +114,7 @@ def test_units_of_collada_count():
     """A mesh in centimetres is a hundredth of its numbers."""
     shape = '<mesh filename="meshes/centimetre_y_up.dae"/>'
     with simulate(robot(_SPHERE, shape)) as simulation:
-        low, high = engine.getAABB(1, 3, physicsClientId=simulation._client)
+        low, high = engine.getAABB(1, 3, physicsClientId=simulation.client)
         size = np.subtract(high, low)
         assert size.min() > 0.09
         assert size.max() < 0.4
@@ -135,7 +135,7 @@ def test_a_changed_mesh_is_read_again(tmp_path):
             )
         )
         with simulate(robot(_SPHERE, f'<mesh filename="{mesh}" scale="0.4 0.4 0.4"/>')) as one:
-            low, high = engine.getAABB(1, 3, physicsClientId=one._client)
+            low, high = engine.getAABB(1, 3, physicsClientId=one.client)
             sizes.append(high[0] - low[0])
     assert sizes[1] > 1.5 * sizes[0]
 
@@ -144,7 +144,7 @@ def test_masses_and_inertias_are_those_written():
     """PyBullet ends up with every body's mass, and with its inertia in the link's axes."""
     with simulate() as simulation:
         info = [
-            engine.getDynamicsInfo(1, index, physicsClientId=simulation._client)
+            engine.getDynamicsInfo(1, index, physicsClientId=simulation.client)
             for index in range(-1, 4)
         ]
     assert [row[0] for row in info] == pytest.approx([3.4, 0.25, 0.25, 0.05, 0.05])
@@ -158,7 +158,7 @@ def test_a_plate_keeps_its_inertia():
     """One moment is exactly the sum of the others, which PyBullet would take for an error."""
     moments = 'ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"'
     with simulate(robot('ixx="0.012".*?izz="0.030"', moments)) as simulation:
-        info = engine.getDynamicsInfo(1, -1, physicsClientId=simulation._client)
+        info = engine.getDynamicsInfo(1, -1, physicsClientId=simulation.client)
         assert info[2] == pytest.approx((0.01, 0.02, 0.03))
 
 
@@ -214,6 +214,26 @@ def test_a_wheel_in_the_air_is_logged(caplog):
     with caplog.at_level(logging.WARNING), simulate(description):
         assert "left_wheel_joint" in caplog.text
         assert "does not touch the ground" in caplog.text
+
+
+def test_a_robot_that_rests_is_not_watched_any_longer():
+    """However long it may take: to the bit the same."""
+    with (
+        simulate(settings=Settings(settling=0.2)) as soon,
+        simulate(settings=Settings(settling=20.0)) as late,
+    ):
+        assert bits(soon) == bits(late)
+        assert soon.stance == late.stance
+
+
+def test_a_robot_that_is_but_balanced_is_watched_until_it_tips_over(caplog):
+    """With its centre of mass above the axle within a ten-thousandth of a millimetre."""
+    without = robot(f"{_SHELL}|{_CASTER}", "").urdf.replace('ixz="0.001"', 'ixz="0"')
+    # What hangs behind the axle is balanced by what the base has before it, all but exactly.
+    balanced = 0.05 * (0.23 + 0.24) / 3.4
+    text = without.replace('xyz="-0.108 0 -0.026"', f'xyz="{balanced + 3e-8} 0 0.05"')
+    with caplog.at_level(logging.WARNING), simulate(parse_description(text)):
+        assert "has not come to rest" in caplog.text
 
 
 def test_robots_of_the_description_tests_load_or_are_refused():

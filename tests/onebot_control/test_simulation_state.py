@@ -187,9 +187,9 @@ def test_a_state_that_is_not_finite_goes_no_further_and_reset_heals():
     with simulate() as simulation:
         drive(simulation, 0.2, 0.0, 1.0)
         expected = bits(simulation)
-        index = simulation._robot.joints["caster_wheel_joint"]
+        index = simulation.body.parts.joints["caster_wheel_joint"]
         engine.resetJointState(
-            simulation._robot.body, index, math.nan, math.nan, physicsClientId=simulation._client
+            simulation.body.parts.body, index, math.nan, math.nan, physicsClientId=simulation.client
         )
         with pytest.raises(OneBotError, match="no longer finite"):
             simulation.step([0.0, 0.0], 0.01)
@@ -215,7 +215,7 @@ def test_forgotten_simulations_free_their_worlds():
     """PyBullet has room for a limited number of them."""
     description = robot()
     first = simulate(description, settings=Settings(settling=0.01))
-    client = first._client
+    client = first.client
     del first
     assert not engine.isConnected(client)
 

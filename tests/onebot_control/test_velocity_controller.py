@@ -16,6 +16,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from onebot_bringup.launcher.parameter_files import write_parameters
+from onebot_control.control_files import default_control_file
+from onebot_description.description import parse_description
 from onebot_description.tf.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
@@ -273,6 +276,25 @@ def test_description_from_the_topic_also_changed(peer: Peer) -> None:
         wait_for(lambda: "going on as before" in node.output, "the refusal")
         count = len(joints)
         wait_for(lambda: len(joints) > count + 10, "more joint states")
+
+
+def test_description_from_the_parameter_until_the_topic_has_another(
+    peer: Peer, tmp_path: Path
+) -> None:
+    """It starts at once with the parameter's; the same on the topic is no change."""
+    joints = peer.hear(JointState, "/joint_states")
+    publisher = peer.node.create_publisher(String, "robot_description", LATCHED)
+    robot = parse_description(urdf()).urdf
+    parameters = {"robot_description": robot}
+    file = write_parameters(tmp_path, "velocity_controller", parameters)
+    both = ["--params-file", str(default_control_file()), "--params-file", str(file)]
+    with NodeProcess(MODULE, "--ros-args", *both) as node:
+        wait_for(lambda: joints, "joint states")
+        publisher.publish(String(data=robot))
+        publisher.publish(String(data=urdf(name="other")))
+        wait_for(lambda: "changed robot description taken up" in node.output, "the new robot")
+        assert node.output.count("taken up") == 1
+        assert "waiting for" not in node.output
 
 
 def test_namespace_names_topics_and_frames(peer: Peer, model: str) -> None:

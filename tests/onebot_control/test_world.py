@@ -13,7 +13,15 @@ from onebot_control.simulation.engine import engine
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import config
 from tests.onebot_control.control_support import robot as small_robot
-from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot, simulate, wheels
+from tests.onebot_control.simulation_support import (
+    DRIVEN,
+    LEFT,
+    RIGHT,
+    bits,
+    robot,
+    simulate,
+    wheels,
+)
 
 STARTS = [(0.0, 0.0, 0.0), (3.0, 0.0, 1.0), (0.0, -4.0, -2.0)]
 
@@ -74,6 +82,36 @@ def test_a_speed_holds_until_another_is_given_and_resting_ones_stay():
         assert first.joint_states().positions[:2] == pytest.approx([3.0, 3.0], abs=0.1)
         assert _planar(second) == pytest.approx(STARTS[1], abs=1e-5)
         assert world.time == 1.0
+
+
+def test_efforts_are_of_the_last_step_whether_or_not_a_speed_is_given_again():
+    """Giving the same speed again changes no bit."""
+    with _world() as told_once, _world() as told_again:
+        for body in told_once.robots:
+            body.turn(wheels(0.3, 0.5))
+        for _ in range(5):
+            told_once.step(0.1)
+            for body in told_again.robots:
+                body.turn(wheels(0.3, 0.5))
+            told_again.step(0.1)
+        assert _bits(told_once) == _bits(told_again)
+
+
+def test_a_robot_alone_in_a_world_is_a_simulation():
+    """To the bit, also after it was moved and has been stopped."""
+    with (
+        World([Member(robot(), DRIVEN, 1.0, 2.0, 0.5)]) as world,
+        simulate(x=1, y=2, yaw=0.5) as one,
+    ):
+        (body,) = world.robots
+        for each in (one, body):
+            each.step(wheels(0.3, 0.5), 0.5)
+            each.teleport(-1.0, 0.0, 1.0)
+            each.step(wheels(-0.2, 0.5), 0.5)
+            each.brake()
+            each.step([0.0, 0.0], 0.1)
+        assert _bits(world) == bits(one)
+        assert body.stance == one.stance
 
 
 def test_reset_returns_to_the_start_bit_for_bit():
@@ -191,6 +229,6 @@ def test_fast_wheels_cost_no_more_than_slow_ones():
             return min(times[200:])
 
         slow, fast = least(0.1), least(1.0)
-        remembered = engine.getContactPoints(physicsClientId=simulation._client)
+        remembered = engine.getContactPoints(physicsClientId=simulation.client)
         assert len(remembered) > 6
         assert fast < 2 * slow

@@ -1,0 +1,302 @@
+"""The bytes the controller publishes are those that ROS itself would write, and are heard so."""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, TransformStamped, TwistStamped, Vector3
+from hypothesis import given
+from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from onebot_control.drive import Drive, Snapshot
+from onebot_control.frames import PlanarPose
+from onebot_control.ros_publishers import Publishers
+from onebot_control.simulation import Twist
+from onebot_control.wire import (
+    JointStateTemplate,
+    OdometryTemplate,
+    TransformTemplate,
+    TwistTemplate,
+    clock,
+)
+from onebot_description.stamps import NANO
+from onebot_description.tf.tf_message import TFMessage
+from onebot_description.tf.wire import pack_stamp
+from tests.onebot_control.control_support import IdealPlant, ideal_drive
+from tests.ros_support import Peer
+from tests.support import wait_for
+
+Values = Sequence[float]
+names = st.text(st.characters(blacklist_categories=("Cs",), blacklist_characters="\0"), max_size=12)
+doubles = st.floats(allow_nan=True, allow_infinity=True)
+stamps = st.integers(-(2**31) * NANO, 2**31 * NANO - 1)
+sixes = st.lists(doubles, min_size=6, max_size=6)
+sevens = st.lists(doubles, min_size=7, max_size=7)
+# Of every length to four doubles' alignment and more, and some whose letters are not a byte each.
+FRAMES = [*("o" * length for length in range(10)), "ö", "рама", "框架", "🤖a"]
+
+
+def fields(data: bytes, kinds: str) -> list[bytes]:
+    """What is in a message, without the padding between, which ROS leaves to chance.
+
+    Args:
+        data: little-endian CDR.
+        kinds: of the fields in order: t(ime), n(umber of elements), s(tring), d(ouble).
+    """
+    found, at = [data[:4]], 4
+    for kind in kinds:
+        at += -(at - 4) % (8 if kind == "d" else 4)
+        size = {"t": 8, "n": 4, "d": 8}.get(kind) or 4 + int.from_bytes(data[at : at + 4], "little")
+        found.append(data[at : at + size])
+        at += size
+    return [*found, data[at:]]
+
+
+def check(written: bytes, expected: Any, kinds: str) -> None:
+    """Demand that ``written`` is ``expected``, byte for byte and as ROS reads it."""
+    by_ros = serialize_message(expected)
+    assert len(written) == len(by_ros)
+    assert fields(written, kinds) == fields(by_ros, kinds)
+    # By repr, since NaN differs from itself.
+    assert repr(deserialize_message(written, type(expected))) == repr(expected)
+
+
+def header(stamp: int, frame: str) -> Header:
+    sec, nanosec = divmod(stamp, NANO)
+    return Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame)
+
+
+def odometry(stamp: int, frame: str, child: str, pose: Values, twist: Values) -> Odometry:
+    message = Odometry(header=header(stamp, frame), child_frame_id=child)
+    where, speed = message.pose.pose, message.twist.twist
+    where.position.x, where.position.y, where.position.z = pose[:3]
+    where.orientation = Quaternion(**dict(zip("xyzw", pose[3:], strict=True)))
+    speed.linear = Vector3(**dict(zip("xyz", twist[:3], strict=True)))
+    speed.angular = Vector3(**dict(zip("xyz", twist[3:], strict=True)))
+    return message
+
+
+def transform(stamp: int, parent: str, child: str, pose: Values) -> TFMessage:
+    message = TransformStamped(header=header(stamp, parent), child_frame_id=child)
+    message.transform.translation = Vector3(**dict(zip("xyz", pose[:3], strict=True)))
+    message.transform.rotation = Quaternion(**dict(zip("xyzw", pose[3:], strict=True)))
+    return TFMessage(transforms=[message])
+
+
+def twist_stamped(stamp: int, frame: str, twist: Values) -> TwistStamped:
+    message = TwistStamped(header=header(stamp, frame))
+    message.twist.linear = Vector3(**dict(zip("xyz", twist[:3], strict=True)))
+    message.twist.angular = Vector3(**dict(zip("xyz", twist[3:], strict=True)))
+    return message
+
+
+def joint_state(stamp: int, frame: str, joints: Sequence[str], *values: Values) -> JointState:
+    arrays = dict(zip(("position", "velocity", "effort"), values, strict=True))
+    return JointState(header=header(stamp, frame), name=list(joints), **arrays)
+
+
+@given(stamps, names, names, sevens, sixes, sixes, sixes)
+def test_odometry(
+    stamp: int, frame: str, child: str, pose: Values, twist: Values, sure: Values, slow: Values
+) -> None:
+    """Frames, covariances and numbers, whatever they are."""
+    expected = odometry(stamp, frame, child, pose, twist)
+    expected.pose.covariance = np.diag(sure).ravel()
+    expected.twist.covariance = np.diag(slow).ravel()
+    written = OdometryTemplate(frame, child, sure, slow).fill(pack_stamp(stamp), pose, twist)
+    check(written, expected, "tss" + "d" * 85)
+
+
+@given(stamps, names, names, sevens)
+def test_transform(stamp: int, parent: str, child: str, pose: Values) -> None:
+    """A TFMessage of one transform."""
+    written = TransformTemplate(parent, child).fill(pack_stamp(stamp), pose)
+    check(written, transform(stamp, parent, child, pose), "ntss" + "d" * 7)
+
+
+@given(stamps, names, sixes)
+def test_twist(stamp: int, frame: str, twist: Values) -> None:
+    """A command with its frame."""
+    written = TwistTemplate(frame).fill(pack_stamp(stamp), twist)
+    check(written, twist_stamped(stamp, frame, twist), "ts" + "d" * 6)
+
+
+@pytest.mark.parametrize("frame, child", list(product(FRAMES, FRAMES[:10])))
+def test_frames_of_all_lengths(frame: str, child: str) -> None:
+    """The numbers begin where they have to, wherever the names end."""
+    pose, twist = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, math.nan], [1.5, -2.5, 0.0, -0.0, 1e300, 5e-324]
+    stamp = pack_stamp(NANO + 1)
+    written = OdometryTemplate(frame, child).fill(stamp, pose, twist)
+    check(written, odometry(NANO + 1, frame, child, pose, twist), "tss" + "d" * 85)
+    written = TransformTemplate(frame, child).fill(stamp, pose)
+    check(written, transform(NANO + 1, frame, child, pose), "ntss" + "d" * 7)
+    written = TwistTemplate(frame).fill(stamp, twist)
+    check(written, twist_stamped(NANO + 1, frame, twist), "ts" + "d" * 6)
+    joints, values = [child, frame], [[1.0, 2.0], [3.0, math.inf], [math.nan, 4.0]]
+    written = JointStateTemplate(frame, joints).fill(stamp, *values)
+    expected = joint_state(NANO + 1, frame, joints, *values)
+    check(written, expected, "tsnss" + "ndd" * 3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+@given(st.data(), stamps, names)
+def test_joint_states(count: int, data: st.DataObject, stamp: int, frame: str) -> None:
+    """So many joints, of any names and values."""
+    joints = data.draw(st.lists(names, min_size=count, max_size=count))
+    values = [data.draw(st.lists(doubles, min_size=count, max_size=count)) for _ in range(3)]
+    written = JointStateTemplate(frame, joints).fill(pack_stamp(stamp), *values)
+    kinds = "tsn" + "s" * count + ("n" + "d" * count) * 3
+    check(written, joint_state(stamp, frame, joints, *values), kinds)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_joint_states_of_no_joints(frame: str) -> None:
+    """All is empty. ROS sends some bytes more than it needs then, of which it reads none."""
+    written = JointStateTemplate(frame, []).fill(pack_stamp(5), [], [], [])
+    expected = joint_state(5, frame, [], [], [], [])
+    assert fields(written, "tsnnnn")[:-1] == fields(serialize_message(expected), "tsnnnn")[:-1]
+    assert deserialize_message(written, JointState) == expected
+
+
+@given(stamps)
+def test_clock(stamp: int) -> None:
+    """A stamp alone."""
+    check(clock(pack_stamp(stamp)), Clock(clock=header(stamp, "").stamp), "t")
+
+
+def test_numbers_and_names_must_be_as_many() -> None:
+    """A mistake is none that listeners have to find."""
+    with pytest.raises(Exception, match="expected"):
+        JointStateTemplate("f", ["a", "b"]).fill(pack_stamp(0), [1.0], [1.0], [1.0])
+
+
+# On real DDS --------------------------------------------------------------------------------
+
+STAMP = 1_700_000_000_123_456_789
+TOPICS = {
+    "joint_states": JointState,
+    "peer/odom": Odometry,
+    "peer/ground_truth": Odometry,
+    "/tf": TFMessage,
+    "peer/cmd_vel_out": TwistStamped,
+    "/clock": Clock,
+}
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator[Peer]:
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+class Listening:
+    """Publishers, and subscriptions of another node to all they publish."""
+
+    def __init__(self, peer: Peer, listener: Peer) -> None:
+        self.publishers = Publishers(peer.node, simulated=True)
+        self.heard = {name: listener.hear(kind, name) for name, kind in TOPICS.items()}
+        counts = [listener.node.count_publishers, peer.node.count_subscribers]
+        for name, count in product(TOPICS, counts):
+            wait_for(lambda name=name, count=count: count(name), f"{name} to be found")
+
+    def last(self, drive: Drive, snapshot: Snapshot) -> dict[str, Any]:
+        """What is heard of ``snapshot``."""
+        self.publishers.use(drive)
+        before = {name: len(heard) for name, heard in self.heard.items()}
+        self.publishers.publish(snapshot, STAMP)
+        for name, heard in self.heard.items():
+            wait_for(lambda name=name, heard=heard: len(heard) > before[name], name)
+        return {name: heard[-1] for name, heard in self.heard.items()}
+
+
+@pytest.fixture
+def listening(peer: Peer, ros_domain: int) -> Iterator[Listening]:
+    with Peer(ros_domain, "listener") as listener:
+        yield Listening(peer, listener)
+
+
+VARIANCES = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+PARAMETERS = {
+    "pose_covariance_diagonal": VARIANCES,
+    "twist_covariance_diagonal": VARIANCES[::-1],
+    "publish_rate": 100.0,
+    "publish_limited_velocity": True,
+}
+
+
+def driven(**parameters: Any) -> tuple[Drive, Snapshot]:
+    """A robot on its way, and how it is."""
+    drive = ideal_drive(IdealPlant(left=0.3, right=-0.7), **{**PARAMETERS, **parameters})
+    drive.teleport(PlanarPose(1.0, -2.0, 0.5))
+    drive.place_odometry(PlanarPose(0.25, 0.5, -3.0))
+    for _ in range(5):
+        drive.accept(0.3, 0.8)
+        drive.cycle()
+    velocity = Twist(np.array([0.3, 1e-5, -2e-7]), np.array([1e-3, math.inf, 0.8]))
+    return drive, drive.begin()._replace(velocity=velocity)
+
+
+def same(heard: Any, expected: Any) -> bool:
+    """By repr, since NaN differs from itself."""
+    return repr(heard) == repr(expected)
+
+
+def test_all_is_heard_as_it_is(listening: Listening) -> None:
+    """Subscribers get the messages of ordinary objects, in every field."""
+    drive, snapshot = driven()
+    heard = listening.last(drive, snapshot)
+    x, y, yaw = snapshot.odometry
+    pose = [x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)]
+    twist = [snapshot.twist[0], 0.0, 0.0, 0.0, 0.0, snapshot.twist[1]]
+    expected = odometry(STAMP, "odom", "base_link", pose, twist)
+    expected.pose.covariance = np.diag(VARIANCES).ravel()
+    expected.twist.covariance = np.diag(VARIANCES[::-1]).ravel()
+    assert same(heard["peer/odom"], expected)
+    assert same(heard["/tf"], transform(STAMP, "odom", "base_link", pose))
+    true = [*snapshot.pose.translation.tolist(), *snapshot.pose.rotation.tolist()]
+    velocity = [*snapshot.velocity.linear.tolist(), *snapshot.velocity.angular.tolist()]
+    truth = odometry(STAMP, "world", "base_link", true, velocity)
+    assert same(heard["peer/ground_truth"], truth)
+    told = snapshot.command
+    command = [told.linear, 0.0, 0.0, 0.0, 0.0, told.angular]
+    assert same(heard["peer/cmd_vel_out"], twist_stamped(STAMP, "base_link", command))
+    assert same(heard["/clock"], Clock(clock=header(STAMP, "").stamp))
+    joints = joint_state(STAMP, "base_link", IdealPlant.joints, *map(list, snapshot.joints))
+    assert same(heard["joint_states"], joints)
+
+
+def test_parameters_change_names_and_joints(listening: Listening) -> None:
+    """What is published follows the parameters, in length too."""
+    listening.last(*driven())
+    drive, snapshot = driven(
+        base_frame_id="rumpf",
+        odom_frame_id="weg",
+        world_frame_id="",
+        **{
+            "joint_state_broadcaster.joints": ["right_wheel_joint"],
+            "joint_state_broadcaster.extra_joints": ["arm", "ärmel"],
+            "joint_state_broadcaster.interfaces": ["velocity"],
+            "joint_state_broadcaster.frame_id": "",
+        },
+    )
+    heard = listening.last(drive, snapshot)
+    nothing = [math.nan, 0.0, 0.0]
+    speeds = [float(snapshot.joints.velocities[1]), 0.0, 0.0]
+    names = ["right_wheel_joint", "arm", "ärmel"]
+    joints = joint_state(STAMP, "", names, nothing, speeds, nothing)
+    assert same(heard["joint_states"], joints)
+    odom, truth = heard["peer/odom"], heard["peer/ground_truth"]
+    assert (odom.header.frame_id, odom.child_frame_id) == ("weg", "rumpf")
+    assert (truth.header.frame_id, truth.child_frame_id) == ("weg", "rumpf")
+    # The wheels do not slip, so in the odometry's frame the truth is what the odometry says.
+    assert truth.pose.pose.position.x == pytest.approx(odom.pose.pose.position.x)
+    assert truth.pose.pose.orientation.z == pytest.approx(odom.pose.pose.orientation.z)
