@@ -6,9 +6,9 @@ An editable install moreover holds *copies* of urdf/, config/ and the like in th
 checkout itself, through a prefix of symbolic links, comes first, so an edit takes effect at once.
 """
 
-import hashlib
 import os
 import sys
+import zlib
 from pathlib import Path
 
 from onebot_description.errors import OneBotError
@@ -62,7 +62,7 @@ def _checkout_prefix() -> Path | None:
     if not all((checkout / name / "package.xml").is_file() for name in PACKAGES):
         return None
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    digest = hashlib.sha256(str(checkout).encode()).hexdigest()[:12]
+    digest = f"{zlib.crc32(str(checkout).encode()):08x}"
     prefix = cache / "onebot" / f"ament-{digest}"
     index = prefix / "share/ament_index/resource_index/packages"
     index.mkdir(parents=True, exist_ok=True)

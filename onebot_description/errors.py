@@ -7,6 +7,10 @@ class OneBotError(Exception):
     """A user's mistake; ``str(error)`` is the whole message, commands exit with code 1."""
 
 
+class UsageError(OneBotError):
+    """A command was called in a way it does not know; commands exit with code 2."""
+
+
 class DescriptionError(OneBotError):
     """A robot description that cannot be used.
 

@@ -49,9 +49,9 @@ from onebot_description.description import (
 )
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
+from onebot_description.qos import LATCHED
 from onebot_description.ros import run_node
 from onebot_description.ros_arguments import ros_arguments
-from onebot_description.ros_description import LATCHED
 from onebot_description.stamps import NANO
 from onebot_description.tf.messages import joint_state_arrays, to_message
 from onebot_description.tf.state_converter import StateConverter

@@ -1,12 +1,11 @@
 """What the command line says that rcl does not tell: the parameter files, the names set with -p."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class RosArguments:
+class RosArguments(NamedTuple):
     """The parts of a command line that are about parameters.
 
     Attributes:

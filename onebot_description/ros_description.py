@@ -4,12 +4,11 @@ from collections.abc import Callable
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
+from onebot_description.qos import LATCHED
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NAME = "robot_description"  # of the topic and of the parameter
 _PATIENCE = 2.0  # seconds without a description before saying so
 

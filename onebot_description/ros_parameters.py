@@ -12,8 +12,10 @@ def declare(node: Node, name: str, default: Any = None) -> None:
     """Declare a parameter, unless that was done; ``default`` counts where nobody has set it."""
     if node.has_parameter(name):
         return
-    node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
-    if default is not None and node.get_parameter(name).value is None:
+    # Of an empty list rclpy cannot tell what kind it is: such is set afterwards.
+    first = None if default == [] else default
+    node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True))
+    if default == [] and node.get_parameter(name).value is None:
         node.set_parameters([parameter(name, default)])
 
 

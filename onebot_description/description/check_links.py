@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from onebot_description.description.meshes import (
     MESH_SUFFIXES,
     is_ascii_stl,
@@ -66,12 +64,17 @@ def _check_inertia(report: Report, inertial: Element) -> None:
     xx, xy, xz, yy, yz, zz = (values[name] for name in _MOMENTS)
     if xx is None or xy is None or xz is None or yy is None or yz is None or zz is None:
         return
-    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    largest = float(np.abs(matrix).max())
+    largest = max(map(abs, (xx, xy, xz, yy, yz, zz)))
     if largest == 0:
         report.warning(inertia, "the inertia is zero; a simulation cannot turn such a link")
         return
-    least, middle, greatest = np.linalg.eigvalsh(matrix / largest)
+    matrix = tuple(value / largest for value in (xx, xy, xz, yy, yz, zz))
+    if _is_positive_definite(*matrix) and _is_positive_definite(*_room(*matrix)):
+        return
+    import numpy as np  # only now: it takes longer to import than all that is done here
+
+    xx, xy, xz, yy, yz, zz = matrix
+    least, middle, greatest = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if least <= 0:
         text = f"the inertia is not positive definite (least moment {least * largest:.3g} kg m2)"
         report.warning(inertia, f"{text}; no real body has such moments")
@@ -80,6 +83,24 @@ def _check_inertia(report: Report, inertial: Element) -> None:
         report.warning(
             inertia, f"of the moments {moments} one exceeds the sum of the others; no body has such"
         )
+
+
+def _is_positive_definite(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> bool:
+    """Whether a symmetric matrix is, by Sylvester's criterion: its leading minors are positive."""
+    second = xx * yy - xy * xy
+    third = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    return xx > 0 and second > 0 and third > 0
+
+
+def _room(
+    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return t - M, which is positive definite if no moment exceeds the sum of the others.
+
+    a <= (b + c) (1 + r), and with the trace T, a <= (T - a) (1 + r): a <= T (1 + r) / (2 + r) = t.
+    """
+    most = (xx + yy + zz) * (1 + _ROUNDING) / (2 + _ROUNDING)
+    return most - xx, -xy, -xz, most - yy, -yz, most - zz
 
 
 def _check_geometry(report: Report, part: Element) -> None:

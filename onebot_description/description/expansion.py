@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from xml.dom import minidom
 
-from onebot_description.description import explaining, powers, reading
+from onebot_description.description import endless, explaining, reading
 from onebot_description.description.meshes import find_package
 from onebot_description.errors import DescriptionError
 from onebot_description.text import did_you_mean
@@ -25,6 +25,8 @@ _MOST_ELEMENTS = 30_000  # some seconds of work; large robots have a tenth of th
 _MOST_INCLUDES = 50
 _MOST_PLACES = 4
 _STAND_INS = "parse warning error print_location handle_macro_call safe_eval".split()
+# Private in an untyped module: of $(find ...) and $(eval ...), and the latter's names.
+_FIND, _EVAL, _EVAL_NAMES = "_eval_find", "_eval", "_eval_dict"
 _STATE = "_global_symbols all_includes filestack macrostack root_dir verbosity".split()
 # Arguments that are used without being declared are arguments all the same.
 _USED_ARGUMENT = re.compile(rb"\$\(\s*arg\s+([^\s)]+)\s*\)|xacro\.arg\(\s*['\"]([^'\"]+)['\"]")
@@ -53,8 +55,8 @@ class _CopyPlaces:
 class _Run:
     """What one run of xacro reads, warns of and stands in for."""
 
-    def __init__(self, xacro: Any) -> None:
-        self.xacro = xacro
+    def __init__(self, xacro: Any, substitution: Any) -> None:
+        self.xacro, self.substitution = xacro, substitution
         self.files: list[Path] = []
         self.arguments: set[str] = set()
         self.declared: set[str] = set()
@@ -63,6 +65,7 @@ class _Run:
         self._copy_places = _CopyPlaces()
         self._handle_macro_call = xacro.handle_macro_call
         self._safe_eval = xacro.safe_eval
+        self._eval = getattr(substitution, _EVAL)
 
     def parse(self, source: Any, filename: str | None = None) -> minidom.Document:
         """Stand in for ``xacro.parse``: scans first and notes places."""
@@ -115,8 +118,12 @@ class _Run:
         return bool(self._handle_macro_call(node, macros, symbols))
 
     def safe_eval(self, expression: str, *symbols: Any) -> Any:
-        """Stand in for ``xacro.safe_eval``: refuses powers that would take for ever."""
-        return self._safe_eval(powers.bounded(expression), *symbols)
+        """Stand in for ``xacro.safe_eval``: refuses what would take for ever."""
+        return self._safe_eval(endless.bounded(expression), *symbols)
+
+    def eval(self, expression: str, context: Any) -> Any:
+        """Stand in for ``$(eval expression)`` in the same way."""
+        return self._eval(endless.bounded(expression), context)
 
     def find(self, package: str) -> str:
         """Stand in for ``$(find package)``: an installed package or one being worked on."""
@@ -126,23 +133,27 @@ class _Run:
 @contextmanager
 def _own_globals(run: _Run, path: Path) -> Iterator[None]:
     """Give ``run`` globals of its own inside xacro."""
-    xacro, substitution = run.xacro, importlib.import_module("xacro.substitution_args")
+    xacro, substitution = run.xacro, run.substitution
     kept = {name: getattr(xacro, name) for name in (*_STAND_INS, *_STATE)}
-    kept_find = getattr(substitution, "_eval_find")  # noqa: B009 (private in an untyped module)
+    kept_inside = {name: getattr(substitution, name) for name in (_FIND, _EVAL, _EVAL_NAMES)}
     try:
         for name in _STAND_INS:
             setattr(xacro, name, getattr(run, name))
-        setattr(substitution, "_eval_find", run.find)  # noqa: B010
+        setattr(substitution, _FIND, run.find)
+        setattr(substitution, _EVAL, run.eval)
+        setattr(substitution, _EVAL_NAMES, dict(kept_inside[_EVAL_NAMES]))
+        endless.bound_functions(getattr(substitution, _EVAL_NAMES))
         xacro.root_dir, xacro.verbosity, xacro.all_includes = ".", 1, []
         xacro.substitution_args_context.clear()
         xacro.substitution_args_context["filename"] = str(path)
         xacro._global_symbols = xacro.create_global_symbols()
-        xacro._global_symbols[powers.NAME] = powers.bounded_power
+        endless.bound_functions(xacro._global_symbols)
         yield
     finally:
         for name, value in kept.items():
             setattr(xacro, name, value)
-        setattr(substitution, "_eval_find", kept_find)  # noqa: B010
+        for name, value in kept_inside.items():
+            setattr(substitution, name, value)
         xacro.substitution_args_context.clear()
 
 
@@ -162,7 +173,7 @@ def expand(
         DescriptionError: xacro cannot expand it, or has no argument of a name given.
     """
     with _lock:
-        run = _Run(importlib.import_module("xacro"))
+        run = _Run(*map(importlib.import_module, ("xacro", "xacro.substitution_args")))
         problems: list[str] = []
         document = None
         with _own_globals(run, path):

@@ -4,6 +4,7 @@ rcl reads the file only once, when the process starts, and its errors name neith
 the remedy. Reading it again, while the node runs, is ours.
 """
 
+import functools
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,6 +20,8 @@ _FALSE = {"n", "N", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "
 _INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
 _DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
+# libyaml's, which rcl uses as well; not in every build of PyYAML.
+_FastLoader = getattr(yaml, "CSafeLoader", None)
 _INT64 = range(-(2**63), 2**63)
 
 
@@ -57,7 +60,18 @@ def read_parameters(text: str, name: str, node: str) -> Parameters:
     Raises:
         ConfigError: the YAML is broken, or not ROS 2 parameter YAML.
     """
-    return _File(name).read(text, node)
+    found = Parameters()
+    for section, parameters in _sections(text, name).items():
+        found.sections.append(section)
+        if section_matches(section, node):
+            found.update(parameters)
+    return found
+
+
+@functools.lru_cache(maxsize=8)
+def _sections(text: str, name: str) -> dict[str, Parameters]:
+    """Return what a file says, by section; it is asked for each of several nodes."""
+    return _File(name).read(text)
 
 
 def section_matches(section: str, node: str) -> bool:
@@ -71,31 +85,35 @@ class _File:
     def __init__(self, name: str) -> None:
         self._name = name
 
-    def read(self, text: str, node: str) -> Parameters:
+    def read(self, text: str) -> dict[str, Parameters]:
         root = self._compose(text)
         sections: dict[str, Parameters] = {}
         if isinstance(root, yaml.MappingNode):
             self._sections(root, "", sections)
         elif root is not None:
             self._fail(root, "no map of node names")
-        found = Parameters(sections=list(sections))
-        for section, parameters in sections.items():
-            if section_matches(section, node):
-                found.update(parameters)
-        return found
+        return sections
 
     def _compose(self, text: str) -> yaml.Node | None:
         try:
-            for event in yaml.parse(text, Loader=yaml.SafeLoader):
-                if isinstance(event, yaml.AliasEvent):
-                    self._fail(event, f"ROS parameters know no aliases such as *{event.anchor}")
-            return yaml.compose(text, Loader=yaml.SafeLoader)
+            if _FastLoader is not None:
+                try:
+                    return self._composed(text, _FastLoader)
+                except yaml.YAMLError:
+                    pass  # the other one tells more of what is wrong
+            return self._composed(text, yaml.SafeLoader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             reason = " ".join(part for part in (error.context, error.problem) if part)
             raise self._error(mark, f"no YAML: {reason}") from None
         except yaml.YAMLError as error:
             raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
+
+    def _composed(self, text: str, loader: Any) -> yaml.Node | None:
+        for event in yaml.parse(text, Loader=loader):
+            if isinstance(event, yaml.AliasEvent):
+                self._fail(event, f"ROS parameters know no aliases such as *{event.anchor}")
+        return yaml.compose(text, Loader=loader)
 
     def _sections(self, node: yaml.Node, path: str, found: dict[str, Parameters]) -> None:
         """Gather the parameters of each section; those of one name are put together."""

@@ -11,6 +11,7 @@
 #include "../model/_joint.h"
 
 #define EXPORT __attribute__((visibility("default")))
+#define MODERATE 1e100
 #define STAMP_AT 4 /* in a serialized message that begins with a header */
 
 /* A row of the array that kernel.py makes (JOINT there); offsets are in bytes. */
@@ -27,12 +28,13 @@ static void transform(const struct joint *joint, const unsigned char *positions,
   onebot_joint_transform(joint->half_turn, joint->constant, joint->sine, joint->slide, position, out);
 }
 
-/* Whether all doubles from `positions` on, which need not be aligned, are finite. */
-EXPORT int onebot_all_finite(const unsigned char *data, size_t at, size_t count) {
+/* Whether none of the doubles from byte `at` on, which need not be aligned, is NaN or larger in
+ * magnitude than MODERATE, of which kernel.py has the same number. */
+EXPORT int onebot_all_moderate(const unsigned char *data, size_t at, size_t count) {
   for (size_t i = 0; i < count; i++) {
     double position;
     memcpy(&position, data + at + i * sizeof position, sizeof position);
-    if (!isfinite(position)) return 0;
+    if (!(fabs(position) <= MODERATE)) return 0;
   }
   return 1;
 }

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.model import RobotModel
-from onebot_description.tf.kernel import Motion, make_kernel
+from onebot_description.tf.kernel import MODERATE, Motion, make_kernel
 from onebot_description.tf.wire import STAMP, Floats, TfTemplate
 
 V = TypeVar("V")
@@ -23,6 +23,8 @@ class JointStatePlan:
     Attributes:
         rows: (K,) the model's joints this plan moves.
         template: the TFMessage it fills.
+        moderate: positions that are ``all_moderate`` give finite transforms. A robot whose own
+            numbers are so large that they might not is published all the same, but slower.
     """
 
     def __init__(self, model: RobotModel, names: Sequence[str], frame_prefix: str) -> None:
@@ -47,6 +49,10 @@ class JointStatePlan:
             [frame_prefix + parent for parent in self._joints.parents],
             [frame_prefix + child for child in self._joints.children],
         )
+        self.moderate = all(
+            bool((np.abs(numbers) <= MODERATE).all())
+            for numbers in (self._motion.multiplier, self._motion.offset, self._joints.constant)
+        )
         self._kernel = make_kernel(self._motion, self.template)
 
     def transforms(self, positions: Floats) -> Floats:
@@ -57,13 +63,24 @@ class JointStatePlan:
         own = positions[motion.columns] * motion.multiplier + motion.offset
         return motion.joints.transforms(own)
 
+    def usable(self, positions: Floats) -> NDArray[np.bool_]:
+        """Say of each position, (len(names),), whether it gives finite transforms only.
+
+        A joint that follows another one by a large multiplier may have none where that one has.
+        """
+        with np.errstate(all="ignore"):
+            finite = np.isfinite(self.transforms(positions)).all(axis=1)
+        usable: NDArray[np.bool_] = np.isfinite(positions)
+        usable[self._motion.columns[~finite]] = False
+        return usable
+
     def message(self, data: bytes, at: int, count: int) -> bytes:
         """Return the serialized TFMessage for a serialized JointState.
 
         Args:
             data: the JointState.
             at: where its positions begin, in bytes.
-            count: of its positions, all of them finite.
+            count: of its positions, all of them ``usable``.
         """
         if self._kernel is not None:
             return self._kernel.message(data, at)

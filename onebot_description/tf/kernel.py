@@ -15,6 +15,9 @@ from onebot_description.model.robot_model import JointArrays
 from onebot_description.tf._type_support import TypeSupportError, load_library
 from onebot_description.tf.wire import DOUBLES_PER_TRANSFORM, Floats, TfTemplate
 
+# Numbers up to this size stay finite when they are multiplied and added, as transforms are made.
+MODERATE = 1e100
+
 # struct joint in _joint_transforms.c.
 _JOINT = np.dtype(
     [
@@ -87,12 +90,12 @@ def make_kernel(motion: Motion, template: TfTemplate) -> Kernel | None:
     return None if library is None else Kernel(library, motion, template)
 
 
-def all_finite(data: bytes, at: int, count: int) -> bool:
-    """Say whether the ``count`` doubles that begin at byte ``at`` of ``data`` are finite."""
+def all_moderate(data: bytes, at: int, count: int) -> bool:
+    """Say whether the ``count`` doubles that begin at byte ``at`` are finite and not enormous."""
     library = compiled()
     if library is None:
-        return bool(np.isfinite(np.frombuffer(data, "<f8", count, at)).all())
-    return bool(library.onebot_all_finite(data, at, count))
+        return bool((np.abs(np.frombuffer(data, "<f8", count, at)) <= MODERATE).all())
+    return bool(library.onebot_all_moderate(data, at, count))
 
 
 @functools.cache
@@ -103,7 +106,7 @@ def compiled() -> ctypes.PyDLL | None:
     except TypeSupportError:
         return None
     pointer, size, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
-    library.onebot_all_finite.argtypes = [text, size, size]
+    library.onebot_all_moderate.argtypes = [text, size, size]
     library.onebot_fill_message.argtypes = [pointer, pointer, size, text, size]
     library.onebot_fill_message.restype = None
     library.onebot_joint_transforms.argtypes = [pointer, pointer, size, text]

@@ -1,6 +1,9 @@
 """ROS messages <-> arrays, for what does not take the raw way."""
 
+from __future__ import annotations
+
 import array
+from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -9,9 +12,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_description.stamps import NANO, nanoseconds
-from onebot_description.tf.state_converter import Transforms
 from onebot_description.tf.tf_message import TFMessage
 from onebot_description.tf.wire import JointStateArrays, unpack_stamp
+
+if TYPE_CHECKING:
+    # Who only sends messages needs no model of the robot.
+    from onebot_description.tf.state_converter import Transforms
 
 
 def time_message(stamp_ns: int) -> Time:

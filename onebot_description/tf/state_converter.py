@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from onebot_description.model import RobotModel
 from onebot_description.stamps import NANO
 from onebot_description.tf.joint_state_plan import JointStatePlan, LastPublished, RecentlyUsed
-from onebot_description.tf.kernel import all_finite
+from onebot_description.tf.kernel import all_moderate
 from onebot_description.tf.wire import (
     ENCAPSULATION,
     STAMP,
@@ -142,12 +142,12 @@ class StateConverter:
         stamp = data[STAMP]
         seconds = int.from_bytes(stamp[:4], "little", signed=True)
         stamp_ns = seconds * NANO + int.from_bytes(stamp[4:], "little")
-        if not all_finite(data, layout.first, count):
+        plan = layout.plan
+        if not (plan.moderate and all_moderate(data, layout.first, count)):
             positions = np.frombuffer(data, "<f8", count, layout.first)
             state = JointStateArrays(stamp_ns, "", layout.names, positions, positions, positions)
             result = self.convert(state, now_ns)
             return None if result is None else result.serialized()
-        plan = layout.plan
         if not self._due(plan, stamp_ns, now_ns):
             return None
         return plan.message(data, layout.first, count)
@@ -158,12 +158,10 @@ class StateConverter:
         if len(names) != len(positions):
             self._complain_of_sizes(len(names), len(positions))
             return None
-        finite = np.isfinite(positions)
-        if not finite.all():
-            bad = [name for name, good in zip(names, finite, strict=True) if not good]
-            self._warn(
-                "finite", f"joint state without a finite position: {', '.join(bad)}; ignored"
-            )
+        usable = self._plan(names).usable(positions) if names else np.empty(0, bool)
+        if not usable.all():
+            bad = [name for name, good in zip(names, usable, strict=True) if not good]
+            self._complain_of_positions(bad, np.isfinite(positions[~usable]))
             names = tuple(name for name in names if name not in bad)
             positions = positions[[name not in bad for name in state.names]]
         if not names:
@@ -244,6 +242,12 @@ class StateConverter:
 
     def _plan(self, names: tuple[str, ...]) -> JointStatePlan:
         return self._plans.obtain(names, lambda: JointStatePlan(self._model, names, self._prefix))
+
+    def _complain_of_positions(self, names: list[str], finite: NDArray[np.bool_]) -> None:
+        """Tell of joints that are not moved, some of which have a finite position."""
+        why = ", or one too large for what follows it" if finite.any() else ""
+        text = f"joint state without a finite position{why}: {', '.join(names)}; ignored"
+        self._warn("finite", text)
 
     def _complain_of_sizes(self, names: int, positions: int) -> None:
         self._warn(

@@ -200,7 +200,7 @@ class TfTemplate:
             for name in (parent, child):
                 body += bytes(-len(body) % 4)
                 names.append((len(body), len(name.encode()) + 5))
-                body += _string(name)
+                body += pack_string(name)
             body += bytes(-len(body) % 8)
             values.append(len(body))
             body += bytes(8 * DOUBLES_PER_TRANSFORM)
@@ -266,7 +266,8 @@ def unpack_stamp(stamp: bytes) -> int:
     return int(seconds * NANO + nanoseconds)
 
 
-def _string(text: str) -> bytes:
+def pack_string(text: str) -> bytes:
+    """Return a string as it lies on the wire: at a multiple of 4 from the body's start."""
     encoded = text.encode()
     return _U32.pack(len(encoded) + 1) + encoded + b"\x00"
 

@@ -5,8 +5,9 @@ from typing import Any
 
 import pytest
 
-from onebot_description.joints import ConfigError, Constant, JointsConfig, Keyframes, Sine
-from onebot_description.joints.config import Dependent, Sequence
+from onebot_description.joints.config import Dependent, JointsConfig, Sequence
+from onebot_description.joints.motions import Constant, Keyframes, Sine
+from onebot_description.joints.problems import ConfigError
 
 
 def refused(parameters: dict[str, Any]) -> str:

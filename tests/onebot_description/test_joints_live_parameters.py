@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.joints import ConfigError
 from onebot_description.joints.config import DEFAULTS
 from onebot_description.joints.live_parameters import LiveParameters
+from onebot_description.joints.problems import ConfigError
 
 NODE = "/jsp"
 

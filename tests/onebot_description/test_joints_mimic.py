@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from onebot_description.joints import ConfigError, JointsConfig, JointStateSource
+from onebot_description.joints.config import JointsConfig
+from onebot_description.joints.problems import ConfigError
+from onebot_description.joints.source import JointStateSource
 from tests.onebot_description.joints_support import joint, mimic
 
 CHAIN = [

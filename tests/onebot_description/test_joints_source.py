@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onebot_description.joints import ConfigError, JointsConfig, JointStateSource
-from onebot_description.joints.source import wrapped
+from onebot_description.joints.config import JointsConfig
+from onebot_description.joints.problems import ConfigError
+from onebot_description.joints.source import JointStateSource, wrapped
 from tests.onebot_description.joints_support import joint, mimic
 
 ROBOT = [

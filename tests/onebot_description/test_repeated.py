@@ -117,3 +117,51 @@ def test_padding_may_hold_anything():
     found = reader.read(bytes(data))
     _same(found, expected)
     assert found.children is expected.children
+
+
+_KINDS = {
+    TfReader: (lambda names, number: _tf(names, [number] * 7, sec=int(number)), decode_tf),
+    JointStateReader: (
+        lambda names, number: serialize_message(
+            JointState(
+                header=Header(stamp=Time(sec=int(number), nanosec=9)),
+                name=names,
+                position=[number + place for place in range(len(names))],
+                effort=[number] * (int(number) % 2),
+            )
+        ),
+        decode_joint_state,
+    ),
+}
+
+
+@pytest.mark.parametrize("reader", list(_KINDS))
+@given(names=st.lists(_NAMES, min_size=1, max_size=12))
+def test_many_at_once_are_read_as_each_alone(reader, names):
+    """In the order they came, of whatever publishers; None for those not known."""
+    make, decode = _KINDS[reader]
+    messages = [make(item, float(place)) for place, item in enumerate(names)]
+    read = reader()
+    assert read.read_known(messages) == [None] * len(messages)
+    for data in messages:
+        read.read(data)
+    unknown = make(["another"], 0.0)
+    *found, none = read.read_known([*messages, unknown])
+    assert none is None or unknown in messages
+    for item, data in zip(found, messages, strict=True):
+        if item is not None:  # of more names than are kept
+            _same(item, decode(data))
+    known = [item for item in found if item is not None]
+    assert known
+
+
+@pytest.mark.parametrize("reader", list(_KINDS))
+def test_publishers_whose_messages_are_of_one_length_are_told_apart(reader):
+    """As those of robots r1 and r2 are, one message of each in turn."""
+    make, decode = _KINDS[reader]
+    messages = [make([f"r{place % 3}/a"], 2.0 * place) for place in range(10)]
+    read = reader()
+    for data in messages[:3]:
+        read.read(data)
+    for item, data in zip(read.read_known(messages), messages, strict=True):
+        _same(item, decode(data))

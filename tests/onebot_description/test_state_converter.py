@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
+from onebot_description.tf import kernel
 from onebot_description.tf.messages import joint_state_arrays, to_message
 from onebot_description.tf.state_converter import StateConverter
 from onebot_description.tf.tf_message import TFMessage
@@ -173,3 +174,46 @@ def test_broken_bytes_raise_wire_error(cut, noise):
         except WireError:
             continue
         assert result is None or deserialize_message(result, TFMessage)
+
+
+FOLLOWED = """<robot name="arm">
+  <link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="lead" type="prismatic"><parent link="base"/><child link="a"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="follow" type="prismatic"><parent link="a"/><child link="b"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+    <mimic joint="lead" multiplier="{multiplier}" offset="{offset}"/></joint>
+  <joint name="other" type="continuous"><parent link="base"/><child link="c"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize(
+    ("position", "multiplier", "offset", "moved"),
+    [
+        (1e308, -10.0, 0.0, {"c"}),
+        (1.7e308, 1.0, 1.7e308, {"c"}),
+        (1e200, 1e200, 0.0, {"c"}),
+        (1e300, 10.0, 0.0, {"a", "b", "c"}),
+        (0.5, 1e200, 1e150, {"a", "b", "c"}),
+    ],
+)
+@pytest.mark.parametrize("library", [True, False])
+def test_what_overflows_for_a_follower_is_ignored(
+    monkeypatch, position, multiplier, offset, moved, library
+):
+    """As a position that is not finite; both paths agree, and nothing on /tf is ever not finite."""
+    if not library:
+        monkeypatch.setattr(kernel, "compiled", lambda: None)
+    model = _model(FOLLOWED.format(multiplier=multiplier, offset=offset))
+    warnings = []
+    options = {"warn": lambda key, text: warnings.append((key, text))}
+    message = _message(["lead", "other"], [position, 0.25])
+    ((raw, plain),) = _both(model, [message], **options)
+    assert raw == plain
+    assert {transform.child_frame_id for transform in raw.transforms} == moved
+    for transform in raw.transforms:
+        translation = transform.transform.translation
+        assert np.isfinite([translation.x, translation.y, translation.z]).all()
+    told = [] if "a" in moved else ["finite"] * 2
+    assert [key for key, _ in warnings] == told
+    assert all("too large for what follows it: lead; ignored" in text for _, text in warnings)
