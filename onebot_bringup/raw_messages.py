@@ -3,7 +3,8 @@
 Bytes that are no such message are a ValueError or an IndexError, whoever finds out.
 """
 
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from geometry_msgs.msg import Twist, TwistStamped
@@ -23,6 +24,10 @@ from onebot_description.tf import messages
 from onebot_description.tf.repeated import JointStateReader, TfReader
 from onebot_description.tf.tf_message import TFMessage
 from onebot_description.tf.wire import JointStateArrays, TfArrays, WireError
+
+T = TypeVar("T")
+Complain = Callable[[Exception], object]
+BAD_MESSAGE = (ValueError, IndexError)  # what is raised for bytes that are no such message
 
 # They remember the names of messages that come again and again.
 _TF, _JOINT_STATES = TfReader(), JointStateReader()
@@ -65,6 +70,43 @@ def joint_state_arrays(data: bytes) -> JointStateArrays:
         return _JOINT_STATES.read(data)
     except WireError:
         return messages.joint_state_arrays(deserialize_message(data, JointState))
+
+
+def tf_batch(messages: Sequence[bytes], complain: Complain) -> list[TfArrays | None]:
+    """Decode TFMessages, for hardly more than one takes, if they repeat.
+
+    Args:
+        messages: in the order they came.
+        complain: is told why a message is none.
+
+    Returns:
+        The message for each; None for one that is none.
+    """
+    return _filled(_TF.read_known(messages), messages, tf_arrays, complain)
+
+
+def joint_state_batch(
+    messages: Sequence[bytes], complain: Complain
+) -> list[JointStateArrays | None]:
+    """Decode JointStates; see ``tf_batch``."""
+    return _filled(_JOINT_STATES.read_known(messages), messages, joint_state_arrays, complain)
+
+
+def _filled(
+    known: Iterable[T | None],
+    messages: Iterable[bytes],
+    read: Callable[[bytes], T],
+    complain: Complain,
+) -> list[T | None]:
+    """Read on their own what was not known."""
+    found = list(known)
+    for at, data in enumerate(messages):
+        if found[at] is None:
+            try:
+                found[at] = read(data)
+            except BAD_MESSAGE as error:
+                complain(error)
+    return found
 
 
 def odometry_sample(data: bytes) -> OdometrySample:

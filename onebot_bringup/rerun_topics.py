@@ -8,18 +8,20 @@ from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from onebot_bringup.raw_messages import odometry_sample, twist_sample, twist_stamped_sample
+from onebot_bringup.raw_messages import (
+    BAD_MESSAGE,
+    odometry_sample,
+    twist_sample,
+    twist_stamped_sample,
+)
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.odometry_wire import TwistSample
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.errors import OneBotError
+from onebot_description.qos import SENSOR
 
 RCLError = rclpy_implementation.RCLError
-
-# Best effort matches every publisher, and never makes one wait for us.
-SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 _ODOMETRY, _AUTO = "Odometry", "auto"
 _KINDS = {"Twist": Twist, "TwistStamped": TwistStamped, _ODOMETRY: Odometry}
@@ -51,14 +53,27 @@ class _Heard:
 class DriveTopics:
     """Subscribes to what the view asks for, each topic once."""
 
-    def __init__(self, node: Node, live: LiveView, view: ViewConfig) -> None:
+    def __init__(
+        self,
+        node: Node,
+        live: LiveView,
+        view: ViewConfig,
+        complain: Callable[[str, Exception], object],
+    ) -> None:
         """Subscribe on ``node``, feed ``live``.
+
+        Args:
+            node: it hears the topics.
+            live: what they are shown in.
+            view: names them.
+            complain: is told of a message that is none: its topic, and what is wrong.
 
         Raises:
             OneBotError: the viewer hears one of the topics already, as another type.
         """
         self._node = node
         self._live = live
+        self._complain = complain
         self._heard: dict[str, _Heard] = {}
         self._wanted: dict[str, str] = {}
         self.set_view(view)
@@ -152,10 +167,8 @@ class DriveTopics:
         def guarded(data: bytes) -> None:
             try:
                 take(data)
-            except (ValueError, IndexError) as error:
-                self._node.get_logger().warning(
-                    f"ignored a message of {topic}: {error}", throttle_duration_sec=5.0
-                )
+            except BAD_MESSAGE as error:
+                self._complain(topic, error)
 
         return guarded
 

@@ -7,6 +7,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from onebot_bringup.viewer.columns import ColumnMaker
 from onebot_bringup.viewer.streams import time_column
 
 POSITION_ENTITY = "joints/position"
@@ -19,6 +20,8 @@ Floats = NDArray[np.float64]
 Color = tuple[int, int, int]
 Limits = Mapping[str, tuple[float, float]]
 
+_SCALARS = ColumnMaker(rr.Scalars.columns(scalars=np.zeros(1)))
+
 
 class _Curves:
     """A set of joints, and the entities that it is plotted on."""
@@ -27,12 +30,19 @@ class _Curves:
         self,
         recording: rr.RecordingStream,
         number: int,
+        count: int,
         colors: Mapping[str, Color],
         limits: Limits,
     ) -> None:
         names = list(colors)
         limited = [name for name in names if name in limits]
-        self.number = number
+        self._recording = recording
+        self._number = number
+        self._count = count
+        self._pending: dict[str, list[tuple[int, Floats]]] = {
+            POSITION_ENTITY: [],
+            VELOCITY_ENTITY: [],
+        }
         self._edges = np.array([limits[name] for name in limited]).ravel()
         # The lines at the limits bear the joint's name, too: one entry in the legend for all three.
         edges = [name for name in limited for _ in range(2)]
@@ -45,9 +55,32 @@ class _Curves:
             )
             recording.log(f"{entity}/{number}", legend, static=True)
 
-    def row(self, entity: str, values: Floats) -> Floats:
-        """Return what is logged for ``values`` of the joints: with the limits, for positions."""
-        return np.concatenate([values, self._edges]) if entity == POSITION_ENTITY else values
+    def add(self, stamp_ns: int, positions: Floats, velocities: Floats) -> None:
+        """Take in what is there for each joint."""
+        if len(positions) == self._count:
+            self._pending[POSITION_ENTITY].append((stamp_ns, positions))
+        if len(velocities) == self._count:
+            self._pending[VELOCITY_ENTITY].append((stamp_ns, velocities))
+
+    def flush(self) -> bool:
+        """Log what was collected, one call for each entity; True if there was anything."""
+        waiting = [entity for entity, rows in self._pending.items() if rows]
+        for entity in waiting:
+            self._log(entity, self._pending[entity])
+        return bool(waiting)
+
+    def _log(self, entity: str, rows: list[tuple[int, Floats]]) -> None:
+        stamps = np.array([stamp for stamp, _ in rows], np.int64)
+        values = np.stack([row for _, row in rows])
+        rows.clear()
+        if entity == POSITION_ENTITY and len(self._edges):
+            edges = np.broadcast_to(self._edges, (len(values), len(self._edges)))
+            values = np.concatenate([values, edges], axis=1)
+        self._recording.send_columns(
+            f"{entity}/{self._number}",
+            indexes=[time_column(stamps)],
+            columns=[_SCALARS.column(values, each=values.shape[1])],
+        )
 
 
 class JointStream:
@@ -65,7 +98,7 @@ class JointStream:
         self._count = 0
         self._sets: dict[tuple[str, ...], _Curves] = {}
         self._order: dict[tuple[str, ...], int] = {}  # in which each set was first heard
-        self._pending: dict[tuple[str, int], list[tuple[int, Floats]]] = {}
+        self._last: tuple[object, _Curves | None] = ((), None)  # names that came last
         self.has_velocities = False
         self.colors: dict[str, Color] = {}
 
@@ -75,6 +108,7 @@ class JointStream:
             return
         self.flush()
         self._limits = dict(limits)
+        self._last = ((), None)
         self._sets.clear()  # on entities of their own from now on: the rows are of other lengths
 
     def add(
@@ -88,34 +122,25 @@ class JointStream:
             positions: (N,) radians or metres, or empty.
             velocities: (N,) radians or metres a second, or empty.
         """
-        curves = self._curves_of(names) if names else None
-        if curves is None:
+        if not names:
             return
-        self.has_velocities |= len(velocities) == len(names)
-        for entity, values in ((POSITION_ENTITY, positions), (VELOCITY_ENTITY, velocities)):
-            if len(values) == len(names):
-                row = (stamp_ns, curves.row(entity, values))
-                self._pending.setdefault((entity, curves.number), []).append(row)
+        if names is not self._last[0]:  # it takes long to look up many
+            self._last = (names, self._curves_of(names))
+        curves = self._last[1]
+        if curves is not None:
+            self.has_velocities |= len(velocities) == len(names)
+            curves.add(stamp_ns, positions, velocities)
 
     def flush(self) -> bool:
         """Log what was collected, one call for each curve family; True if there was anything."""
-        batches, self._pending = self._pending, {}
-        for (entity, number), rows in batches.items():
-            width = len(rows[0][1])
-            values = np.concatenate([row for _, row in rows])
-            self._recording.send_columns(
-                f"{entity}/{number}",
-                indexes=[time_column(np.array([stamp for stamp, _ in rows], np.int64))],
-                columns=rr.Scalars.columns(scalars=values).partition([width] * len(rows)),
-            )
-        return bool(batches)
+        return any([curves.flush() for curves in self._sets.values()])
 
     def _curves_of(self, names: tuple[str, ...]) -> _Curves | None:
         """The curves of this set of names; a new one gets its legend first."""
         curves = self._sets.get(names)
         if curves is None and len(self._sets) < _MOST_SETS:
             colors = joint_colors(names, self._order.setdefault(names, len(self._order)))
-            curves = _Curves(self._recording, self._count, colors, self._limits)
+            curves = _Curves(self._recording, self._count, len(names), colors, self._limits)
             self._sets[names] = curves
             self._count += 1
             self.colors.update(colors)

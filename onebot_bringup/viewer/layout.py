@@ -11,7 +11,33 @@ from onebot_bringup.viewer.bounds import fitting_eye, robot_bounds
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.geometry import Robot
 from onebot_bringup.viewer.scene import Scene
-from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.view_config import (
+    AxesView,
+    CovarianceView,
+    JointRangesView,
+    SpeedLineView,
+    TrailView,
+    ViewConfig,
+)
+
+
+def laid_out(view: ViewConfig) -> ViewConfig:
+    """Return what of ``view`` is in a layout, and all else as usual.
+
+    Colours and lengths are drawn: they change without another layout, which would turn the camera
+    back to where the view has it.
+    """
+    speeds = view.speeds
+    return replace(
+        view,
+        fixed_frame="",
+        axes=AxesView(visible=view.axes.visible),
+        joint_plot=replace(view.joint_plot, limits=False),
+        joint_ranges=JointRangesView(),
+        trails={name: TrailView(length=item.length) for name, item in view.trails.items()},
+        covariance=dict.fromkeys(view.covariance, CovarianceView()),
+        speeds=replace(speeds, lines=dict.fromkeys(speeds.lines, SpeedLineView())),
+    )
 
 
 @dataclass(frozen=True)
@@ -19,7 +45,7 @@ class Fit:
     """What a layout is made for; another one is sent when this changes.
 
     Attributes:
-        view: what the user wants to see.
+        view: what of the user's view is in a layout (see ``laid_out``).
         fixed_frame: the frame everything is shown in.
         complete: every link stands somewhere.
         velocities: the joint states tell velocities.
@@ -57,7 +83,7 @@ class Layout:
             send: to the viewer; else only the robot's size is taken.
         """
         before = self._sent
-        if before is not None and before.view == fit.view:
+        if before and (before.view, before.fixed_frame) == (fit.view, fit.fixed_frame):
             # What was once complete stays so.
             fit = replace(fit, complete=fit.complete or before.complete)
         if fit == before:

@@ -11,20 +11,17 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.complaints import (
-    COMPLAIN_AFTER,
-    Complaints,
-    missing_fixed_frame,
-    missing_links,
-)
+from onebot_bringup.viewer.complaints import COMPLAIN_AFTER, Complaints
 from onebot_bringup.viewer.drive import DriveStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.geometry import Robot, read_robot
 from onebot_bringup.viewer.joint_curves import JointStream
-from onebot_bringup.viewer.joint_ranges import JointRange, RangeMarks, read_ranges
-from onebot_bringup.viewer.layout import Fit, Layout
+from onebot_bringup.viewer.joint_limits import JointLimits
+from onebot_bringup.viewer.layout import Fit, Layout, laid_out
 from onebot_bringup.viewer.odometry_wire import OdometrySample, TwistSample
 from onebot_bringup.viewer.scene import Scene
+from onebot_bringup.viewer.shown_frames import ShownFrames
+from onebot_bringup.viewer.standing import Standing
 from onebot_bringup.viewer.streams import Transforms, TransformStream
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.text import did_you_mean
@@ -59,18 +56,15 @@ class LiveView:
         """
         self._stream = stream
         self._view = view or ViewConfig()
+        self._laid_out = laid_out(self._view)
         self._own_layout = True
         self._clock = clock
         self._changed = clock()
         self._robot: Robot | None = None
-        self._ranges: tuple[JointRange, ...] = ()
-        self._marked: tuple[object, ...] = ()  # what the marks of the ranges were drawn for
-        self._missing: list[str] = []
-        self._missing_of: tuple[object, ...] = ()  # what that was found out for
-        self._retired: set[str] = set()
         self._complaints = Complaints(clock)
         self.frames = FrameTree()
         axes = self._view.axes
+        self._axes_length = axes.length  # as the view had it when they were drawn
         self._scene = Scene(
             stream,
             axes_length=axes.length or _DEFAULT_AXES,
@@ -80,7 +74,9 @@ class LiveView:
         )
         self._transforms = TransformStream(stream, self.frames)
         self._joints = JointStream(stream)
-        self._marks = RangeMarks(stream, self._scene.frame_of)
+        self._limits = JointLimits(stream, self._joints, self._scene.frame_of)
+        self._standing = Standing(self.frames, self._scene.frame_of)
+        self._shown_frames = ShownFrames(self._scene, self._transforms, self.frames, clock)
         self._layout = Layout(stream, self._scene, self.frames)
         self._drive = self._make_drive()
         if blueprint is not None:
@@ -104,6 +100,7 @@ class LiveView:
             What in it does not fit the robot, a sentence each.
         """
         before, self._view = self._view, view
+        self._laid_out = laid_out(view)
         if (before.trails, before.speeds, before.covariance) != (
             view.trails,
             view.speeds,
@@ -117,7 +114,7 @@ class LiveView:
         self._changed = self._clock()
         axes, home = view.axes, self._scene.frame_of(self._robot.root)
         self._scene.set_axes(axes.names, axes.frames, home)
-        self._show_ranges()
+        self._show_limits()
         return self._wrong_names(self._robot)
 
     def _wrong_names(self, robot: Robot) -> list[str]:
@@ -141,19 +138,7 @@ class LiveView:
         """
         if self._robot is None:
             return self._view.fixed_frame
-        return self._wanted_frame() or self.frames.top(self._scene.frame_of(self._robot.root))
-
-    def _wanted_frame(self) -> str:
-        """The view's fixed frame under the name it is known by; "" if there is none such."""
-        assert self._robot is not None
-        wanted = self._view.fixed_frame
-        if not wanted:
-            return ""
-        heard, links = self.frames.names, self._robot.links
-        if wanted in heard or wanted in map(self._scene.frame_of, links):
-            return wanted
-        prefixed = self._scene.frame_of(wanted)
-        return prefixed if prefixed in heard or wanted in links else ""
+        return self._standing.fixed_frame(self._robot, self._view.fixed_frame)
 
     def set_description(self, urdf: str) -> list[str]:
         """Show the robot that ``urdf`` describes, in the place of the one before.
@@ -167,42 +152,20 @@ class LiveView:
         robot = read_robot(urdf)
         problems = self._scene.set_robot(robot)
         problems += self._wrong_names(robot)
-        self._ranges = read_ranges(urdf)
-        self._retire_frames(robot)
+        self._limits.set_description(urdf)
+        self._shown_frames.retire(self._robot, robot)
         if self._robot is None or robot.name != self._robot.name:
             self._stream.send_recording_name(robot.name)
         self._robot = robot
         self._changed = self._clock()
         self._complaints.forget()
-        self._show_ranges()
+        self._show_limits()
         return problems
 
-    def _show_ranges(self) -> None:
-        """Draw the limits of the joints, in the plot and in the robot, where the view asks."""
+    def _show_limits(self) -> None:
         assert self._robot is not None
-        limits = {joint.name: (joint.lower, joint.upper) for joint in self._ranges}
-        self._joints.set_limits(limits if self._view.joint_plot.limits else {})
-        wanted = self._view.joint_ranges
-        radius = wanted.radius or self._layout.fitting_length(self._robot)
-        what = (self._ranges if wanted.visible and radius else (), radius, self._joints.colors)
-        if (*what[:2], len(what[2])) != self._marked:
-            self._marked = (*what[:2], len(what[2]))
-            self._marks.show(*what, self._scene.frame_of(self._robot.root))
-
-    def _retire_frames(self, robot: Robot) -> None:
-        """Hide the frames of links that are no more."""
-        frame_of = self._scene.frame_of
-        before = set() if self._robot is None else set(map(frame_of, self._robot.links))
-        self._retired = before - set(map(frame_of, robot.links))
-        self._transforms.forget(self._retired)
-        self._scene.hide_frames(self._retired, frame_of(robot.root))
-
-    def _show_frames(self) -> None:
-        """Draw new frames, but not those that only a straggling message still names."""
-        if self._retired and self._clock() - self._changed > _PATIENCE:
-            self._transforms.forget(self._retired)
-            self._retired = set()
-        self._scene.show_frames(self.frames.names - self._retired)
+        radius = self._layout.fitting_length(self._robot)
+        self._limits.show(self._view, self._robot.root, radius)
 
     def add_transforms(self, transforms: Transforms, *, static: bool = False) -> None:
         """Take in a message of /tf, or of /tf_static."""
@@ -240,20 +203,14 @@ class LiveView:
         if curves:
             self._joints.flush()
         problems = self._drive.tick(self.fixed_frame, now_ns)
-        self._show_frames()
+        self._shown_frames.show()
         if self._robot is None:
             return self._complaints.waiting()
-        self._show_ranges()
-        missing = self._missing_links()
-        as_wanted = not self._view.fixed_frame or bool(self._wanted_frame())
-        self._lay_out(complete=as_wanted and not missing)
+        self._show_limits()
+        wanted = self._view.fixed_frame
+        self._lay_out(self._robot, complete=self._standing.is_whole(self._robot, wanted))
         if self._clock() - self._changed >= COMPLAIN_AFTER:
-            fixed = self.fixed_frame
-            if missing:
-                problems.append(missing_links(fixed, missing))
-            if not as_wanted:
-                wanted = self._view.fixed_frame
-                problems.append(missing_fixed_frame(wanted, fixed, self.frames.names))
+            problems += self._standing.problems(self._robot, wanted)
         return self._complaints.once(problems)
 
     def finish(self, now_ns: int) -> None:
@@ -262,22 +219,14 @@ class LiveView:
         self._joints.flush()
         self._drive.flush(self.fixed_frame)
 
-    def _missing_links(self) -> list[str]:
-        assert self._robot is not None
-        what = (self.frames.version, self._robot, self.fixed_frame)
-        if what != self._missing_of:
-            frames = map(self._scene.frame_of, self._robot.links)
-            top = self.frames.top(self.fixed_frame)
-            self._missing = [frame for frame in frames if self.frames.top(frame) != top]
-            self._missing_of = what
-        return self._missing
-
-    def _lay_out(self, complete: bool) -> None:
+    def _lay_out(self, robot: Robot, complete: bool) -> None:
         """Send the layout once all frames are known, or do not come."""
-        assert self._robot is not None
         if not complete and self._clock() - self._changed < _PATIENCE:
             return
-        fit = Fit(self._view, self.fixed_frame, complete, self._joints.has_velocities)
-        if self._layout.update(self._robot, fit, send=self._own_layout):
-            length = self._view.axes.length or self._layout.fitting_length(self._robot)
+        fit = Fit(self._laid_out, self.fixed_frame, complete, self._joints.has_velocities)
+        changed = self._layout.update(robot, fit, send=self._own_layout)
+        wanted = self._view.axes.length
+        if changed or wanted != self._axes_length:
+            self._axes_length = wanted
+            length = wanted or self._layout.fitting_length(robot)
             self._scene.set_axes_length(length or _DEFAULT_AXES)

@@ -5,13 +5,15 @@ Times are those of the messages, on the timeline ``ros_time``.
 """
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, StampColumn
+from onebot_bringup.viewer.frame_names import NameColumns, name_columns
 from onebot_bringup.viewer.frames import FrameTree
 
 TIMELINE = "ros_time"
@@ -20,9 +22,11 @@ TF_STATIC_ENTITY = "tf_static"
 # A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
 # (seconds), so that it is never the oldest.
 REPEAT_AFTER = 10.0
-_MOST_COLUMNS = 32  # columns of frame names kept for the next time
 
 Floats = NDArray[np.float64]
+
+_TRANSLATIONS = ColumnMaker(rr.Transform3D.columns(translation=np.zeros((1, 3))))
+_ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))
 
 
 class Transforms(Protocol):
@@ -59,7 +63,7 @@ class TransformStream:
         self._pending: list[Transforms] = []
         self._placed: dict[str, _Place] = {}
         self._static: dict[str, tuple[object, ...]] = {}
-        self._names = _NameColumns()
+        self._names = NameColumns()
         # Lists of children, by identity, and when each was last heard; sorted into _logged later.
         self._heard: dict[int, tuple[Sequence[str], float]] = {}
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
@@ -128,10 +132,14 @@ class TransformStream:
             return False
         ours = placed.values()
         stamps = _stack([item.stamps_ns for item in batch], [p.stamp_ns for p in ours])
-        stamps = np.where(stamps == 0, now_ns, stamps).astype(np.int64)
+        if not stamps.all():
+            stamps = np.where(stamps == 0, now_ns, stamps)
         translations = _stack([i.translations for i in batch], [p.translation for p in ours])
         rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
-        names = self._names.columns(batch, placed)
+        names = self._names.columns(
+            [(item.parents, item.children) for item in batch],
+            [(place.parent, child) for child, place in placed.items()],
+        )
         self._send(stamps, translations, rotations, names)
         if batch:
             self._remember(batch, int(stamps.max()))
@@ -140,9 +148,13 @@ class TransformStream:
     def _remember(self, batch: Sequence[Transforms], latest_ns: int) -> None:
         """Take what /tf said into ``frames``, and log anew what it has not said for a while."""
         now = time.monotonic()
+        last: dict[int, Transforms] = {}  # of each list of frames, in the order they came
         for item in batch:
+            last.pop(id(item.children), None)
+            last[id(item.children)] = item
+        for names, item in last.items():
             self._frames.update(*_columns(item))
-            self._heard[id(item.children)] = (item.children, now)
+            self._heard[names] = (item.children, now)
         self._latest_ns = latest_ns
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_AFTER / 2
@@ -161,9 +173,7 @@ class TransformStream:
         if not slow:
             return
         edges = self._frames.edges
-        names = rr.Transform3D.columns(
-            parent_frame=[edges[child].parent for child in slow], child_frame=slow
-        )
+        names = name_columns([edges[child].parent for child in slow], slow)
         self._send(
             np.full(len(slow), self._latest_ns),
             np.array([edges[child].translation for child in slow]),
@@ -177,40 +187,12 @@ class TransformStream:
         stamps_ns: NDArray[np.int64],
         translations: Floats,
         rotations: Floats,
-        names: rr.ComponentColumnList,
+        names: Sequence[ReadyColumn],
     ) -> None:
-        numbers = rr.Transform3D.columns(translation=translations, quaternion=rotations)
+        numbers = [_TRANSLATIONS.column(translations), _ROTATIONS.column(rotations)]
         self._recording.send_columns(
             TF_ENTITY, indexes=[time_column(stamps_ns)], columns=[*numbers, *names]
         )
-
-
-class _NameColumns:
-    """Columns of frame names, made once for messages whose lists of names are the same objects."""
-
-    def __init__(self) -> None:
-        self._made: dict[tuple[object, ...], tuple[object, rr.ComponentColumnList]] = {}
-
-    def columns(
-        self, batch: Sequence[Transforms], placed: Mapping[str, _Place]
-    ) -> rr.ComponentColumnList:
-        """Return the columns of some messages, and of frames of ours below them."""
-        ours = [(child, place.parent) for child, place in placed.items()]
-        key = (*(id(names) for item in batch for names in (item.parents, item.children)), *ours)
-        made = self._made.get(key)
-        if made is None:
-            parents = [name for item in batch for name in item.parents]
-            children = [name for item in batch for name in item.children]
-            columns = rr.Transform3D.columns(
-                parent_frame=[*parents, *(parent for _, parent in ours)],
-                child_frame=[*children, *(child for child, _ in ours)],
-            )
-            if len(self._made) >= _MOST_COLUMNS:
-                self._made.clear()
-            # The lists are kept, or others could come to bear their identity.
-            kept = [(item.parents, item.children) for item in batch]
-            made = self._made[key] = (kept, columns)
-        return made[1]
 
 
 def _columns(transforms: Transforms) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
@@ -227,6 +209,6 @@ def _stack(arrays: Sequence[NDArray[Any]], rows: Sequence[Any]) -> NDArray[Any]:
     return np.concatenate([*arrays, np.array(rows)] if rows else list(arrays))
 
 
-def time_column(stamps_ns: NDArray[np.int64]) -> rr.TimeColumn:
+def time_column(stamps_ns: NDArray[np.int64]) -> StampColumn:
     """Return nanoseconds as times on our timeline."""
-    return rr.TimeColumn(TIMELINE, timestamp=stamps_ns.astype("datetime64[ns]"))
+    return StampColumn(TIMELINE, stamps_ns)

@@ -79,43 +79,45 @@ class JointRangesView:
 
 
 @dataclass(frozen=True)
-class TrailView:
-    """A line along the poses of an Odometry topic.
+class PoseView:
+    """What is drawn of the poses of an Odometry topic.
 
     Attributes:
         topic: relative, so that the node's namespace applies.
         color: sRGB bytes; None for one of ours.
-        length: how many seconds of it are shown; 0 for all.
-        width: metres.
+        width: of the lines, metres.
         height: metres above the poses; negative to lay it on the ground.
     """
 
     topic: str = ""
     color: Color | None = None
-    length: float = 60.0
     width: float = 0.01
     height: float = 0.0
 
 
 @dataclass(frozen=True)
-class CovarianceView:
-    """An ellipse and a sector that show the covariance of an Odometry topic's pose.
+class TrailView(PoseView):
+    """A line along the poses.
 
     Attributes:
-        topic: relative, so that the node's namespace applies.
-        color: sRGB bytes; None for one of ours.
-        sigma: how many standard deviations they are wide.
-        heading: radius of the sector, which shows the yaw, metres; 0 for none.
-        width: of their lines, metres.
-        height: metres above the poses; negative to lay them on the ground.
+        length: how many seconds of it are shown; 0 for all.
     """
 
-    topic: str = ""
-    color: Color | None = None
+    length: float = 60.0
+
+
+@dataclass(frozen=True)
+class CovarianceView(PoseView):
+    """An ellipse and a sector that show the covariance of the pose.
+
+    Attributes:
+        sigma: how many standard deviations they are wide.
+        heading: radius of the sector, which shows the yaw, metres; 0 for none.
+    """
+
+    width: float = 0.006
     sigma: float = 3.0
     heading: float = 0.5
-    width: float = 0.006
-    height: float = 0.0
 
 
 @dataclass(frozen=True)

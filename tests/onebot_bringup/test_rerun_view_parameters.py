@@ -77,6 +77,9 @@ def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(ros_domain, tmp
         view.write_text(VIEW + "collision: maybe\n")
         wait_for(lambda: "keeping the view shown so far" in node.output, "the warning")
         assert _value(peer, "collision") is False
+        view.write_text(VIEW)
+        wait_for(lambda: f"{view} is right again: it is in use" in node.output, "the mended file")
+        assert "was edited" not in node.output
         view.write_text(VIEW + "collision: true\ntrails: {way: {topic: way}}\n")
         wait_for(lambda: "the view is up to date" in node.output, "the edit")
         assert _value(peer, "collision") is True

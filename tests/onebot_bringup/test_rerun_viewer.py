@@ -17,6 +17,7 @@ from std_msgs.msg import Header, String
 
 from onebot_bringup.viewer.picture import headless_viewer, render, still
 from onebot_description.tf.tf_message import TFMessage
+from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -222,3 +223,32 @@ def test_strange_messages_do_not_end_the_viewer(ros_domain, tmp_path):
                 return (tmp_path / "x.rrd").stat().st_size > before + 2000
 
             wait_for(recorded, "the good messages in the file")
+
+
+def test_bytes_that_are_no_message_are_warned_of_by_topic(ros_domain, tmp_path):
+    """Once in some seconds for each; the good ones that come with them are in the file."""
+    garbage = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
+    file = tmp_path / "x.rrd"
+    with _viewer(tmp_path, viewer="none", save=file) as node, Peer(ros_domain) as peer:
+        robot = Robot(peer)
+        wait_for(lambda: 'showing "arm"' in node.output, "the robot")
+
+        def warned() -> bool:
+            for publisher in (robot._tf, robot._joints):
+                publisher.publish(garbage)
+            robot.move(0.5)
+            said = "ignored a message of {}: it is no"
+            return all(said.format(topic) in node.output for topic in ("/tf", "/joint_states"))
+
+        wait_for(warned, "the warnings")
+        last = robot.seconds * 10**9
+        wait_for(lambda: last in while_written(_times, file), "the good messages in the file")
+        assert node.interrupt() == 0
+
+
+def _times(file: Path) -> list[int]:
+    return [
+        stamp
+        for chunk in chunks(file, "/tf")
+        for stamp in chunk.to_record_batch().column("ros_time").cast("int64").to_pylist()
+    ]

@@ -13,7 +13,7 @@ from onebot_bringup.viewer.picture import headless_viewer, still
 from onebot_bringup.viewer.recording import open_recording
 from onebot_bringup.viewer.serving import WebPage
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
-from tests.onebot_bringup.drive_support import odometry
+from tests.onebot_bringup.drive_support import column, odometry
 from tests.onebot_bringup.viewer_support import ARM, BLUE, START_NS, transforms
 from tests.support import wait_for
 from tests.support_browser import browser
@@ -165,3 +165,68 @@ def _act(chromium: webdriver.Chrome, action: ActionChains) -> None:
         return last[-1] != before and len(set(last[-3:])) == 1
 
     wait_for(settled, "the page to answer")
+
+
+def _sent(live: LiveView, sent: list, view: str, start: int) -> int:
+    """How many layouts are sent for a view."""
+    live.set_view(parse_view(view))
+    before = len(sent)
+    _drive(live, start)
+    return len(sent) - before
+
+
+def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
+    """Colours, lengths and topics do not: a camera turned by hand stays."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    sent: list[object] = []
+    monkeypatch.setattr(recording.stream, "send_blueprint", lambda item, **_: sent.append(item))
+    view = VIEW + "joint_ranges: {visible: true}\nspeeds: {lines: {v: {topic: odom}}}\n"
+    live = LiveView(recording.stream, parse_view(view))
+    live.set_description(ARM)
+    _drive(live, 0)
+    assert len(sent) == 1
+    for number, (old, new) in enumerate(
+        [
+            ("[0, 220, 60]", "[230, 20, 200]"),
+            ("width: 0.2, height: 1.0", "width: 0.1"),
+            ("axes: {visible: false}", "axes: {visible: false, length: 0.3, names: false}"),
+            ("joint_ranges: {visible: true}", "joint_ranges: {visible: true, radius: 0.5}"),
+            ("v: {topic: odom}", "v: {topic: odom, type: Odometry, color: [1, 2, 3]}"),
+            ("velocities: false}", "velocities: false, limits: true}"),
+            ("fixed_frame: odom", ""),
+        ]
+    ):
+        assert old in view
+        assert _sent(live, sent, view.replace(old, new), 20 * (2 * number + 1)) == 0, new
+        assert _sent(live, sent, view, 20 * (2 * number + 2)) == 0, new
+    for number, (old, new) in enumerate(
+        [
+            ("grid: {visible: false}", "grid: {visible: true}"),
+            ("fixed_frame: odom", "fixed_frame: base"),
+            ("  a:", "  b:"),
+            ("height: 1.0", "height: 1.0, length: 5.0"),
+            ("v: {topic", "w: {topic"),
+            ("axes: {visible: false}", "axes: {visible: true}"),
+        ]
+    ):
+        view = view.replace(old, new)
+        assert _sent(live, sent, view, 20 * (20 + number)) == 1, new
+    recording.close()
+
+
+def test_axes_change_their_length_without_another_layout(tmp_path):
+    """Longer by a parameter, and of a fitting length again."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = LiveView(recording.stream, parse_view(VIEW))
+    live.set_description(ARM)
+    _drive(live, 0)
+    for start, length in ((20, ", length: 0.7"), (40, "")):
+        live.set_view(
+            parse_view(VIEW.replace("axes: {visible: false", "axes: {visible: false" + length))
+        )
+        _drive(live, start)
+    recording.close()
+    [first, fitting, longer, again] = column(
+        tmp_path / "x.rrd", "/frames/tip", "TransformAxes3D:axis_length"
+    )
+    assert longer == [np.float32(0.7)] and again == fitting != longer != first

@@ -56,10 +56,11 @@ def test_every_key_is_read(tmp_path):
     assert view.axes.frames == ("odom",)
     assert (view.grid.visible, view.grid.spacing, view.grid.height) == (False, 0.5, -0.06)
     assert view.trails == {
-        "odometry": TrailView("a/odom", (1, 2, 3), 5.0, 0.02, -0.1),
+        "odometry": TrailView("a/odom", (1, 2, 3), length=5.0, width=0.02, height=-0.1),
         "truth": TrailView("/b"),
     }
-    assert view.covariance == {"pose": CovarianceView("odom", (7, 8, 9), 2.0, 1.0, 0.1, -0.2)}
+    covariance = CovarianceView("odom", (7, 8, 9), sigma=2.0, heading=1.0, width=0.1, height=-0.2)
+    assert view.covariance == {"pose": covariance}
     assert view.joint_plot.limits and view.joint_ranges == JointRangesView(True, 0.3)
     assert view.speeds.window == 7.0
     assert view.speeds.lines == {
