@@ -2,20 +2,14 @@
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import (
-    DurabilityPolicy,
-    LivelinessPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-)
 
 from onebot_bringup.bag.definitions import full_definition
-from onebot_bringup.bag.metadata import Qos, Topic
+from onebot_bringup.bag.metadata import Topic
 from onebot_bringup.bag.writer import BagWriter
+from onebot_bringup.bag_qos import Wish, offered_qos
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_description.errors import OneBotError
 
@@ -29,49 +23,7 @@ _KNOWN = {
     "velocity_controller/odom": ("nav_msgs/msg/Odometry", False),
 }
 _LEFT_OUT = ("/rosout", "/parameter_events")
-_DEPTH = 1000  # what may queue up while the disk is slow: 10 s at 100 Hz
-_FOREVER = 2**63 - 1  # ns; how DDS says that there is no limit
 _LOOK_AGAIN = 8  # looks; everything is looked at anew, also where the counts have not changed
-_LIVELINESS = {
-    LivelinessPolicy.AUTOMATIC: "automatic",
-    LivelinessPolicy.MANUAL_BY_TOPIC: "manual_by_topic",
-}
-
-
-def offered_qos(profile: QoSProfile) -> Qos:
-    """Return what a publisher offers in rosbag2's words; DDS does not tell its history."""
-    reliable = profile.reliability == ReliabilityPolicy.RELIABLE
-    latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    return Qos(
-        reliability="reliable" if reliable else "best_effort",
-        durability="transient_local" if latched else "volatile",
-        liveliness=_LIVELINESS.get(profile.liveliness, "automatic"),
-        deadline=_limit(profile.deadline),
-        lifespan=_limit(profile.lifespan),
-        lease=_limit(profile.liveliness_lease_duration),
-    )
-
-
-def _limit(duration: Any) -> int | None:
-    return int(duration.nanoseconds) if 0 < duration.nanoseconds < _FOREVER else None
-
-
-@dataclass(frozen=True)
-class _Wish:
-    """How a topic is heard: hearing more than all of its publishers offer would be nothing."""
-
-    type: str
-    reliable: bool = True
-    latched: bool = False
-
-    @property
-    def profile(self) -> QoSProfile:
-        reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
-        return QoSProfile(
-            depth=_DEPTH,
-            reliability=reliable if self.reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=latched if self.latched else DurabilityPolicy.VOLATILE,
-        )
 
 
 class _Heard:
@@ -79,7 +31,7 @@ class _Heard:
 
     def __init__(
         self,
-        wish: _Wish,
+        wish: Wish,
         subscribe: Callable[[Callable[[bytes], None]], Any],
         take: Any,
         number: int | None = None,
@@ -123,7 +75,7 @@ class BagTopics:
         for name, (kind, latched) in _KNOWN.items():
             topic = node.resolve_topic_name(name)
             if not self._wanted or topic in self._wanted:
-                self._listen(topic, _Wish(kind, latched=latched))
+                self._listen(topic, Wish(kind, latched=latched))
 
     def watch(self) -> None:
         """Subscribe to what is new, and anew to what has changed; call it some times a second."""
@@ -156,11 +108,11 @@ class BagTopics:
             self._listen(topic, wish)
         elif heard.wish.type != wish.type:
             self._change_type(topic, heard, wish)
-        elif _stricter(heard.wish, wish) or not heard.used:
+        elif heard.wish.asks_more_than(wish) or not heard.used:
             self._node.destroy_subscription(self._heard.pop(topic).subscription)
             self._listen(topic, wish, heard.number)
 
-    def _change_type(self, topic: str, heard: _Heard, wish: _Wish) -> None:
+    def _change_type(self, topic: str, heard: _Heard, wish: Wish) -> None:
         if heard.used:
             self._say(f"{topic} is recorded as {heard.wish.type}, not as {wish.type} as well")
             return
@@ -169,7 +121,7 @@ class BagTopics:
         self._node.destroy_subscription(self._heard.pop(topic).subscription)
         del self._seen[topic]
 
-    def _wish(self, topic: str, heard: _Heard | None) -> _Wish | None:
+    def _wish(self, topic: str, heard: _Heard | None) -> Wish | None:
         """How to hear ``topic``: by its publishers, or else by who else waits for it."""
         publishers = self._node.get_publishers_info_by_topic(topic)
         ends = publishers or [
@@ -185,12 +137,8 @@ class BagTopics:
             self._say(f"{topic} has several types ({', '.join(types)}); it is recorded as {kind}")
         offers = [offered_qos(end.qos_profile) for end in publishers if end.topic_type == kind]
         if not offers:
-            return heard.wish if heard is not None and heard.wish.type == kind else _Wish(kind)
-        return _Wish(
-            kind,
-            all(offer.reliability == "reliable" for offer in offers),
-            all(offer.durability == "transient_local" for offer in offers),
-        )
+            return heard.wish if heard is not None and heard.wish.type == kind else Wish(kind)
+        return Wish.of(kind, offers)
 
     def _usable(self, topic: str, types: Iterable[str]) -> list[str]:
         """The types that are installed, sorted; it says which ones are not."""
@@ -205,7 +153,7 @@ class BagTopics:
             found.append(kind)
         return found
 
-    def _listen(self, topic: str, wish: _Wish, number: int | None = None) -> None:
+    def _listen(self, topic: str, wish: Wish, number: int | None = None) -> None:
         def subscribe(on_message: Callable[[bytes], None]) -> Any:
             kind = message_class(wish.type)
             return self._node.create_subscription(kind, topic, on_message, wish.profile, raw=True)
@@ -241,8 +189,3 @@ class BagTopics:
         if text not in self._said:
             self._said.add(text)
             self._node.get_logger().warning(text)
-
-
-def _stricter(old: _Wish, new: _Wish) -> bool:
-    """Return whether ``old`` asks for more than is offered now: it hears nothing."""
-    return (old.reliable and not new.reliable) or (old.latched and not new.latched)

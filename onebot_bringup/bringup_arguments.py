@@ -1,16 +1,19 @@
 """The arguments of every command that brings up a robot's description."""
 
-import math
-import re
 from collections.abc import Mapping
 
+from onebot_bringup.argument_checks import (
+    check_domain,
+    check_finite,
+    check_namespace,
+    check_number,
+    check_port,
+    check_whole,
+)
 from onebot_bringup.launcher.arguments import Argument, UsageError, complete, switch
 
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
-_NAMESPACE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
-_MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
-_MAX_FREQUENCY = 1000.0  # Hz
-_MAX_PORT = 65535
+_MAX_FREQUENCY = 1000  # Hz
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 
@@ -66,45 +69,20 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         UsageError: a name or a value that is not possible.
     """
     values = complete(declared, given)
-    _check_number("publish_frequency", values["publish_frequency"], _MAX_FREQUENCY, whole=False)
+    check_number("publish_frequency", values["publish_frequency"], 0.0, _MAX_FREQUENCY)
     prefix = values["frame_prefix"]
     if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
     for name in ("x", "y", "yaw"):
-        _check_pose(name, values.get(name, "0"))
+        check_finite(name, values.get(name, "0"))
     if "port" in values:
-        _check_number("port", values["port"], _MAX_PORT, whole=True)
+        check_port("port", values["port"])
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:
                 raise UsageError(f"{name}:={given[name]} is the steering page's: add steer:=true")
     if values.get("rate"):
-        _check_number("rate", values["rate"], _MAX_FREQUENCY, whole=True)
-    if values["domain_id"]:
-        _check_number("domain_id", values["domain_id"], _MAX_DOMAIN, whole=True)
-    namespace = values["namespace"]
-    if namespace.strip("/") and not _NAMESPACE.fullmatch(namespace):
-        raise UsageError(
-            f"namespace:={namespace} is no ROS name; write words of letters, digits and _ that do"
-            " not start with a digit, joined by /"
-        )
+        check_whole("rate", values["rate"], 0, _MAX_FREQUENCY)
+    check_domain(values["domain_id"])
+    check_namespace(values["namespace"])
     return values
-
-
-def _check_pose(name: str, text: str) -> None:
-    try:
-        finite = math.isfinite(float(text))
-    except ValueError:
-        finite = False
-    if not finite:
-        raise UsageError(f"{name}:={text} is not possible; write a number such as 1.5")
-
-
-def _check_number(name: str, text: str, most: float, *, whole: bool) -> None:
-    try:
-        number = int(text) if whole else float(text)
-    except ValueError:
-        number = -1.0
-    if not 0 <= number <= most:  # also refuses nan
-        kind = "a whole number" if whole else "a number"
-        raise UsageError(f"{name}:={text} is not possible; write {kind} from 0 to {most:g}")

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from onebot_bringup.description_files import digest_of
+from onebot_bringup.description_files import Known
 from onebot_bringup.joint_sweep import sweep_parameters
-from onebot_bringup.launcher import Node, OnExit, python_node
-from onebot_bringup.launcher.parameter_files import write_parameters
-from onebot_description.description import Description, published_urdf
+from onebot_bringup.launcher.node import Node, OnExit
+from onebot_bringup.ros_nodes import RosNodes
+from onebot_description.description import Description
 
 
 def output_path(text: str) -> Path:
@@ -25,15 +25,19 @@ class NodeFactory:
         folder: where the nodes' parameter files are written.
         values: of the launch arguments.
         description: of the robot.
+        urdf: the same as the nodes get it.
         xacro_arguments: with which it was read.
         ros_args: for every node, after its own.
+        known: the files that the description was read from.
     """
 
     folder: Path
     values: Mapping[str, str]
     description: Description
+    urdf: str
     xacro_arguments: Mapping[str, str]
     ros_args: Sequence[str]
+    known: Known
 
     @property
     def steered(self) -> bool:
@@ -43,7 +47,7 @@ class NodeFactory:
     def robot_state_publisher(self) -> Node:
         """Return the node that publishes the robot's transforms; nothing works without it."""
         parameters = {
-            "robot_description": published_urdf(self.description),
+            "robot_description": self.urdf,
             "frame_prefix": self.values["frame_prefix"],
             "publish_frequency": float(self.values["publish_frequency"]),
             "ignore_timestamp": self._flag("ignore_timestamp"),
@@ -65,6 +69,8 @@ class NodeFactory:
         }
         # All nodes of the robot name its frames alike, in a namespace too.
         prefix = self.values["frame_prefix"]
+        # It would come on the topic, too, but only when robot_state_publisher is up.
+        parameters["robot_description"] = self.urdf
         parameters |= {"tf_frame_prefix_enable": bool(prefix), "tf_frame_prefix": prefix}
         if self.values["rate"]:
             parameters["update_rate"] = int(self.values["rate"])
@@ -88,24 +94,18 @@ class NodeFactory:
     def steering_page(self) -> Node:
         """Return the page to steer from; it may crash without the robot's noticing.
 
-        Its port and its token are chosen here, so that open pages find it again after a crash.
+        Its port and its token are settled here, so that open pages find it again after a crash.
 
         Raises:
             OneBotError: the page cannot be served where it should be.
         """
-        from onebot_bringup.steering.access import is_loopback, new_token
-        from onebot_bringup.steering.serving import listen
+        from onebot_bringup.steering.place import choose_place  # few need it
 
-        wanted, token = int(self.values["port"]), self.values["token"]
-        with listen(self.values["host"], wanted) as probe:
-            address, port = probe.getsockname()[:2]
-        if wanted not in (0, port):
-            print(f"warning: port {wanted} is in use; using {port} instead", file=sys.stderr)
-        if not token and not is_loopback(address):
-            token = new_token()
-        parameters = {"host": self.values["host"], "port": port, "token": token}
+        place = choose_place(self.values["host"], int(self.values["port"]), self.values["token"])
+        if place.warning:
+            print(f"warning: {place.warning}", file=sys.stderr)
         module = "onebot_bringup.steering_page"
-        return self._node("steering_page", module, parameters, on_exit="restart")
+        return self._node("steering_page", module, place.parameters, on_exit="restart")
 
     def bag_recorder(self) -> Node:
         """Return the recorder, whose end stops nothing else."""
@@ -115,7 +115,7 @@ class NodeFactory:
 
     def description_watcher(self) -> Node:
         """Return the node that takes up edits of the model; it only serves those who edit."""
-        words = ["--digest", digest_of(published_urdf(self.description)), self.values["model"]]
+        words = ["--known", self.known.to_json(), self.values["model"]]
         words += [f"{name}:={value}" for name, value in self.xacro_arguments.items()]
         module = "onebot_bringup.description_watcher"
         return self._node("description_watcher", module, {}, words, on_exit="ignore")
@@ -129,16 +129,17 @@ class NodeFactory:
         on_exit: OnExit = "shutdown",
         files: Sequence[Path] = (),
     ) -> Node:
-        namespace = self.values["namespace"].strip("/")
-        all_parameters = {**parameters, "use_sim_time": self._flag("use_sim_time")}
-        file = write_parameters(self.folder, name, all_parameters, namespace)
-        ros_args = ["--log-level", self.values["log_level"]]
-        for each in (*files, file):  # the later one goes before
-            ros_args += ["--params-file", str(each)]
-        if namespace:
-            ros_args += ["-r", f"__ns:=/{namespace}"]
-        arguments = [*words, "--ros-args", *ros_args, *self.ros_args]
-        return python_node(name, module, arguments, on_exit=on_exit)
+        make = RosNodes(
+            self.folder, self.values["namespace"], self.ros_args, self.values["log_level"]
+        )
+        return make.node(
+            name,
+            module,
+            {**parameters, "use_sim_time": self._flag("use_sim_time")},
+            words=words,
+            on_exit=on_exit,
+            files=files,
+        )
 
     def _fixed_frame(self) -> str:
         """The frame asked for; a robot that is not simulated, but could be, has no odom."""

@@ -1,4 +1,4 @@
-"""Brings up a robot's description: joint states, transforms and the viewer, a process each."""
+"""From the command line of a bringup to its processes: joint states, transforms, the viewer."""
 
 import os
 import sys
@@ -13,8 +13,9 @@ from onebot_bringup.bringup_arguments import (
     simulation_arguments,
 )
 from onebot_bringup.bringup_nodes import NodeFactory, output_path
-from onebot_bringup.bringup_text import Robot, help_text, summary_text
-from onebot_bringup.launcher import Launcher, Node
+from onebot_bringup.bringup_text import help_text, summary_text
+from onebot_bringup.description_files import Known, signatures
+from onebot_bringup.launch_environment import environment
 from onebot_bringup.launcher.arguments import (
     Argument,
     Arguments,
@@ -23,29 +24,23 @@ from onebot_bringup.launcher.arguments import (
     split,
     unknown,
 )
-from onebot_bringup.launcher.console import wants_colour
-from onebot_bringup.xacro_arguments import XacroArguments, xacro_arguments
-from onebot_description.description import Description, load_description
+from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.launcher.node import Node
+from onebot_bringup.launcher.standby import Standby
+from onebot_bringup.robot import Robot
+from onebot_bringup.xacro_arguments import XacroArguments, included_files, xacro_arguments
+from onebot_description.description import load_description, published_urdf
 from onebot_description.errors import OneBotError
-from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.parameter_files import read_files, silence
-from onebot_description.joints.problems import ConfigError
 from onebot_description.text import did_you_mean
 
-__all__ = ["Robot", "bring_up"]
 
+def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
+    """Do as ``onebot_bringup.bringup.bring_up`` says.
 
-def bring_up(robot: Robot, argv: Sequence[str]) -> int:
-    """Bring ``robot`` up, with the launch arguments in ``argv``, until Ctrl-C.
-
-    Nothing is started before the description and all arguments have been found right.
-
-    Returns:
-        The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: a file is.
+    Args:
+        robot: what to bring up.
+        argv: the launch arguments.
+        standby: interpreters for its nodes.
     """
     arguments = split(argv)
     given = _with_model(robot, arguments)
@@ -61,58 +56,47 @@ def bring_up(robot: Robot, argv: Sequence[str]) -> int:
         raise UsageError(f"{robot.program} needs a file, a URDF or xacro")
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
-    _check_files(values)
+    _check_files(values, own)
+    before = signatures(included_files(model))
     description = load_description(model, for_xacro)
+    urdf = published_urdf(description)
+    known = Known.of(urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
-    return _launch(robot, values, for_xacro, description, arguments.ros_args)
-
-
-def _launch(
-    robot: Robot,
-    values: Mapping[str, str],
-    for_xacro: Mapping[str, str],
-    description: Description,
-    ros_args: Sequence[str],
-) -> int:
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        make = NodeFactory(Path(folder), values, description, for_xacro, ros_args)
-        # The recorder first, so that it misses as little of the others as can be.
-        nodes: list[Node] = [make.bag_recorder()] if values["record"] else []
-        nodes.append(make.robot_state_publisher())
-        if values.get("sim") == "true":
-            nodes.append(make.velocity_controller())
-        elif values["joint_states"] == "true":
-            nodes.append(make.joint_state_publisher())
-        if values["reload"] == "true":
-            nodes.append(make.description_watcher())
-        if values["viewer"] != "none" or values["save"]:
-            nodes.append(make.rerun_viewer())
-        if make.steered:
-            nodes.append(make.steering_page())
-        summary = summary_text(description, values)
+        make = NodeFactory(
+            Path(folder), values, description, urdf, for_xacro, arguments.ros_args, known
+        )
         return Launcher(
-            nodes, name=robot.program, started_message=summary, temporary=[Path(folder)]
+            _nodes(make),
+            name=robot.program,
+            started_message=summary_text(description, values),
+            temporary=[Path(folder)],
+            standby=standby,
         ).run()
 
 
-def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
-    """Return the variables that all nodes get, in addition to this process's own.
+def _nodes(make: NodeFactory) -> list[Node]:
+    """Return the nodes to start, the first one first."""
+    values = make.values
+    # The recorder first, so that it misses as little of the others as can be.
+    nodes = [make.bag_recorder()] if values["record"] else []
+    if values.get("sim") == "true":
+        nodes.append(make.velocity_controller())
+    nodes.append(make.robot_state_publisher())
+    if _moves_joints(values):
+        nodes.append(make.joint_state_publisher())
+    if values["viewer"] != "none" or values["save"]:
+        nodes.append(make.rerun_viewer())
+    if make.steered:
+        nodes.append(make.steering_page())
+    if values["reload"] == "true":
+        nodes.append(make.description_watcher())
+    return nodes
 
-    Args:
-        values: of the launch arguments.
-        forced: ``discovery`` was given, and so goes before the environment's setting.
-    """
-    variables = {}
-    if forced or not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
-        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = values["discovery"].upper()
-    if values["domain_id"]:
-        variables["ROS_DOMAIN_ID"] = values["domain_id"]
-    if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
-        # The launcher puts the node's name in front of each line.
-        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
-    if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
-        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
-    return variables
+
+def _moves_joints(values: Mapping[str, str]) -> bool:
+    """Whether joint_state_publisher is what moves the joints."""
+    return values.get("sim") != "true" and values["joint_states"] == "true"
 
 
 def _with_model(robot: Robot, arguments: Arguments) -> dict[str, str]:
@@ -146,8 +130,13 @@ def _divide(
     return own, {name: value for name, value in given.items() if name not in ours}
 
 
-def _check_files(values: Mapping[str, str]) -> None:
-    """Complain about files that do not exist before anything starts."""
+def _check_files(values: Mapping[str, str], given: Mapping[str, str]) -> None:
+    """Complain about files that do not exist, or are wrong, before anything starts.
+
+    Args:
+        values: of the launch arguments.
+        given: those on the command line.
+    """
     for name in ("joints", "view", "params_file"):
         path = Path(values.get(name, ""))
         nothing = name == "view" and values[name] == "none"
@@ -156,7 +145,7 @@ def _check_files(values: Mapping[str, str]) -> None:
             raise OneBotError(
                 f"{name}:={path}: no such file{did_you_mean(path.name, there, 'there')}"
             )
-    if values["joints"]:
+    if values["joints"] and (_moves_joints(values) or "joints" in given):
         _check_joints(Path(values["joints"]), values["namespace"].strip("/"))
     _check_outputs(values)
 
@@ -174,6 +163,10 @@ def _check_outputs(values: Mapping[str, str]) -> None:
 
 
 def _check_joints(file: Path, namespace: str) -> None:
+    from onebot_description.joints.config import JointsConfig
+    from onebot_description.joints.parameter_files import read_files, silence
+    from onebot_description.joints.problems import ConfigError
+
     node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
     parameters = read_files([file], node)
     try:

@@ -1,15 +1,5 @@
-"""description_watcher: edits of a robot's files take effect while it runs.
+"""The node of description_watcher: it hands the edited robot on to robot_state_publisher."""
 
-Run as ``python -m onebot_bringup.description_watcher [--digest SHA256] FILE [name:=value ...]
---ros-args ...``; FILE is a URDF or xacro file, the rest are xacro's arguments.
-
-Calls:
-    robot_state_publisher/set_parameters (rcl_interfaces/srv/SetParameters): robot_description.
-
-A file that cannot be used is reported and changes nothing: the last good description stays.
-"""
-
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +7,16 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_bringup.description_files import Signature, digest_of, signature_of
-from onebot_bringup.launcher.arguments import split
+from onebot_bringup.description_files import LOOK_EVERY, Signature, digest_of, signature_of
 from onebot_bringup.xacro_arguments import included_files
 from onebot_description.description import load_description, published_urdf
 from onebot_description.errors import OneBotError
-from onebot_description.ros import run_node
-from onebot_description.ros_arguments import ros_arguments
 
-_LOOK_EVERY = 0.1  # seconds; an edit is loaded when two looks in a row agree
 _PUBLISHER = "robot_state_publisher"
 
 
-class DescriptionWatcher(Node):
-    """See the module's docstring."""
+class DescriptionUpdate(Node):
+    """See the docstring of ``onebot_bringup.description_watcher``."""
 
     def __init__(self, model: str, arguments: dict[str, str], digest: str) -> None:
         """Watch ``model`` and what it includes.
@@ -48,7 +34,7 @@ class DescriptionWatcher(Node):
         self._last_look: Signature | None = None
         self._loaded: Signature | None = None
         self._client = self.create_client(SetParameters, f"{_PUBLISHER}/set_parameters")
-        self.create_timer(_LOOK_EVERY, self._look)
+        self.create_timer(LOOK_EVERY, self._look)
 
     def _look(self) -> None:
         """Load if a file has changed, and once at the start: it may have changed by then."""
@@ -94,29 +80,3 @@ class DescriptionWatcher(Node):
         else:
             self._sent = ""
             self.get_logger().error(f"{_PUBLISHER} refused the edited robot: {result.reason}")
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
-    arguments = list(sys.argv if args is None else args)
-    words = list(ros_arguments(arguments).others)
-    # To rcl, name:=value outside of --ros-args is a remapping in its old form: keep it from that.
-    for_ros = arguments[arguments.index("--ros-args") :] if "--ros-args" in arguments else []
-    digest = ""
-    if words[:1] == ["--digest"]:
-        digest, words = words[1], words[2:]
-    try:
-        parts = split(words)
-        if len(parts.positional) != 1:
-            raise OneBotError("write the one file to watch, a URDF or xacro file")
-    except OneBotError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    model = parts.positional[0]
-    return run_node(
-        lambda: DescriptionWatcher(model, dict(parts.given), digest), [*arguments[:1], *for_ros]
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

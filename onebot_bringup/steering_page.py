@@ -31,7 +31,6 @@ Parameters:
     open_browser (bool, true): open the page, if there is a display.
 """
 
-import math
 import queue
 import sys
 import threading
@@ -39,45 +38,28 @@ import webbrowser
 from collections.abc import Callable
 from urllib.parse import quote
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from onebot_bringup.steering.access import Access, is_loopback, new_token
+from onebot_bringup.steering.access import Access, new_token
+from onebot_bringup.steering.addresses import is_loopback, listen, reachable_as
 from onebot_bringup.steering.helm import Helm
-from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.server import Cockpit, Robot, SteeringServer
-from onebot_bringup.steering.serving import ServerThread, listen, reachable_as
+from onebot_bringup.steering.serving import ServerThread
 from onebot_bringup.steering.view_proxy import View, ViewProxy
 from onebot_bringup.steering_limits import ControllerLimits
 from onebot_bringup.steering_odometry import OdometryTopic
+from onebot_bringup.steering_parameters import USUAL, SteeringParameters
 from onebot_bringup.steering_topics import CommandTopic, command_topics, foreign_type
 from onebot_bringup.viewer.serving import has_display
-from onebot_description.errors import OneBotError
+from onebot_description.qos import LATCHED
 from onebot_description.ros import run_node
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _WATCH_PERIOD = 0.05  # s between looks at whether the driver is still there
 _LOOK_PERIOD = 0.25  # s between looks at the ROS graph
 _WARN_EVERY = 5.0  # s
-_LEAST_RATE, _MOST_RATE = 5.0, 100.0  # Hz
-_USUAL = Velocity(1.0, 2.0)
 _SHORT = 8  # characters of a token that can be guessed
-
-_PARAMETERS: dict[str, tuple[str | int | float | bool, str]] = {
-    "host": ("127.0.0.1", "where the page is served; 0.0.0.0: to other computers, too"),
-    "port": (8080, "another if it is in use, 0 for any"),
-    "token": ("", "asked for in the page's address; made anew where one is needed"),
-    "topic": ("velocity_controller/cmd_vel", "to steer, Twist or TwistStamped"),
-    "odom_topic": ("", 'Odometry to show; "" for the robot\'s own'),
-    "rate": (20.0, "of the commands, Hz"),
-    "max_linear": (0.0, "m/s; 0.0 for the controller's"),
-    "max_angular": (0.0, "rad/s; 0.0 for the controller's"),
-    "viewer_page": ("rerun_viewer/page", "the topic that says where the view is"),
-    "open_browser": (True, "open the page, if there is a display"),
-}
 
 
 class SteeringPage(Node):
@@ -90,67 +72,32 @@ class SteeringPage(Node):
             OneBotError: a parameter is wrong.
         """
         super().__init__("steering_page")
-        for name, (default, meaning) in _PARAMETERS.items():
-            descriptor = ParameterDescriptor(description=meaning, read_only=True)
-            self.declare_parameter(name, default, descriptor)
         self._server: ServerThread | None = None
         self._refuse: Callable[[str, str], None] = lambda page, why: None
-        self._fixed = Velocity(self._number("max_linear"), self._number("max_angular"))
-        rate = self._number("rate")
-        if not _LEAST_RATE <= rate <= _MOST_RATE:
-            raise OneBotError(f"rate:={rate:g}: write Hz from {_LEAST_RATE:g} to {_MOST_RATE:g}")
-        if not self._text("topic"):
-            raise OneBotError("topic:= must not be empty: name the topic to steer")
-        self._commands = CommandTopic(self, self._topic("topic"))
-        self._odometry = OdometryTopic(self, self._topic("odom_topic"))
+        self._settings = settings = SteeringParameters.of(self)
+        self._commands = CommandTopic(self, settings.topic)
+        self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controller = ControllerLimits(self)
         self._topics: tuple[str, ...] = ()
         self._wishes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
-        ceiling = Velocity(self._fixed.linear or math.inf, self._fixed.angular or math.inf)
-        self._helm = Helm(_USUAL, self._commands.publish, ceiling)
-        self._helm.set_limits(self._limits(_USUAL))
+        self._helm = Helm(USUAL, self._commands.publish, settings.ceiling)
+        self._helm.set_limits(settings.limits())
         self._view = ViewProxy()
         self._viewers = 0
         self._refused = 0
-        self._page_topic = self._topic("viewer_page")
+        self._page_topic = settings.viewer_page
         self.create_subscription(String, self._page_topic, self._on_viewer, LATCHED)
-        self._serve(rate)
+        self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / rate, self._helm.tick, clock=steady)
+        self.create_timer(1.0 / settings.rate, self._helm.tick, clock=steady)
         self.create_timer(_WATCH_PERIOD, self._watch, clock=steady)
         self.create_timer(_LOOK_PERIOD, self._look, clock=steady)
 
-    # --- parameters -----------------------------------------------------------------------------
-
-    def _text(self, name: str) -> str:
-        return str(self.get_parameter(name).value)
-
-    def _number(self, name: str) -> float:
-        value = float(self.get_parameter(name).value)
-        if not 0.0 <= value < math.inf:
-            raise OneBotError(f"{name}:={value:g}: write a number from 0.0 on")
-        return value
-
-    def _topic(self, name: str) -> str:
-        text = self._text(name)
-        try:
-            return str(self.resolve_topic_name(text)) if text else ""
-        except Exception as error:  # rclpy raises several kinds, none of them public
-            reason = " ".join(str(error).split("\n")[0].split())
-            raise OneBotError(f"{name}:={text} is no name of a topic: {reason}") from None
-
-    def _limits(self, found: Velocity) -> Velocity:
-        """The limits to begin with: as fixed, or as found, or else the usual ones."""
-        return Velocity(
-            self._fixed.linear or (_USUAL.linear if math.isnan(found.linear) else found.linear),
-            self._fixed.angular or (_USUAL.angular if math.isnan(found.angular) else found.angular),
-        )
-
     # --- the page -------------------------------------------------------------------------------
 
-    def _serve(self, rate: float) -> None:
-        host, wanted = self._text("host"), int(self.get_parameter("port").value)
-        listener = listen(host, wanted)
+    def _serve(self) -> None:
+        wanted, rate = self._settings.port, self._settings.rate
+        listener = listen(self._settings.host, wanted)
         address, port = listener.getsockname()[:2]
         if wanted not in (0, port):
             self.get_logger().warning(f"port {wanted} is in use; using {port} instead")
@@ -166,11 +113,11 @@ class SteeringPage(Node):
         url = f"http://{reachable_as(listener)}{query}"
         # Not by the logger: what that says goes to /rosout, and is no place for a token.
         print(f"open {url}", flush=True)
-        if self.get_parameter("open_browser").value and has_display():
+        if self._settings.open_browser and has_display():
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
     def _token(self, address: str) -> str:
-        given = self._text("token")
+        given = self._settings.token
         if is_loopback(address):
             return given
         if given and len(given) < _SHORT:
@@ -233,7 +180,7 @@ class SteeringPage(Node):
         self._topics = command_topics(self)
         found = self._controller.look(self._commands.listeners)
         if found is not None:
-            self._helm.set_limits(self._limits(found))
+            self._helm.set_limits(self._settings.limits(found))
         if self._view.view is not None and not self.count_publishers(self._page_topic):
             self._show(None)
         after = self._commands.kind, self._commands.topic, len(self._commands.listeners)

@@ -94,6 +94,7 @@ def make_steering(picture: Path, folder: Path) -> None:
         page.devtools("Emulation.setDeviceMetricsOverride", **SCREEN)
         page.open(found[1])
         wait_for(lambda: view_is_drawn(driver.get_screenshot_as_png()), "the robot's view", 180.0)
+        wait_for(lambda: not page.find("#slow").is_displayed(), "the note to go", 180.0)
         page.hold_pad(-0.3, 0.3)
         # Software draws the live view seconds late: the trail says that it has come so far.
         wait_for(lambda: trail_is_drawn(driver.get_screenshot_as_png()), "the trail", 180.0)

@@ -1,103 +1,29 @@
-"""``onebot <verb> ...``: the table of verbs; each is a module that is imported only when used."""
+"""``onebot <verb> ...``, and hardly an import: Ctrl-C is answered as early as can be."""
 
-import importlib
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import metadata
 
-from onebot_bringup.cli.run import run_command
-from onebot_bringup.launcher.arguments import UsageError
-from onebot_description.text import did_you_mean
+from onebot_bringup.cli.run import INTERRUPTED, run_command
 
-
-@dataclass(frozen=True)
-class Verb:
-    """A subcommand.
-
-    Attributes:
-        summary: one line for ``onebot --help``.
-        module: has ``run(argv) -> int``; ``argv`` holds what follows the verb, ``--help`` too.
-        interrupted: the exit code after Ctrl-C.
-        group: a second word follows, such as ``pub`` in ``onebot topic pub``; the module lists
-            them as ``COMMANDS``.
-    """
-
-    summary: str
-    module: str
-    interrupted: int = 130
-    group: bool = False
-
-
-_HERE = "onebot_bringup.cli"
-VERBS: dict[str, Verb] = {
-    "check": Verb("check a URDF or xacro file and show its tree", f"{_HERE}.check"),
-    "view": Verb("bring up any robot from its file and move it", f"{_HERE}.view", 0),
-    "topic": Verb("list, print, measure and publish topics", f"{_HERE}.topic", 0, group=True),
-    "node": Verb("list nodes and show what they do", f"{_HERE}.node", group=True),
-    "param": Verb("list, get, set and dump parameters", f"{_HERE}.param", group=True),
-    "service": Verb("list and call services", f"{_HERE}.service", group=True),
-    "interface": Verb("list types of messages and show them", f"{_HERE}.interface", group=True),
-    "snapshot": Verb("draw a robot into a picture file", f"{_HERE}.snapshot"),
-    "replay": Verb("show a recording", f"{_HERE}.replay", 0),
-    "accuracy": Verb("measure how true OneBot drives", f"{_HERE}.accuracy"),
-    "bench": Verb("measure how fast all is, against floors", f"{_HERE}.bench"),
-    "steer": Verb("drive from a page in the browser", f"{_HERE}.steer", 0),
-    "teleop": Verb("drive from the keyboard", f"{_HERE}.teleop", 0),
-}
+# What runs until Ctrl-C has done all it was asked to when that comes.
+_UNTIL_CTRL_C = ("view", "topic", "replay", "steer", "teleop")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``onebot`` with ``argv`` (default: the command line's) and return the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    verb = VERBS.get(words[0]) if words else None
-    see = f"onebot {_name(words, verb)} --help" if verb else "onebot --help"
-    return run_command(lambda: _run(words), see, verb.interrupted if verb else 130)
 
+    def run() -> int:
+        from onebot_bringup.cli import verbs
 
-def _name(words: list[str], verb: Verb) -> str:
-    """The words that make up the command."""
-    if not verb.group or len(words) < 2:
-        return words[0]
-    commands = importlib.import_module(verb.module).COMMANDS
-    return " ".join(words[: 2 if words[1] in commands else 1])
+        return verbs.run(words)
 
+    def see() -> str:
+        from onebot_bringup.cli import verbs
 
-def _run(words: list[str]) -> int:
-    if not words:
-        print(usage(), file=sys.stderr)
-        return 2
-    first, *rest = words
-    if first == "help" and rest:
-        first, *rest = [*rest, "--help"]
-    if first in ("-h", "--help", "help"):
-        print(usage())
-        return 0
-    if first in ("-V", "--version"):
-        print(f"onebot {version()}")
-        return 0
-    if first not in VERBS:
-        raise UsageError(f'onebot has no command "{first}"{did_you_mean(first, VERBS, "commands")}')
-    return int(importlib.import_module(VERBS[first].module).run(rest))
+        return verbs.where_it_is_explained(words)
 
-
-def usage() -> str:
-    """Return what ``onebot --help`` prints."""
-    width = max(map(len, VERBS))
-    verbs = "\n".join(f"  {name:{width}}  {verb.summary}" for name, verb in VERBS.items())
-    return (
-        "usage: onebot COMMAND ...\n\nCommands:\n"
-        f"{verbs}\n\n"
-        "onebot COMMAND --help says more on each; onebot --version says which this is."
-    )
-
-
-def version() -> str:
-    """Return the version that is installed."""
-    try:
-        return metadata.version("onebot")
-    except metadata.PackageNotFoundError:
-        return "(not installed: run from a checkout)"
+    return run_command(run, see, 0 if words and words[0] in _UNTIL_CTRL_C else INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from onebot_bringup.argument_checks import check_port
 from onebot_bringup.launcher.arguments import Argument, UsageError, complete, split, table
+from onebot_bringup.rrd_file import check_rrd, has_content
 from onebot_description.ament import use_environment_prefix
 from onebot_description.errors import OneBotError
 
@@ -36,8 +38,6 @@ ARGUMENTS = (
     Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
 )
 _RRD = ".rrd"
-_RRD_STARTS = (b"RRF", b"RRIO")  # of its versions
-_NOTHING = 200  # bytes of a .rrd file that holds nothing
 _ALL = "100%"  # of the memory: everything must be there for a page that is opened later
 _WATCH_EVERY = 0.1  # s
 
@@ -66,8 +66,7 @@ def run(argv: Sequence[str]) -> int:
 def _values(given: Mapping[str, str]) -> dict[str, str]:
     values = complete(ARGUMENTS, given)
     for name in ("grpc_port", "web_port"):
-        if not (values[name].isdecimal() and int(values[name]) <= 65535):
-            raise UsageError(f"{name}:={values[name]} is no port: write a number from 0 to 65535")
+        check_port(name, values[name])
     if values["viewer"] == "none" and not values["save"]:
         raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
     return values
@@ -117,20 +116,17 @@ def _view(text: str) -> Path | None:
 
 
 def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> None:
-    if not source.is_file():
-        raise OneBotError(f"there is no recording {source}")
-    with source.open("rb") as file:
-        start = file.read(4)
-    if not start.startswith(_RRD_STARTS):
-        what = "is empty" if not start else "is no recording of Rerun"
-        raise OneBotError(f"{source} {what}")
-    if source.stat().st_size < _NOTHING:
-        raise OneBotError(f"{source} was cut short before anything was in it")
+    check_rrd(source)
     if view is not None and view.suffix != ".rbl":
         raise UsageError(f"a .rrd file has its view in it: view:={view.name} must be a .rbl file")
     for name in ("save", "fixed_frame", "frame_prefix", "namespace"):
         if values[name]:
             raise UsageError(f"{name}:={values[name]}: a .rrd file is shown as it is")
+    content = has_content(source)
+    if content is None:
+        _Log().warning(f"{source} was cut short, or is still being written: as far as it goes")
+    elif not content:
+        _Log().warning(f"{source} holds nothing to draw")
 
 
 class _Log:

@@ -3,26 +3,30 @@
 Exit codes: 0 success, or stopped by the user; 1 a mistake in the user's files, or a node failed;
 2 a command line that is not understood; 130 and 141 a plain command was interrupted, or whoever
 read its output left.
+
+Nothing is imported here that takes long: until ``run_command`` runs, Ctrl-C is answered by Python,
+with a traceback.
 """
 
 import os
 import sys
 from collections.abc import Callable
 
-from onebot_bringup.launcher.arguments import UsageError
-from onebot_description.errors import DescriptionError, OneBotError
+from onebot_description.errors import DescriptionError, OneBotError, UsageError
 
 USAGE = 2
 INTERRUPTED = 128 + 2  # as shells report SIGINT
 READER_LEFT = 128 + 13  # as shells report SIGPIPE
 
 
-def run_command(body: Callable[[], int], see: str, interrupted: int = INTERRUPTED) -> int:
+def run_command(
+    body: Callable[[], int], see: str | Callable[[], str], interrupted: int = INTERRUPTED
+) -> int:
     """Run ``body`` and return its exit code; a user's mistake is shown without a traceback.
 
     Args:
         body: the command.
-        see: the command that shows how it is used, for errors of usage.
+        see: the command that shows how it is used, for errors of usage; or what finds it out.
         interrupted: the exit code after Ctrl-C.
     """
     try:
@@ -32,7 +36,7 @@ def run_command(body: Callable[[], int], see: str, interrupted: int = INTERRUPTE
         return code
     except UsageError as error:
         _complain(error)
-        print(f"see: {see}", file=sys.stderr)
+        print(f"see: {see if isinstance(see, str) else see()}", file=sys.stderr)
         return USAGE
     except OneBotError as error:
         _complain(error)

@@ -10,7 +10,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
-from onebot_bringup.snapshot.command_line import kind_of, parse_command_line
+from onebot_bringup.snapshot.command_line import NAMESPACE, kind_of, parse_command_line
+from onebot_description.errors import OneBotError
 
 
 def run(argv: Sequence[str]) -> int:
@@ -38,10 +39,13 @@ def _draw(args: Namespace, scene: Path) -> None:
     if kind == "running" and args.dashboard:
         _draw_viewer(args)
     elif kind == "rrd":
-        from onebot_bringup.snapshot.recordings import check_rrd, salvage
+        from onebot_bringup.rrd_file import check_rrd, has_content
+        from onebot_bringup.snapshot.recordings import salvage
 
         source = Path(args.source)
         check_rrd(source)
+        if has_content(source) is False:
+            raise OneBotError(f"{source} holds nothing to draw")
         try:
             _render(args, source)
         except UnreadableError:
@@ -84,7 +88,8 @@ def _record_running(args: Namespace, scene: Path) -> None:
 def _record_bag(args: Namespace, scene: Path) -> None:
     from onebot_bringup.snapshot.recordings import record_bag
 
-    record_bag(Path(args.source), args.view, scene, _say, _warn, args.frame_prefix)
+    source, namespace = Path(args.source), args.arguments.get(NAMESPACE, "")
+    record_bag(source, args.view, scene, _say, _warn, args.frame_prefix, namespace)
 
 
 def _record_description(args: Namespace, scene: Path) -> None:

@@ -1,13 +1,19 @@
 """``onebot steer``: a page in the browser to steer a robot from, with its view beside it."""
 
 import os
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.bringup import environment
+from onebot_bringup.argument_checks import (
+    check_domain,
+    check_namespace,
+    check_number,
+    check_port,
+)
 from onebot_bringup.cli.ros_session import Session
-from onebot_bringup.launcher import Launcher, Node, OnExit, python_node
+from onebot_bringup.launch_environment import environment
 from onebot_bringup.launcher.arguments import (
     Argument,
     UsageError,
@@ -17,8 +23,9 @@ from onebot_bringup.launcher.arguments import (
     switch,
     table,
 )
-from onebot_bringup.launcher.parameter_files import write_parameters
-from onebot_bringup.steering.access import check_host, is_loopback, new_token
+from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.ros_nodes import RosNodes
+from onebot_bringup.steering.place import Place, choose_place
 from onebot_description.errors import OneBotError
 
 _TOPIC = "velocity_controller/cmd_vel"
@@ -54,7 +61,6 @@ _NUMBERS = {
     "max_linear": (0.0, 1e6),
     "max_angular": (0.0, 1e6),
 }
-_WHOLE = {"port": 65535, "domain_id": 232}
 _HELP = f"""usage: onebot steer [TOPIC] [name:=value ...] [--ros-args ...]
 
 Serves a page to steer a robot from, and prints its address. Hold the pad (mouse or finger), an
@@ -90,61 +96,47 @@ def run(argv: Sequence[str]) -> int:
     given = {**topic, **arguments.given}
     values = complete(_ARGUMENTS, given)
     _check(values)
-    values["token"] = _token(values)
+    place = choose_place(values["host"], int(values["port"]), values["token"])
+    if place.warning:
+        print(f"warning: {place.warning}", file=sys.stderr)
     os.environ.update(environment(values, forced="discovery" in given))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        return _launch(Path(folder), values, arguments.ros_args)
+        return _launch(Path(folder), values, place, arguments.ros_args)
 
 
-def _launch(folder: Path, values: Mapping[str, str], ros_args: Sequence[str]) -> int:
+def _launch(folder: Path, values: Mapping[str, str], place: Place, ros_args: Sequence[str]) -> int:
     own = _needs_viewer(values, ros_args)
-    page: dict[str, object] = {
-        name: values[name] for name in ("topic", "odom_topic", "host", "token")
-    }
+    page: dict[str, object] = {name: values[name] for name in ("topic", "odom_topic")}
     page |= {name: float(values[name]) for name in _NUMBERS}
-    page |= {"port": int(values["port"]), "open_browser": values["open_browser"] == "true"}
+    page |= {**place.parameters, "open_browser": values["open_browser"] == "true"}
     page["viewer_page"] = f"{_VIEWER if own else 'rerun_viewer'}/page"
-    make = _Nodes(folder, values["namespace"].strip("/"), ros_args)
-    nodes = [make.node("steering_page", "onebot_bringup.steering_page", page, "shutdown")]
+    make = RosNodes(folder, values["namespace"], ros_args)
+    nodes = [make.node("steering_page", "onebot_bringup.steering_page", page)]
     if own:
         view: dict[str, object] = {"viewer": "web", "view": values["view"], "open_browser": False}
         view |= {"grpc_port": 0, "web_port": 0}
-        nodes.append(make.node(_VIEWER, "onebot_bringup.rerun_viewer", view, "ignore"))
+        module = "onebot_bringup.rerun_viewer"
+        nodes.append(make.node(_VIEWER, module, view, on_exit="ignore", renamed=True))
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
     return Launcher(nodes, name="onebot steer", started_message=hint, temporary=[folder]).run()
 
 
-class _Nodes:
-    """Makes nodes whose parameters are written to files."""
-
-    def __init__(self, folder: Path, namespace: str, ros_args: Sequence[str]) -> None:
-        self._folder, self._namespace, self._ros_args = folder, namespace, ros_args
-
-    def node(
-        self, name: str, module: str, parameters: Mapping[str, object], on_exit: OnExit
-    ) -> Node:
-        file = write_parameters(self._folder, name, parameters, self._namespace)
-        arguments = ["--ros-args", "--params-file", str(file), "-r", f"__node:={name}"]
-        if self._namespace:
-            arguments += ["-r", f"__ns:=/{self._namespace}"]
-        return python_node(name, module, [*arguments, *self._ros_args], on_exit=on_exit)
-
-
 def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
     """Say whether to start a viewer; look around for the robot's own first, if need be."""
-    words = ["--ros-args", *ros_args, *_namespace_words(values["namespace"])]
-    with Session(words) as session:
+    namespace = values["namespace"].strip("/")
+    in_namespace = ["-r", f"__ns:=/{namespace}"] if namespace else []
+    with Session(["--ros-args", *ros_args, *in_namespace]) as session:
         for name in ("topic", "odom_topic"):
             if values[name]:
                 session.full_name(values[name])
         if values["viewer"] != "auto":
             return values["viewer"] == "web"
-        from rclpy.qos import DurabilityPolicy, QoSProfile
         from std_msgs.msg import String
 
+        from onebot_description.qos import LATCHED
+
         pages: list[String] = []
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        session.node.create_subscription(String, "rerun_viewer/page", pages.append, latched)
+        session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
         found = session.look_for(
             lambda: any(_answers(page.data) for page in pages),
             "the robot's view, a rerun_viewer with a page",
@@ -163,30 +155,6 @@ def _answers(address: str) -> bool:
     return view is not None and answers(view.page_port)
 
 
-def _token(values: Mapping[str, str]) -> str:
-    """Return the token given, or one made anew if it is needed, for as long as we run.
-
-    Raises:
-        OneBotError: the host is no address of this computer.
-    """
-    check_host(values["host"])
-    return values["token"] or ("" if is_loopback(values["host"]) else new_token())
-
-
-def _namespace_words(namespace: str) -> list[str]:
-    """Return the ROS arguments that put a node there."""
-    from rclpy.exceptions import InvalidNamespaceException
-    from rclpy.validate_namespace import validate_namespace
-
-    full = f"/{namespace.strip('/')}"
-    try:
-        validate_namespace(full)
-    except InvalidNamespaceException as error:
-        reason = " ".join(str(error).split("\n")[0].split())
-        raise UsageError(f"namespace:={namespace}: {reason}") from None
-    return ["-r", f"__ns:={full}"] if full != "/" else []
-
-
 def _check(values: Mapping[str, str]) -> None:
     """Complain about values that are not possible.
 
@@ -195,18 +163,12 @@ def _check(values: Mapping[str, str]) -> None:
         OneBotError: the view's file does not exist.
     """
     for name, (least, most) in _NUMBERS.items():
-        try:
-            possible = least <= float(values[name]) <= most
-        except ValueError:
-            possible = False
-        if not possible:
-            raise UsageError(f"{name}:={values[name]}: write a number from {least:g} to {most:g}")
-    for name, highest in _WHOLE.items():
-        text = values[name]
-        if text and not (text.isdecimal() and int(text) <= highest):
-            raise UsageError(f"{name}:={text}: write a whole number from 0 to {highest}")
-    if not values["port"] or not values["topic"]:
-        raise UsageError(f"{'topic' if values['port'] else 'port'}:= must not be empty")
+        check_number(name, values[name], least, most)
+    check_port("port", values["port"])
+    check_domain(values["domain_id"])
+    check_namespace(values["namespace"])
+    if not values["topic"]:
+        raise UsageError("topic:= must not be empty")
     if values["view"] not in ("", "none") and not Path(values["view"]).is_file():
         raise OneBotError(f"view:={values['view']}: no such file")
     if values["view"] and values["viewer"] == "none":

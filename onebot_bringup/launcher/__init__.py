@@ -1,15 +1,11 @@
 """Starts nodes as processes, shows what they print, and stops them all together.
 
-    from onebot_bringup.launcher import Launcher, python_node
+    from onebot_bringup.launcher.launcher import Launcher
+    from onebot_bringup.launcher.node import python_node
 
     nodes = [python_node("robot_state_publisher", "onebot_description.robot_state_publisher")]
     exit_code = Launcher(nodes).run()
 
-Standard library only: no ROS, no threads.
+Standard library only: no ROS, no threads. Nothing is imported here, because each node's process
+comes by here as well.
 """
-
-from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.launcher.node import Node, OnExit, Restart, python_node
-from onebot_bringup.launcher.stopping import Grace
-
-__all__ = ["Grace", "Launcher", "Node", "OnExit", "Restart", "python_node"]

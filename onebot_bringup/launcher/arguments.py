@@ -7,17 +7,13 @@ follows ``--ros-args`` is kept apart, for every node.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from onebot_description.errors import OneBotError
+from onebot_description.errors import UsageError as UsageError
 from onebot_description.text import did_you_mean
 
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
 _HELP = ("-h", "--help")
 _SHOW = ("--show-args", "-s")
-
-
-class UsageError(OneBotError):
-    """A command was called in a way it does not know; commands exit with code 2."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from onebot_bringup.launcher.process import LineReader, describe_exit
 from onebot_bringup.launcher.restarts import Restarts
 from onebot_bringup.launcher.running import RunningNodes
 from onebot_bringup.launcher.signals import SignalQueue
+from onebot_bringup.launcher.standby import Standby
 from onebot_bringup.launcher.stopping import GIVE_UP, KILL, TERMINATE, Grace, Stopping
 
 _TURN = 0.05  # seconds; how often to look while stopping, or while output waits
@@ -38,6 +39,7 @@ class Launcher:
         started_message: str = "",
         grace: Grace | None = None,
         temporary: Sequence[Path] = (),
+        standby: Standby | None = None,
     ) -> None:
         """Prepare to run ``nodes``.
 
@@ -48,6 +50,7 @@ class Launcher:
             grace: how long to wait for nodes that do not stop.
             temporary: folders of the nodes, to be removed should the launcher be killed; otherwise
                 that is up to the caller.
+            standby: interpreters for the first start of some of the nodes; the caller closes it.
 
         Raises:
             ValueError: two nodes have the same name.
@@ -58,6 +61,7 @@ class Launcher:
         self._name = name
         self._started_message = started_message
         self._temporary = tuple(temporary)
+        self._standby = standby or Standby()
         self._console = Console(sys.stdout, sys.stderr, [node.name for node in nodes])
         self._restarts = Restarts()
         self._stopping = Stopping(grace or Grace())
@@ -72,7 +76,9 @@ class Launcher:
         """
         with SignalQueue() as self._signals, selectors.PollSelector() as self._selector:
             self._selector.register(self._signals, selectors.EVENT_READ)
-            self._running = RunningNodes(self._selector, self._console, self._temporary)
+            self._running = RunningNodes(
+                self._selector, self._console, self._temporary, self._standby
+            )
             try:
                 self._start_all()
                 while self._running or self._restarts:

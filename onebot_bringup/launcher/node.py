@@ -1,10 +1,10 @@
 """What the launcher is asked to run: one node, one process."""
 
-import os
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
+
+from onebot_bringup.launcher.opening import module_command, python_environment
 
 OnExit = Literal["shutdown", "restart", "ignore"]
 
@@ -43,6 +43,7 @@ class Node:
         restart: for ``on_exit="restart"``.
         hold_interrupt: start with SIGINT blocked; the program unblocks it when it is ready for
             it (see ``start_module``).
+        module: the Python module that it is, if an interpreter may stand by for it; else empty.
     """
 
     name: str
@@ -51,6 +52,12 @@ class Node:
     environment: Mapping[str, str] = field(default_factory=dict)
     restart: Restart = Restart()
     hold_interrupt: bool = False
+    module: str = ""
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What a Python module gets as arguments."""
+        return self.command[len(module_command(self.module)) :]
 
 
 def python_node(
@@ -62,15 +69,6 @@ def python_node(
     environment: Mapping[str, str] | None = None,
 ) -> Node:
     """Return a node that is a Python module, run by the interpreter that runs the launcher."""
-    command = (sys.executable, "-m", "onebot_bringup.launcher.start_module", module, *arguments)
-    variables = {"PYTHONUNBUFFERED": "1", **_safe_path(), **(environment or {})}
-    return Node(name, command, on_exit, variables, hold_interrupt=True)
-
-
-def _safe_path() -> dict[str, str]:
-    """Keep a stray ``yaml.py`` in the working directory from being imported by the nodes.
-
-    Only where the launcher itself was not found through the working directory.
-    """
-    here = sys.path[0] in ("", os.getcwd()) if sys.path else False
-    return {} if here else {"PYTHONSAFEPATH": "1"}
+    command = (*module_command(module), *arguments)
+    variables = {**python_environment(), **(environment or {})}
+    return Node(name, command, on_exit, variables, hold_interrupt=True, module=module)

@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable
 from typing import IO
 
-from onebot_bringup.launcher.groups import child_setup, group_alive, signal_group
+from onebot_bringup.launcher.groups import group_alive, signal_group
 from onebot_bringup.launcher.node import Node
+from onebot_bringup.launcher.opening import open_process
 
 _READ = 65536  # bytes at once; also the longest line that is kept whole
 _MOST_READS = 1000
@@ -58,8 +59,20 @@ class RunningNode:
     So a terminal's Ctrl-C reaches only the launcher, which passes it on once.
     """
 
-    def __init__(self, node: Node, out: _LINE_SINK, err: _LINE_SINK) -> None:
+    def __init__(
+        self,
+        node: Node,
+        out: _LINE_SINK,
+        err: _LINE_SINK,
+        process: subprocess.Popen[bytes] | None = None,
+    ) -> None:
         """Start ``node``; its lines go to ``out`` and ``err``.
+
+        Args:
+            node: to start.
+            out: takes each line of its standard output.
+            err: takes each line of its standard error.
+            process: of ``open_process``, that runs it already; None to start one.
 
         Raises:
             OSError: the program cannot be run.
@@ -67,16 +80,8 @@ class RunningNode:
         self.node = node
         self.started = time.monotonic()
         self._told_the_rest = False
-        self._process = subprocess.Popen(
-            node.command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            bufsize=0,
-            env={**os.environ, **node.environment},
-            start_new_session=True,
-            preexec_fn=child_setup(node.hold_interrupt),
-        )
+        environment = {**os.environ, **node.environment}
+        self._process = process or open_process(node.command, environment, node.hold_interrupt)
         assert self._process.stdout is not None and self._process.stderr is not None
         self.readers = (
             LineReader(self._process.stdout, out),

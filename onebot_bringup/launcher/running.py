@@ -7,6 +7,7 @@ from pathlib import Path
 from onebot_bringup.launcher.console import Console, OutputStream
 from onebot_bringup.launcher.node import Node
 from onebot_bringup.launcher.process import LineReader, RunningNode
+from onebot_bringup.launcher.standby import Standby
 from onebot_bringup.launcher.watch import Guard
 
 
@@ -14,7 +15,11 @@ class RunningNodes:
     """Starts nodes, reads what they print, and forgets those that are gone."""
 
     def __init__(
-        self, selector: selectors.BaseSelector, console: Console, temporary: Sequence[Path]
+        self,
+        selector: selectors.BaseSelector,
+        console: Console,
+        temporary: Sequence[Path],
+        standby: Standby,
     ) -> None:
         """None runs yet.
 
@@ -22,8 +27,9 @@ class RunningNodes:
             selector: to register their pipes with.
             console: where their lines go.
             temporary: folders to be removed should this process be killed.
+            standby: interpreters to be used for the nodes they were started for.
         """
-        self._selector, self._console = selector, console
+        self._selector, self._console, self._standby = selector, console, standby
         self._guard = Guard(temporary)
         self._running: list[RunningNode] = []
 
@@ -41,9 +47,8 @@ class RunningNodes:
         Raises:
             OSError: the program cannot be run.
         """
-        running = RunningNode(
-            node, self._sink(node, self._console.out), self._sink(node, self._console.err)
-        )
+        out, err = (self._sink(node, stream) for stream in (self._console.out, self._console.err))
+        running = RunningNode(node, out, err, self._standby.take(node))
         self._guard.add(running.group)
         self._running.append(running)
         for reader in running.readers:

@@ -2,7 +2,7 @@
 
 import argparse
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from onebot_bringup.cli.subcommands import Parser
@@ -12,7 +12,9 @@ from onebot_bringup.snapshot.camera import parse_camera
 _SUMMARY = """\
 draw a robot into a PNG file, without any display: the running robot as it stands now; or with
 SOURCE, a URDF or xacro file at given joint positions, or the end of a recording (.rrd, .mcap, or a
-folder of record:=). name:=value are arguments that the xacro file declares"""
+folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
+messages, namespace:= chooses the robot, where several are recorded"""
+NAMESPACE = "namespace"  # the one argument of a bag
 _WIDTH, _HEIGHT = 1280, 720
 # Pixels: the viewer's window does not become smaller, and software renders no larger one for sure.
 _SMALLEST, _LARGEST = 100, 4096
@@ -23,7 +25,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
 
     Returns:
         file, source, joints (by name), width, height, camera (eye and target, or None), dashboard,
-        view, frame_prefix, arguments (of xacro, by name) and ros_args.
+        view, frame_prefix, arguments (by name; of xacro, or of a bag) and ros_args.
 
     Raises:
         UsageError: the command line is not understood.
@@ -91,9 +93,9 @@ def _take_out_arguments(argv: Sequence[str]) -> tuple[list[str], dict[str, str]]
 def _check(args: Namespace) -> None:
     kind = kind_of(args.source)
     if kind != "description":
-        for option, value in (("--joints", args.joints), ("name:=value", args.arguments)):
-            if value:
-                raise UsageError(f"{option} is for a URDF or xacro file as SOURCE")
+        _check_arguments(kind, args.arguments)
+        if args.joints:
+            raise UsageError("--joints is for a URDF or xacro file as SOURCE")
     if args.source is not None and args.ros_args:
         raise UsageError(f"--ros-args is for the running robot, not for {args.source}")
     if args.frame_prefix and kind not in ("running", "bag"):
@@ -105,6 +107,18 @@ def _check(args: Namespace) -> None:
         raise UsageError("the dashboard of a running robot is its viewer's as it is")
     if kind == "rrd" and args.view:
         raise UsageError("a .rrd file has its view in it; --camera looks from somewhere else")
+
+
+def _check_arguments(kind: str, given: Mapping[str, str]) -> None:
+    """Complain about arguments of anything but a xacro file."""
+    for name, value in given.items():
+        if name != NAMESPACE:
+            raise UsageError(f"{name}:={value} is for a URDF or xacro file as SOURCE")
+        if kind == "running":
+            space = value.strip("/")
+            raise UsageError(f"write --ros-args -r __ns:=/{space} for a running robot's namespace")
+        if kind == "rrd":
+            raise UsageError(f"{name}:={value}: a .rrd file is drawn as it is")
 
 
 def kind_of(source: str | None) -> str:

@@ -6,29 +6,31 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_bringup.cli.ros_session import PATIENCE, Session
-from onebot_bringup.raw_messages import deserialize_message, joint_state_arrays, tf_arrays
+from onebot_bringup.raw_messages import (
+    BAD_MESSAGE,
+    deserialize_message,
+    joint_state_arrays,
+    tf_arrays,
+)
 from onebot_bringup.snapshot.view_choice import choose_view
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.geometry import Robot, read_robot
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.recording import open_recording
 from onebot_description.errors import OneBotError
+from onebot_description.qos import LATCHED, SENSOR, STATIC_TF
 from onebot_description.text import did_you_mean, listing
 from onebot_description.tf.tf_message import TFMessage
 from onebot_description.tf.wire import TfArrays
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
 _LISTED = 5
-_STRANGE = suppress(ValueError, IndexError)  # a strange message is no reason to give up
+_STRANGE = suppress(*BAD_MESSAGE)  # a strange message is no reason to give up
 # Everything is shown as of one moment, always the same: the picture is of places, not of times.
 _NOW_NS = 1_700_000_000_000_000_000
 
@@ -44,10 +46,10 @@ class HeardRobot:
         self._frames = FrameTree()
         self._joints: dict[str, float] = {}
         listen = session.node.create_subscription
-        listen(String, "robot_description", self._on_description, _LATCHED, raw=True)
+        listen(String, "robot_description", self._on_description, LATCHED, raw=True)
         listen(TFMessage, "/tf", self._on_tf, 100, raw=True)
-        listen(TFMessage, "/tf_static", self._on_tf, _STATIC_TF, raw=True)
-        listen(JointState, "joint_states", self._on_joints, _SENSOR, raw=True)
+        listen(TFMessage, "/tf_static", self._on_tf, STATIC_TF, raw=True)
+        listen(JointState, "joint_states", self._on_joints, SENSOR, raw=True)
 
     def _on_description(self, data: bytes) -> None:
         with _STRANGE:

@@ -4,30 +4,12 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+from onebot_bringup.rrd_file import NOTHING
 from onebot_bringup.viewer.processes import program
 from onebot_bringup.viewer.recording import open_recording
 from onebot_description.errors import OneBotError
 
-_STARTS = (b"RRF", b"RRIO")  # of the files of all of Rerun's versions
-_NOTHING = 200  # bytes of a .rrd file that holds nothing
 _COPYING = 120.0  # seconds
-
-
-def check_rrd(rrd: Path) -> None:
-    """Refuse what is no recording of Rerun's.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
-    try:
-        with rrd.open("rb") as file:
-            start = file.read(4)
-    except OSError as error:
-        raise OneBotError(f"{rrd}: {error.strerror}") from error
-    if not start:
-        raise OneBotError(f"{rrd} is empty")
-    if not start.startswith(_STARTS):
-        raise OneBotError(f"{rrd} is no recording of Rerun's")
 
 
 def salvage(rrd: Path, copy: Path) -> None:
@@ -40,7 +22,7 @@ def salvage(rrd: Path, copy: Path) -> None:
     done = subprocess.run(
         [*command, str(rrd.absolute())], capture_output=True, timeout=_COPYING, check=False
     )
-    if done.returncode or not copy.is_file() or copy.stat().st_size < _NOTHING:
+    if done.returncode or not copy.is_file() or copy.stat().st_size < NOTHING:
         raise OneBotError(f"{rrd} was cut short before anything was in it")
 
 
@@ -51,6 +33,7 @@ def record_bag(
     say: Callable[[str], None],
     warn: Callable[[str], None],
     frame_prefix: str = "",
+    namespace: str = "",
 ) -> None:
     """Record what a bag of ROS messages holds of a robot into the file ``rrd``.
 
@@ -61,6 +44,7 @@ def record_bag(
         say: told how far it is, when that takes over two seconds.
         warn: told what cannot be shown.
         frame_prefix: put before link names to get their frames; "" to find it out.
+        namespace: of the robot to draw; "" for the first.
 
     Raises:
         OneBotError: it cannot be read, or holds nothing of a robot.
@@ -78,6 +62,7 @@ def record_bag(
             recording.stream,
             view=path,
             frame_prefix=frame_prefix,
+            namespace=namespace,
             from_start=False,
             progress=say,
             warn=warn,

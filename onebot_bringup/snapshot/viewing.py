@@ -5,15 +5,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import unquote
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from onebot_bringup.cli.ros_session import PATIENCE, Session
-from onebot_bringup.raw_messages import deserialize_message, tf_arrays
+from onebot_bringup.raw_messages import BAD_MESSAGE, deserialize_message, tf_arrays
 from onebot_description.errors import OneBotError
+from onebot_description.qos import LATCHED
 from onebot_description.tf.tf_message import TFMessage
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # On this host only: whatever a page may say, nothing else is asked.
 _SERVER = re.compile(r"rerun\+http://127\.0\.0\.1:\d{1,5}/proxy(?![\w/.])")
 
@@ -56,12 +55,12 @@ def running_viewer(session: Session) -> RunningViewer:
             pages.append(server_of(deserialize_message(data, String).data))
 
     def on_tf(data: bytes) -> None:
-        with suppress(ValueError, IndexError):  # a strange message is no reason to give up
+        with suppress(*BAD_MESSAGE):  # a strange message is no reason to give up
             stamps.append(int(tf_arrays(data).stamps_ns.max(initial=0)))
 
     listen = session.node.create_subscription
     topic = session.full_name("rerun_viewer/page")
-    listen(String, topic, on_page, _LATCHED, raw=True)
+    listen(String, topic, on_page, LATCHED, raw=True)
     listen(TFMessage, "/tf", on_tf, 100, raw=True)
     if not session.look_for(lambda: pages and pages[-1], "the viewer"):
         raise OneBotError(

@@ -11,9 +11,9 @@ import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from onebot_bringup.steering.addresses import check_host, is_loopback
+from onebot_bringup.steering.addresses import is_loopback
 
-__all__ = ["Access", "check_host", "is_loopback", "new_token"]
+__all__ = ["Access", "is_loopback", "new_token"]
 
 _HOST = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?")
 _LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})

@@ -11,6 +11,7 @@ import time
 from geometry_msgs.msg import Twist
 from rclpy.node import Node
 
+from onebot_control.pacing import wake_exactly
 from onebot_description.ros import run_node
 from tests.benchmarks.watch import Watch
 
@@ -24,7 +25,7 @@ class Sleeper(Node):
         """Subscribe, and start the thread."""
         super().__init__("sleeper")
         self._watch = watch
-        self._ended = threading.Event()
+        self._ended = False
         self.create_subscription(Twist, topic, self._take, 10)
         threading.Thread(target=self._run, daemon=True).start()
 
@@ -32,10 +33,11 @@ class Sleeper(Node):
         self._watch.commanded(message.linear.x)
 
     def _run(self) -> None:
+        wake_exactly()  # as the controller does
         due = time.monotonic()
-        while not self._ended.is_set():
+        while not self._ended:
             due += _PERIOD
-            self._ended.wait(max(0.0, due - time.monotonic()))
+            time.sleep(max(0.0, due - time.monotonic()))
             now = time.monotonic()
             self._watch.woke(now - due)
             self._watch.told_wheels()
@@ -44,7 +46,7 @@ class Sleeper(Node):
 
     def destroy_node(self) -> None:
         """End the thread, and the node."""
-        self._ended.set()
+        self._ended = True
         super().destroy_node()
 
 

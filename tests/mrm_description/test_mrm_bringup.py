@@ -139,7 +139,7 @@ def test_the_end_of_a_node_that_matters_ends_all(
     """Without robot_state_publisher there is no robot: exit code 1, the reason, nothing left."""
     running = start(f"joints:={write_joints(tmp_path, 0.5)}")
     wait_for_robot(running, transforms, "link1")
-    for pid in marked(mark, "robot_state_publisher.yaml"):
+    for pid in marked(mark, "onebot_description.robot_state_publisher"):
         os.kill(pid, signal.SIGKILL)
     assert running.wait() == 1
     assert "robot_state_publisher ended by itself: ended by SIGKILL" in running.err
@@ -187,9 +187,10 @@ def test_a_killed_command_leaves_nothing(start: Start, transforms: Transforms, m
     """Even after SIGKILL of the command itself no process of it stays."""
     running = start()
     wait_for_robot(running, transforms, "link1")
-    command = Path(f"/proc/{marked(mark, 'robot_state_publisher.yaml')[0]}/cmdline").read_text()
-    parameters = Path(next(word for word in command.split("\0") if word.endswith(".yaml")))
-    assert parameters.is_file()
+    (guard,) = marked(mark, "guard.py")
+    command = Path(f"/proc/{guard}/cmdline").read_text().split("\0")
+    parameters = Path(next(word for word in command if "/onebot-" in word))
+    assert (parameters / "robot_state_publisher.yaml").is_file()
     running.process.kill()
     wait_for(lambda: not marked(mark), "the end of all nodes", timeout=15.0)
-    assert not parameters.parent.exists()
+    assert not parameters.exists()

@@ -6,7 +6,7 @@ import re
 import socket
 import threading
 from collections.abc import Coroutine, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import aiohttp
@@ -131,6 +131,14 @@ def steering(**parameters: object) -> Iterator[NodeProcess]:
     with NodeProcess(MODULE, *args) as node:
         address_of(node)
         yield node
+
+
+@contextmanager
+def steered(pages: int = 1, /, **parameters: object) -> Iterator[tuple[Any, ...]]:
+    """The node as ``steering`` has it, and its first pages, once they are told of the robot."""
+    with steering(**parameters) as node, ExitStack() as opened:
+        address = address_of(node)
+        yield node, *(opened.enter_context(PageClient(address)) for _ in range(pages))
 
 
 def address_of(node: NodeProcess) -> str:

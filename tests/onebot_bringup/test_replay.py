@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -175,7 +176,8 @@ def test_several_robots(tmp_path, capsys):
     bag.close()
     shown, said = to_rrd(folder, tmp_path / "a.rrd")
     assert shown.robot == "arm"
-    assert "several robots are recorded, in /a, /b: showing that in /a" in said
+    several = "several robots are recorded, in /a, /b: showing that in /a (namespace:= chooses)"
+    assert several in said
     shown, said = to_rrd(folder, tmp_path / "b.rrd", namespace="b")
     assert shown.robot == "other"
     assert not [sentence for sentence in said if "several" in sentence]
@@ -259,7 +261,7 @@ def test_converts(tmp_path, capsys):
         (["bag", "viewer:=tv"], 2, "viewer:=tv"),
         (["bag", "viewer:=none"], 2, "viewer:=none needs save:=FILE.rrd"),
         (["bag", "view:=none.yaml"], 1, "view:=none.yaml: there is no such file"),
-        (["bag", "web_port:=99999"], 2, "web_port:=99999 is no port"),
+        (["bag", "web_port:=99999"], 2, "web_port:=99999 is not possible; write a whole number"),
     ],
 )
 def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
@@ -274,22 +276,10 @@ def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("kind", ["bag", "a.rrd"])
-def test_serves_until_interrupted(tmp_path, kind):
-    """A viewer that comes later gets the robot; Ctrl-C ends it all with exit code 0."""
-    require_renderer()
-    record_arm(tmp_path / "bag")
-    if kind == "a.rrd":
-        to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
-    command = [
-        sys.executable,
-        "-u",
-        "-m",
-        "onebot_bringup.cli.main",
-        "replay",
-        str(tmp_path / kind),
-    ]
-    log = tmp_path / "log"
+@contextmanager
+def replaying(recording, log):
+    """``onebot replay`` of a recording, which says what it does in the file ``log``."""
+    command = [sys.executable, "-u", "-m", "onebot_bringup.cli.main", "replay", str(recording)]
     with log.open("w") as output:
         replay = subprocess.Popen(
             [*command, "grpc_port:=0", "web_port:=0", "open_browser:=false"],
@@ -297,13 +287,37 @@ def test_serves_until_interrupted(tmp_path, kind):
             stderr=subprocess.STDOUT,
         )
     try:
+        yield replay
+    finally:
+        replay.kill()
+        replay.wait()
+
+
+@pytest.mark.parametrize("kind", ["bag", "a.rrd"])
+def test_serves_until_interrupted(tmp_path, kind):
+    """A viewer that comes later gets the robot; Ctrl-C ends it all with exit code 0."""
+    require_renderer()
+    record_arm(tmp_path / "bag")
+    if kind == "a.rrd":
+        to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
+    log = tmp_path / "log"
+    with replaying(tmp_path / kind, log) as replay:
         wait_for(lambda: "open http://127.0.0.1:" in log.read_text(), "the page")
         assert "showing" in log.read_text()
         replay.send_signal(signal.SIGINT)
         assert replay.wait(30) == 0
         assert "Traceback" not in log.read_text()
-    finally:
-        replay.kill()
+        assert "warning" not in log.read_text()
+
+
+def test_a_rrd_file_with_nothing_in_it_is_warned_of(tmp_path):
+    """A page that stays black is explained; it is shown all the same."""
+    recording = open_recording(None, tmp_path / "a.rrd")
+    recording.close()
+    log = tmp_path / "log"
+    with replaying(tmp_path / "a.rrd", log):
+        wait_for(lambda: "showing" in log.read_text(), "the recording")
+        assert f"warning: {tmp_path}/a.rrd holds nothing to draw" in log.read_text()
 
 
 def test_serves_a_rrd_file(tmp_path):

@@ -6,17 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
 
+from onebot_bringup.bag.writer import BagWriter
 from onebot_bringup.launcher.arguments import UsageError
+from onebot_bringup.rrd_file import has_content
 from onebot_bringup.snapshot.camera import parse_camera
 from onebot_bringup.snapshot.command_line import parse_command_line
 from onebot_bringup.snapshot.posing import pose_of
+from onebot_bringup.snapshot.recordings import record_bag
 from onebot_bringup.snapshot.viewing import server_of
 from onebot_bringup.viewer.framing import Framing, framed, robot_view
 from onebot_bringup.viewer.picture import check_picture
+from onebot_bringup.viewer.recording import open_recording
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
+from tests.onebot_bringup.bag_support import topic
 
 MIMIC = """<robot name="gripper">
   <link name="palm"/><link name="left"/><link name="right"/><link name="lid"/>
@@ -33,6 +41,11 @@ MIMIC = """<robot name="gripper">
     <parent link="palm"/><child link="lid"/><axis xyz="0 0 1"/>
     <limit lower="0.5" upper="1.5" effort="1" velocity="1"/>
   </joint>
+</robot>"""
+
+
+BOX = """<robot name="box"><link name="palm"/><link name="lid"/>
+  <joint name="hinge" type="continuous"><parent link="palm"/><child link="lid"/></joint>
 </robot>"""
 
 
@@ -98,6 +111,9 @@ def test_command_line():
     args = parse_command_line(["a.png", "--ros-args", "-r", "__ns:=/left"])
     assert parse_command_line(["a.png", "b.mcap", "--frame-prefix", "a/"]).frame_prefix == "a/"
     assert args.ros_args == ["--ros-args", "-r", "__ns:=/left"] and args.source is None
+    assert parse_command_line(["a.png", "run", "namespace:=left"]).source == "run"
+    bag = parse_command_line(["a.png", "run.mcap", "namespace:=left"])
+    assert bag.arguments == {"namespace": "left"}
 
 
 @pytest.mark.parametrize(
@@ -112,6 +128,9 @@ def test_command_line():
         ["a.png", "--joints", "x=1"],
         ["a.png", "mesh:=no"],
         ["a.png", "b.rrd", "--view", "v.yaml"],
+        ["a.png", "namespace:=left"],
+        ["a.png", "b.rrd", "namespace:=left"],
+        ["a.png", "b.mcap", "mesh:=no"],
         ["a.png", "b.urdf", "--ros-args", "-r", "__ns:=/left"],
         ["a.png", "b.urdf", "--frame-prefix", "left/"],
         ["a.png", "b.rrd", "--frame-prefix", "left/"],
@@ -200,7 +219,7 @@ def snapshot(*words: str | Path) -> subprocess.CompletedProcess[str]:
     [
         (["a.gif"], 1, "must end in .png"),
         (["a.png", "none.urdf"], 1, "none.urdf"),
-        (["a.png", "none.rrd"], 1, "none.rrd: No such file"),
+        (["a.png", "none.rrd"], 1, "there is no recording none.rrd"),
         (["a.png", "--width", "7"], 2, "--width"),
     ],
 )
@@ -221,3 +240,47 @@ def test_garbage_is_no_recording(tmp_path):
     (tmp_path / "empty.rrd").touch()
     done = snapshot(tmp_path / "a.png", tmp_path / "empty.rrd")
     assert done.returncode == 1 and "empty.rrd is empty" in done.stderr
+
+
+def test_a_recording_with_nothing_in_it_is_refused(tmp_path):
+    """At once: no viewer could ever show a picture of it."""
+    open_recording(save=tmp_path / "empty.rrd").close()
+    done = snapshot(tmp_path / "a.png", tmp_path / "empty.rrd")
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.endswith("empty.rrd holds nothing to draw\n")
+
+
+def test_what_is_in_a_recording(tmp_path):
+    """Nothing, something, or who knows: it was cut short."""
+    nothing, something, cut = (tmp_path / f"{name}.rrd" for name in ("nothing", "something", "cut"))
+    open_recording(save=nothing).close()
+    recording = open_recording(save=something)
+    recording.stream.log("box", rr.Boxes3D(half_sizes=[1.0, 1.0, 1.0]))
+    recording.close()
+    cut.write_bytes(something.read_bytes()[:-100])
+    assert [has_content(file) for file in (nothing, something, cut)] == [False, True, None]
+
+
+def test_of_several_recorded_robots_one_can_be_chosen(tmp_path):
+    """The first is drawn unless its namespace says otherwise; a wrong one is an error."""
+    bag = BagWriter(tmp_path / "bag")
+    for space, lid in (("left", "lid"), ("right", "cap")):
+        number = bag.add_topic(topic(f"/{space}/robot_description"))
+        urdf = BOX.replace("lid", lid)
+        bag.write(number, 1, bytes(serialize_message(String(data=urdf))))
+    bag.close()
+    said: list[str] = []
+
+    def drawn(namespace: str) -> set[str]:
+        said.clear()
+        rrd = tmp_path / f"of_{namespace}.rrd"
+        record_bag(tmp_path / "bag", "", rrd, said.append, said.append, namespace=namespace)
+        data = rrd.read_bytes()
+        return {name for name in ("lid", "cap") if f"/frames/{name}".encode() in data}
+
+    assert drawn("") == {"lid"}
+    assert "(namespace:= chooses)" in said[0]
+    assert drawn("right") == {"cap"}
+    assert not any("several" in sentence for sentence in said)
+    with pytest.raises(OneBotError, match="namespace:=up: .* has no robot there"):
+        drawn("up")

@@ -39,15 +39,17 @@ def test_help_says_how_to_use_it():
 @pytest.mark.parametrize(
     "words, complaint",
     [
-        (["port:=eighty"], "port:=eighty: write a whole number from 0 to 65535"),
-        (["port:="], "port:= must not be empty"),
-        (["rate:=1"], "rate:=1: write a number from 5 to 100"),
-        (["max_linear:=nan"], "max_linear:=nan: write a number from 0"),
+        (["port:=eighty"], "port:=eighty is not possible; write a whole number from 0 to 65535"),
+        (["port:="], "port:= is not possible; write a whole number"),
+        (["topic:="], "topic:= must not be empty"),
+        (["domain_id:=1_0"], "domain_id:=1_0 is not possible; write a whole number from 0 to 232"),
+        (["rate:=1"], "rate:=1 is not possible; write a number from 5 to 100"),
+        (["max_linear:=nan"], "max_linear:=nan is not possible; write a number from 0"),
         (["viewer:=rviz"], "viewer:=rviz is not possible; it can be one of: auto, web, none"),
         (["hots:=0.0.0.0"], 'no argument "hots" (did you mean "host"?'),
         (["/a", "/b"], 'unexpected "/b"'),
         (["/a", "topic:=/b"], "write the topic or topic:=, not both"),
-        (["namespace:=1x"], "namespace:=1x: Invalid namespace"),
+        (["namespace:=1x"], "namespace:=1x is no ROS name"),
         (["viewer:=none", "view:=none"], "leave out view:="),
     ],
 )

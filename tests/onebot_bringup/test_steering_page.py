@@ -18,6 +18,7 @@ from tests.onebot_bringup.steering_support import (
     Commands,
     PageClient,
     address_of,
+    steered,
     steering,
 )
 from tests.ros_support import NodeProcess, Peer, ros_args
@@ -32,7 +33,7 @@ def peer(ros_domain: int) -> Iterator[Peer]:
 
 def test_commands_go_out_while_held_and_stop_when_let_go(peer):
     """At the fixed rate and as held, within the limits; then three zeros, and nothing more."""
-    with steering(rate=20.0) as node, PageClient(address_of(node)) as page:
+    with steered(rate=20.0) as (_, page):
         robot = Commands(peer, page)
         assert robot.speeds == [] and page.state["driver"] is None
         page.hold(0.25, -0.5)
@@ -57,7 +58,7 @@ def test_commands_go_out_while_held_and_stop_when_let_go(peer):
 @pytest.mark.parametrize("end", ["close", "cut", "silence"])
 def test_a_page_that_goes_stops_the_robot(peer, end):
     """Closed, its connection lost, or still there but silent: three zeros, and then silence."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (_, page):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -67,7 +68,7 @@ def test_a_page_that_goes_stops_the_robot(peer, end):
 
 def test_silence_loses_the_wheel_and_says_so(peer):
     """After a while without a word, going on to hold is not enough."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         robot = Commands(peer, page)
         page.drive(0.3)
         robot.come_to_rest()
@@ -83,11 +84,7 @@ def test_silence_loses_the_wheel_and_says_so(peer):
 
 def test_any_page_stops_the_robot(peer):
     """Whoever drives has to let go and take hold again."""
-    with (
-        steering() as node,
-        PageClient(address_of(node)) as driver,
-        PageClient(address_of(node)) as other,
-    ):
+    with steered(2) as (_, driver, other):
         robot = Commands(peer, driver)
         driver.hold(0.3)
         robot.reach(0.3)
@@ -101,11 +98,7 @@ def test_any_page_stops_the_robot(peer):
 
 def test_the_last_page_to_take_hold_drives_and_the_others_see_so(peer):
     """The one that lost the wheel does nothing; letting go there does not stop the other."""
-    with (
-        steering() as node,
-        PageClient(address_of(node)) as first,
-        PageClient(address_of(node)) as second,
-    ):
+    with steered(2) as (_, first, second):
         robot = Commands(peer, first)
         wait_for(lambda: first.state["pages"] == 2, "two pages")
         first.hold(0.3)
@@ -133,7 +126,7 @@ def test_the_last_page_to_take_hold_drives_and_the_others_see_so(peer):
 )
 def test_nonsense_is_refused_and_stops_the_robot(peer, nonsense):
     """It is answered with a sentence and counted, never reaches the robot, and costs the wheel."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -150,11 +143,7 @@ def test_nonsense_is_refused_and_stops_the_robot(peer, nonsense):
 
 def test_a_huge_message_ends_the_connection(peer):
     """Nobody fills the memory; the robot is stopped, and other pages go on."""
-    with (
-        steering() as node,
-        PageClient(address_of(node)) as page,
-        PageClient(address_of(node)) as other,
-    ):
+    with steered(2) as (_, page, other):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -167,11 +156,7 @@ def test_a_huge_message_ends_the_connection(peer):
 
 def test_a_flood_of_messages_does_not_keep_the_robot_moving(peer):
     """While one page sends as fast as it can, another one's stop still counts."""
-    with (
-        steering() as node,
-        PageClient(address_of(node)) as page,
-        PageClient(address_of(node)) as other,
-    ):
+    with steered(2) as (_, page, other):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -191,7 +176,7 @@ def test_a_flood_of_messages_does_not_keep_the_robot_moving(peer):
 
 def test_ctrl_c_stops_the_robot_and_the_node(peer):
     """Zeros go out before it ends, and pages are told that it goes."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -202,7 +187,7 @@ def test_ctrl_c_stops_the_robot_and_the_node(peer):
 
 def test_ending_disturbs_nobody_when_nobody_drove(peer):
     """A node that was only looked at has published nothing, at its end either."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         robot = Commands(peer, page)
         assert node.interrupt(10.0) == 0
         assert robot.heard == []

@@ -104,6 +104,8 @@ def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
         wait_for(lambda: 'showing "arm"' in shown.output, "the robot")
         page.driver.get_log("performance")
         page.driver.get(node.address)
+        note = page.find("#slow")
+        wait_for(note.is_displayed, "word of a view that lags", timeout=60.0)
         # Software WebGL takes some 20 s to the first picture on two cores.
         wait_for(
             lambda: colored(pixels(page.driver.get_screenshot_as_png()), BLUE).sum() > 1000,
@@ -116,6 +118,7 @@ def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
         wait_to_move(heard)
         page.act().key_up("w").perform()
         wait_for(lambda: heard[-1] == STILL, "the stop")
+        wait_for(lambda: not note.is_displayed(), "that word to go", timeout=120.0)
         page.driver.get("about:blank")  # software WebGL keeps the machine busy
 
 

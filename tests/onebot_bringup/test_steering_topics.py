@@ -21,7 +21,7 @@ from tests.onebot_bringup.steering_support import (
     Commands,
     PageClient,
     address_of,
-    steering,
+    steered,
 )
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
@@ -42,7 +42,7 @@ def _waited(page: PageClient, key: str, value: Any) -> None:
 
 def test_a_robot_that_takes_stamped_commands_gets_them(peer):
     """The type is the listeners'; the stamp is now."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (_, page):
         robot = Commands(peer, page, kind=TwistStamped)
         _waited(page, "topic_type", STAMPED)
         page.hold(0.3)
@@ -56,7 +56,7 @@ def test_a_robot_that_takes_stamped_commands_gets_them(peer):
 
 def test_the_type_is_followed_live(peer, ros_domain):
     """A robot that comes back with the other type is driven again."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         first: list[Any] = []
         subscription = peer.node.create_subscription(Twist, TOPIC, first.append, 10)
         _waited(page, "listeners", 1)
@@ -65,7 +65,7 @@ def test_the_type_is_followed_live(peer, ros_domain):
         page.let_go()
         peer.node.destroy_subscription(subscription)
         _waited(page, "listeners", 0)
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         wait_for(lambda: not peer.node.get_publishers_info_by_topic(TOPIC), "the node to be gone")
         with Peer(ros_domain, "rerun_viewer") as viewer:
             # A viewer that hears Twist is no robot: it must not hold the type.
@@ -81,7 +81,7 @@ def test_the_type_is_followed_live(peer, ros_domain):
 
 def test_another_topic_is_steered_after_the_old_robot_was_stopped(peer):
     """The old one gets zeros, the new one nothing before somebody takes hold anew."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (_, page):
         first = Commands(peer, page)
         second = peer.hear(TwistStamped, "/other/cmd_vel")
         wait_for(
@@ -114,11 +114,7 @@ def _holds_twist(peer: Peer, topic: str) -> bool:
 def test_a_topic_of_another_type_is_refused(peer):
     """With a sentence, to the page that wanted it only; what is steered goes on."""
     texts = peer.hear(String, "/texts")
-    with (
-        steering() as node,
-        PageClient(address_of(node)) as page,
-        PageClient(address_of(node)) as other,
-    ):
+    with steered(2) as (_, page, other):
         robot = Commands(peer, page)
         page.hold(0.3)
         robot.reach(0.3)
@@ -139,7 +135,7 @@ def test_a_topic_of_another_type_is_refused(peer):
 def test_nothing_is_sent_on_a_topic_of_another_type(peer):
     """Not either when it was given at the start."""
     texts = peer.hear(String, "/texts")
-    with steering(topic="/texts") as node, PageClient(address_of(node)) as page:
+    with steered(topic="/texts") as (node, page):
         wait_for(lambda: page.state["topic"] == "/texts", "the topic")
         page.hold(0.3)
         wait_for(lambda: "/texts holds std_msgs/msg/String" in node.output, "a warning")
@@ -153,7 +149,7 @@ def test_topics_with_a_listener_are_offered_first(peer):
     peer.node.create_publisher(Twist, "/a_source", 10)
     peer.hear(Twist, "/z_robot")
     peer.hear(String, "/not_a_command")
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (_, page):
         _waited(page, "topics", ["/z_robot", "/a_source"])
 
 
@@ -161,11 +157,7 @@ def test_the_limits_are_the_controllers(peer):
     """As its parameters say; a page may set others, for all pages; without any, the usual ones."""
     peer.node.declare_parameter("linear.x.max_velocity", 0.4)
     peer.node.declare_parameter("angular.z.max_velocity", math.nan)
-    with (
-        steering() as node,
-        PageClient(address_of(node)) as page,
-        PageClient(address_of(node)) as other,
-    ):
+    with steered(2) as (_, page, other):
         _waited(page, "limits", {"linear": 1.0, "angular": 2.0})
         robot = Commands(peer, page)
         _waited(page, "limits", {"linear": 0.4, "angular": 2.0})
@@ -222,10 +214,7 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
 
 def test_given_limits_are_the_most_that_pages_can_set(peer):
     """max_linear and max_angular are the operator's word."""
-    with (
-        steering(max_linear=0.5, max_angular=0.7) as node,
-        PageClient(address_of(node)) as page,
-    ):
+    with steered(max_linear=0.5, max_angular=0.7) as (_, page):
         _waited(page, "limits", {"linear": 0.5, "angular": 0.7})
         page.send("limits", linear=9.0, angular=0.1)
         _waited(page, "limits", {"linear": 0.5, "angular": 0.1})
@@ -255,7 +244,7 @@ def _shown(page: PageClient, publisher: Any, message: Odometry) -> dict[str, Any
 def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
     """The sibling of its topic, whatever else there is; with its age."""
     other = peer.node.create_publisher(Odometry, "/elsewhere", 10)
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (_, page):
         assert page.state["odometry"] is None
         wait_for(lambda: other.get_subscription_count(), "the only odometry there is to be heard")
         own = peer.publisher(Odometry, "/velocity_controller/odom")
@@ -272,7 +261,7 @@ def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
 
 def test_odometry_that_cannot_be_decoded_is_not_shown(peer):
     """The page goes on to hear of everything else, and of the odometry that comes next."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (_, page):
         own = peer.publisher(Odometry, "/velocity_controller/odom")
         _shown(page, own, _odometry(1.0, 0.0))
         own.publish(b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0")
@@ -285,7 +274,7 @@ def test_odometry_that_cannot_be_decoded_is_not_shown(peer):
 def test_odometry_can_be_named(peer):
     """odom_topic goes before what would be found."""
     peer.node.create_publisher(Odometry, "/velocity_controller/odom", 10)
-    with steering(odom_topic="/mine") as node, PageClient(address_of(node)) as page:
+    with steered(odom_topic="/mine") as (_, page):
         shown = _shown(page, peer.publisher(Odometry, "/mine"), _odometry(2.0, 0.0))
         assert (shown["topic"], shown["x"]) == ("/mine", 2.0)
 
@@ -295,7 +284,7 @@ VIEW = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dar
 
 def test_the_view_comes_and_goes_with_the_viewer(peer):
     """A new viewer gives the page another path, so that it loads the view anew."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         assert page.state["view"] is None
         viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=VIEW))
@@ -310,7 +299,7 @@ def test_the_view_comes_and_goes_with_the_viewer(peer):
 
 def test_a_view_elsewhere_is_not_shown(peer):
     """Whoever is on the ROS graph must not make the server ask hosts in its network."""
-    with steering() as node, PageClient(address_of(node)) as page:
+    with steered() as (node, page):
         viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=VIEW.replace("127.0.0.1", "192.0.2.7")))
         wait_for(lambda: "names no page on this computer" in node.output, "a warning")

@@ -1,5 +1,18 @@
 /** The robot's Rerun view, in a frame of its own on this page's origin. */
 
+const NOTE_FOR = 30000; // ms; about as long as it takes to catch up
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+
+/** Whether pictures are drawn by the processor: then Rerun falls behind what comes in. */
+function drawnInSoftware() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (!context) return false;
+  const names = context.getExtension("WEBGL_debug_renderer_info");
+  const renderer = context.getParameter(names?.UNMASKED_RENDERER_WEBGL ?? context.RENDERER);
+  context.getExtension("WEBGL_lose_context")?.loseContext();
+  return SOFTWARE.test(renderer);
+}
+
 export class View {
   /**
    * @param {HTMLElement} place holds the frame, and a sentence to be seen while there is none.
@@ -10,6 +23,8 @@ export class View {
     this.wheel = wheel;
     this.address = null;
     this.frame = null;
+    this.note = place.querySelector("#slow");
+    this.noteEnds = undefined;
   }
 
   /** Show the view at an address of this server, or none. */
@@ -19,6 +34,7 @@ export class View {
     this.frame?.remove();
     this.frame = null;
     this.place.classList.toggle("empty", !address);
+    this.explain(false);
     if (address) this.load(address);
   }
 
@@ -35,6 +51,13 @@ export class View {
     this.place.append(this.frame);
   }
 
+  /** Say for a while why the view is behind, or no longer. */
+  explain(behind) {
+    clearTimeout(this.noteEnds);
+    this.note.hidden = !behind;
+    if (behind) this.noteEnds = setTimeout(() => this.explain(false), NOTE_FOR);
+  }
+
   /** Hand the keys from the frame back to the page. */
   giveBackFocus() {
     this.frame?.blur();
@@ -42,6 +65,7 @@ export class View {
   }
 
   loaded(inside) {
+    this.explain(drawnInSoftware());
     // Keys pressed in the frame stay there; but the space bar stops the robot everywhere.
     const stop = (event) => {
       if (event.code !== "Space") return;

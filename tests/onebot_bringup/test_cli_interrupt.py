@@ -1,0 +1,60 @@
+"""Ctrl-C from the first moment on: quiet, and with the exit code that the command has for it."""
+
+import subprocess
+import sys
+
+import pytest
+
+COMMANDS = {
+    "onebot": "onebot_bringup.cli.main",
+    "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
+    "mrm_bringup": "mrm_description.launch.mrm_bringup",
+}
+# What the command imports once it runs comes with a SIGINT.
+INTERRUPTED = """
+import os, signal, sys
+from {module} import main
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+sys.exit(main({words}))
+"""
+
+
+def python(program: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize("module", COMMANDS.values())
+def test_hardly_anything_is_imported_before_ctrl_c_is_answered(module):
+    """Until then Python answers it, with a traceback; only what is ours and small may come."""
+    done = python(
+        f"import sys; before = set(sys.modules); import {module}; "
+        "print(*(set(sys.modules) - before))"
+    )
+    names = done.stdout.split()
+    ours = [name for name in names if name.partition(".")[0].startswith(("onebot", "mrm"))]
+    assert module in ours and len(ours) < 10
+    assert set(names) - set(ours) <= {"collections", "collections.abc"}
+
+
+@pytest.mark.parametrize(
+    ("program", "words", "code"),
+    [
+        ("onebot", ["check", "a.urdf"], 130),
+        ("onebot", ["snapshot", "a.png"], 130),
+        ("onebot", ["steer"], 0),
+        ("onebot", [], 130),
+        ("onebot_bringup", ["--show-args"], 0),
+        ("mrm_bringup", [], 0),
+    ],
+)
+def test_ctrl_c_while_it_imports(program, words, code):
+    """No traceback, and nothing else that would have to be understood."""
+    done = python(INTERRUPTED.format(module=COMMANDS[program], words=words))
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
