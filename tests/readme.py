@@ -15,6 +15,7 @@ from pathlib import Path
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 UP = "Ctrl-C stops everything"
+_SOME_MESSAGES = 50_000  # bytes
 BRINGUP = re.compile(
     r"\b(mrm_bringup|onebot_bringup|onebot view|onebot replay)\b(?!.*(--help|--show-args))"
 )
@@ -63,7 +64,7 @@ def run_until_up(
                 output += piece or b""
                 sys.stdout.write((piece or b"").decode(errors="replace"))
                 sys.stdout.flush()
-            if not interrupted and _is_up(command, output):
+            if not interrupted and _is_up(command, output) and _has_recorded(command, cwd):
                 interrupted = True
                 os.killpg(process.pid, signal.SIGINT)
             if time.monotonic() > deadline:
@@ -79,6 +80,14 @@ def _is_up(command: str, output: bytes) -> bool:
     shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)
     moving = "robot description taken up" in text or "driving robot" in text
     return UP in text and moving and shown
+
+
+def _has_recorded(command: str, cwd: Path) -> bool:
+    """Whether there is more than its beginning in what a command records, if it does."""
+    folder = re.search(r"record:=(\S+)", command)
+    if folder is None:
+        return True
+    return any(file.stat().st_size > _SOME_MESSAGES for file in (cwd / folder[1]).glob("*.mcap"))
 
 
 def main() -> int:
