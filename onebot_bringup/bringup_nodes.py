@@ -8,7 +8,7 @@ from pathlib import Path
 from onebot_bringup.description_files import Known
 from onebot_bringup.joint_sweep import sweep_parameters
 from onebot_bringup.launcher.node import Node, OnExit
-from onebot_bringup.ros_nodes import RosNodes
+from onebot_bringup.ros_nodes import NICE_VIEWER, NICE_WATCHER, RosNodes
 from onebot_description.description import Description
 
 
@@ -89,7 +89,7 @@ class NodeFactory:
             "open_browser": not self.steered,  # the steering page holds the view
         }
         module = "onebot_bringup.rerun_viewer"
-        return self._node("rerun_viewer", module, parameters, on_exit="ignore")
+        return self._node("rerun_viewer", module, parameters, on_exit="ignore", nice=NICE_VIEWER)
 
     def steering_page(self) -> Node:
         """Return the page to steer from; it may crash without the robot's noticing.
@@ -118,7 +118,9 @@ class NodeFactory:
         words = ["--known", self.known.to_json(), self.values["model"]]
         words += [f"{name}:={value}" for name, value in self.xacro_arguments.items()]
         module = "onebot_bringup.description_watcher"
-        return self._node("description_watcher", module, {}, words, on_exit="ignore")
+        return self._node(
+            "description_watcher", module, {}, words, on_exit="ignore", nice=NICE_WATCHER
+        )
 
     def _node(
         self,
@@ -128,6 +130,7 @@ class NodeFactory:
         words: Sequence[str] = (),
         on_exit: OnExit = "shutdown",
         files: Sequence[Path] = (),
+        nice: int = 0,
     ) -> Node:
         make = RosNodes(
             self.folder, self.values["namespace"], self.ros_args, self.values["log_level"]
@@ -139,6 +142,7 @@ class NodeFactory:
             words=words,
             on_exit=on_exit,
             files=files,
+            nice=nice,
         )
 
     def _fixed_frame(self) -> str:

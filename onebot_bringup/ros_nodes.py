@@ -7,6 +7,9 @@ from pathlib import Path
 from onebot_bringup.launcher.node import Node, OnExit, python_node
 from onebot_bringup.launcher.parameter_files import write_parameters
 
+# Where processors are short, the robot comes before what shows it (see nice(2)).
+NICE_VIEWER, NICE_WATCHER = 5, 10
+
 
 @dataclass(frozen=True)
 class RosNodes:
@@ -34,6 +37,7 @@ class RosNodes:
         on_exit: OnExit = "shutdown",
         files: Sequence[Path] = (),
         renamed: bool = False,
+        nice: int = 0,
     ) -> Node:
         """Return a node to start, and write its parameters.
 
@@ -46,6 +50,7 @@ class RosNodes:
             files: further parameter files; ``parameters`` go before them.
             renamed: its module calls it otherwise. Not for a module with several nodes, which
                 would all get the name.
+            nice: as ``Node.nice``.
         """
         namespace = self.namespace.strip("/")
         file = write_parameters(self.folder, name, parameters, namespace)
@@ -57,4 +62,4 @@ class RosNodes:
         if namespace:
             ros_args += ["-r", f"__ns:=/{namespace}"]
         arguments = [*words, "--ros-args", *ros_args, *self.ros_args]
-        return python_node(name, module, arguments, on_exit=on_exit)
+        return python_node(name, module, arguments, on_exit=on_exit, nice=nice)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from onebot_control.control_parameters import (
     AXES,
@@ -13,13 +13,15 @@ from onebot_control.control_parameters import (
     ROS_PARAMETERS,
     ROS_PREFIXES,
 )
-from onebot_control.geometry import WheelGeometry
 from onebot_control.kinematics import DiffDriveKinematics
 from onebot_control.speed_limiter import NAMES as LIMITS
 from onebot_control.speed_limiter import SpeedLimits
 from onebot_description.joints.problems import ConfigError, Problem
 from onebot_description.joints.readers import Reader
 from onebot_description.text import did_you_mean
+
+if TYPE_CHECKING:
+    from onebot_control.geometry import WheelGeometry
 
 COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
 INTERFACES = ("position", "velocity", "effort")
@@ -104,7 +106,7 @@ class ControlConfig:
             raise ConfigError(problems)
         return config
 
-    def kinematics(self, geometry: WheelGeometry) -> DiffDriveKinematics:
+    def kinematics(self, geometry: "WheelGeometry") -> DiffDriveKinematics:
         """Return the drive's geometry, scaled by the multipliers."""
         return DiffDriveKinematics(
             geometry.separation * self.wheel_separation_multiplier,

@@ -24,7 +24,7 @@ from onebot_bringup.launcher.arguments import (
     table,
 )
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.ros_nodes import RosNodes
+from onebot_bringup.ros_nodes import NICE_VIEWER, RosNodes
 from onebot_bringup.steering.place import Place, choose_place
 from onebot_description.errors import OneBotError
 
@@ -116,7 +116,9 @@ def _launch(folder: Path, values: Mapping[str, str], place: Place, ros_args: Seq
         view: dict[str, object] = {"viewer": "web", "view": values["view"], "open_browser": False}
         view |= {"grpc_port": 0, "web_port": 0}
         module = "onebot_bringup.rerun_viewer"
-        nodes.append(make.node(_VIEWER, module, view, on_exit="ignore", renamed=True))
+        nodes.append(
+            make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
+        )
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
     return Launcher(nodes, name="onebot steer", started_message=hint, temporary=[folder]).run()
 

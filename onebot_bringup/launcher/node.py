@@ -44,6 +44,7 @@ class Node:
         hold_interrupt: start with SIGINT blocked; the program unblocks it when it is ready for
             it (see ``start_module``).
         module: the Python module that it is, if an interpreter may stand by for it; else empty.
+        nice: how far it stands back where processors are short, 0 to 19 (see nice(2)).
     """
 
     name: str
@@ -53,6 +54,7 @@ class Node:
     restart: Restart = Restart()
     hold_interrupt: bool = False
     module: str = ""
+    nice: int = 0
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -67,8 +69,9 @@ def python_node(
     *,
     on_exit: OnExit = "shutdown",
     environment: Mapping[str, str] | None = None,
+    nice: int = 0,
 ) -> Node:
     """Return a node that is a Python module, run by the interpreter that runs the launcher."""
     command = (*module_command(module), *arguments)
     variables = {**python_environment(), **(environment or {})}
-    return Node(name, command, on_exit, variables, hold_interrupt=True, module=module)
+    return Node(name, command, on_exit, variables, hold_interrupt=True, module=module, nice=nice)

@@ -1,5 +1,6 @@
 """One running node: its process, its process group and its output."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -82,6 +83,10 @@ class RunningNode:
         self._told_the_rest = False
         environment = {**os.environ, **node.environment}
         self._process = process or open_process(node.command, environment, node.hold_interrupt)
+        if node.nice:
+            niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + node.nice, 19)
+            with contextlib.suppress(ProcessLookupError):  # it has ended already
+                os.setpriority(os.PRIO_PROCESS, self._process.pid, niceness)
         assert self._process.stdout is not None and self._process.stderr is not None
         self.readers = (
             LineReader(self._process.stdout, out),

@@ -6,8 +6,9 @@ The launcher starts this with SIGINT blocked, so that none can hit the interpret
 up. Then SIGINT gets its default action, which ends the process at once and without a traceback,
 until the node installs its own handler (``run_node`` does so before it starts ROS).
 
-``MODULE --standby`` imports the module, and runs it when a line of standard input says with which
-arguments (see ``standby.py``); it ends when there comes none.
+``MODULE --standby`` imports the module (and while it waits, what is in its ``IMPORTED_LATER``),
+and runs it when a line of standard input says with which arguments (see ``standby.py``); it ends
+when there comes none.
 
 When the module has ended, and all that is registered to be done at exit has been done, the process
 ends as well. To take down the modules of ROS and Rerun one by one would cost the interpreter up to
@@ -21,6 +22,7 @@ import importlib
 import json
 import os
 import runpy
+import select
 import signal
 import sys
 from typing import NoReturn
@@ -47,7 +49,11 @@ def main() -> None:
 def _stand_by(module: str) -> list[str]:
     """Import a module and what it imports; return the arguments it is to be run with."""
     with contextlib.suppress(Exception):  # it comes again when the module is run
-        importlib.import_module(module)
+        later = getattr(importlib.import_module(module), "IMPORTED_LATER", ())
+        for name in later:
+            if select.select([0], [], [], 0)[0]:
+                break  # the module knows better when
+            importlib.import_module(name)
     sys.modules.pop(module, None)  # runpy runs it anew, as __main__
     line = sys.stdin.readline()
     if not line:

@@ -145,3 +145,14 @@ def test_two_nodes_of_one_name_are_refused() -> None:
 def test_exit_codes_in_words(code: int, words: str) -> None:
     """Each kind of end has its words, even a signal without a name."""
     assert words in describe_exit(code)
+
+
+def test_a_nice_node_stands_back(start: Start, tmp_path: Path) -> None:
+    """It has the niceness asked for; the others have the launcher's."""
+    launcher = start("[script('nice', 'runs.py', nice=7), script('other', 'fails.py', 'ignore')]")
+    pid = number_in(tmp_path / "runs.pid")
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+    wait_for(lambda: os.getpriority(os.PRIO_PROCESS, pid) == min(mine + 7, 19), "the niceness")
+    assert os.getpriority(os.PRIO_PROCESS, launcher.process.pid) == mine
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 0

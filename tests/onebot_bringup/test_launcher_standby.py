@@ -126,6 +126,16 @@ def test_broken_module_is_reported_when_it_is_run(folder: Path, standby: Standby
     assert said.decode().endswith("ValueError: a fault\n")
 
 
+def test_what_is_imported_later_is_imported_while_waiting(folder: Path) -> None:
+    """Only as long as there is nothing else to do."""
+    (folder / "later.py").write_text("open('was_imported', 'w').close()\n")
+    (folder / "early.py").write_text("IMPORTED_LATER = ('later',)\n")
+    with Standby(["early"]) as waiting:
+        wait_for((folder / "was_imported").exists, "the import")
+        process = waiting.take(python_node("e", "early"))
+        assert process is not None and process.wait(30.0) == 0
+
+
 @pytest.mark.parametrize("words", [["--help"], ["viewer:=nowhere"]])
 def test_no_bringup_leaves_anybody_standing_by(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
