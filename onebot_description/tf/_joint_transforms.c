@@ -3,23 +3,13 @@
  * The same arithmetic as JointArrays.transforms in model/robot_model.py, in one pass and without the
  * dozen calls of numpy, which cost more than the arithmetic itself below some hundred joints.
  */
-#include <math.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "_joint_transforms.h"
 
-#include "../model/_joint.h"
+#include <math.h>
+#include <string.h>
 
 #define EXPORT __attribute__((visibility("default")))
 #define MODERATE 1e100
-#define STAMP_AT 4 /* in a serialized message that begins with a header */
-
-/* A row of the array that kernel.py makes (JOINT there); offsets are in bytes. */
-struct joint {
-  double half_turn, multiplier, offset;
-  double constant[ONEBOT_POSE], sine[4], slide[3];
-  uint64_t column, stamp_at, values_at;
-};
 
 static void transform(const struct joint *joint, const unsigned char *positions, double *out) {
   double position;
@@ -45,7 +35,7 @@ EXPORT void onebot_fill_message(unsigned char *message, const struct joint *join
   for (const struct joint *joint = joints; joint < joints + count; joint++) {
     double values[ONEBOT_POSE];
     transform(joint, data + at, values);
-    memcpy(message + joint->stamp_at, data + STAMP_AT, 8);
+    memcpy(message + joint->stamp_at, data + ONEBOT_STAMP_AT, 8);
     memcpy(message + joint->values_at, values, sizeof values);
   }
 }

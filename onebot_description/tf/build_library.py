@@ -20,9 +20,10 @@ _FOLDER = Path(__file__).parent
 SOURCES = (
     _FOLDER / "_tf_message.c",
     _FOLDER / "_joint_transforms.c",
+    _FOLDER / "_state_converter.c",
     _FOLDER.with_name("model") / "_kinematics.c",
 )
-_HEADERS = (_FOLDER.with_name("model") / "_joint.h",)
+_HEADERS = (_FOLDER / "_joint_transforms.h", _FOLDER.with_name("model") / "_joint.h")
 LIBRARY = Path(__file__).with_name("_tf_message.so")
 
 # The oldest C library that the ROS 2 wheels themselves run on.

@@ -23,6 +23,7 @@ class JointStatePlan:
     Attributes:
         rows: (K,) the model's joints this plan moves.
         template: the TFMessage it fills.
+        kernel: what fills it; None where nothing is compiled.
         moderate: positions that are ``all_moderate`` give finite transforms. A robot whose own
             numbers are so large that they might not is published all the same, but slower.
     """
@@ -53,12 +54,12 @@ class JointStatePlan:
             bool((np.abs(numbers) <= MODERATE).all())
             for numbers in (self._motion.multiplier, self._motion.offset, self._joints.constant)
         )
-        self._kernel = make_kernel(self._motion, self.template)
+        self.kernel = make_kernel(self._motion, self.template)
 
     def transforms(self, positions: Floats) -> Floats:
         """(K, 7) transforms for positions in the message's order, (len(names),)."""
-        if self._kernel is not None:
-            return self._kernel.transforms(positions)
+        if self.kernel is not None:
+            return self.kernel.transforms(positions)
         motion = self._motion
         own = positions[motion.columns] * motion.multiplier + motion.offset
         return motion.joints.transforms(own)
@@ -82,8 +83,8 @@ class JointStatePlan:
             at: where its positions begin, in bytes.
             count: of its positions, all of them ``usable``.
         """
-        if self._kernel is not None:
-            return self._kernel.message(data, at)
+        if self.kernel is not None:
+            return self.kernel.message(data, at)
         positions = np.frombuffer(data, "<f8", count, at)
         return self.template.fill(data[STAMP], self.transforms(positions))
 
@@ -105,40 +106,3 @@ class RecentlyUsed(OrderedDict[object, V]):
         if len(self) > self._capacity:
             self.popitem(last=False)
         return value
-
-
-class LastPublished:
-    """When each joint was last published; the throttle looks at the oldest of a message's joints.
-
-    The joints of one plan all share a time, so while the same plan comes again, one number tells.
-    """
-
-    def __init__(self, joints: int) -> None:
-        """Start with ``joints`` joints never published."""
-        self._times: NDArray[np.int64] = np.zeros(joints, np.int64)
-        self._plan: JointStatePlan | None = None
-        self._time = 0
-
-    def oldest(self, plan: JointStatePlan) -> int:
-        """Stamp in nanoseconds of the oldest last publication among the plan's joints; 0: never."""
-        if plan is self._plan:
-            return self._time
-        self._write_back()
-        return int(self._times[plan.rows].min()) if len(plan.rows) else 0
-
-    def record(self, plan: JointStatePlan, stamp_ns: int) -> None:
-        """Note that the plan's joints were published with ``stamp_ns``."""
-        if plan is not self._plan:
-            self._write_back()
-            self._plan = plan
-        self._time = stamp_ns
-
-    def forget(self) -> None:
-        """Start afresh."""
-        self._times[:] = 0
-        self._plan = None
-
-    def _write_back(self) -> None:
-        if self._plan is not None:
-            self._times[self._plan.rows] = self._time
-            self._plan = None

@@ -18,7 +18,7 @@ from onebot_description.tf.wire import DOUBLES_PER_TRANSFORM, Floats, TfTemplate
 # Numbers up to this size stay finite when they are multiplied and added, as transforms are made.
 MODERATE = 1e100
 
-# struct joint in _joint_transforms.c.
+# struct joint in _joint_transforms.h.
 _JOINT = np.dtype(
     [
         ("half_turn", "f8"),
@@ -50,7 +50,11 @@ class Motion(NamedTuple):
 
 
 class Kernel:
-    """Writes a plan's transforms; one object a plan, because it holds where all of it lies."""
+    """Writes a plan's transforms; one object a plan, because it holds where all of it lies.
+
+    Attributes:
+        joints: address and number of the plan's joints, as long as this object lives.
+    """
 
     def __init__(self, library: ctypes.PyDLL, motion: Motion, template: TfTemplate) -> None:
         """Lay ``motion`` out for the ``library``, with the places of ``template``."""
@@ -62,7 +66,7 @@ class Kernel:
         rows["column"] = motion.columns
         rows["stamp_at"], rows["values_at"] = template.stamps_at, template.values_at
         self._rows, self._template = rows, template
-        self._joints = (rows.ctypes.data, len(rows))
+        self.joints = (rows.ctypes.data, len(rows))
         self._message = template.address
         self._fill = library.onebot_fill_message
         self._transforms = library.onebot_joint_transforms
@@ -74,13 +78,13 @@ class Kernel:
             data: the serialized JointState; its positions are all finite.
             at: where they begin, in bytes.
         """
-        self._fill(self._message, *self._joints, data, at)
+        self._fill(self._message, *self.joints, data, at)
         return self._template.serialized()
 
     def transforms(self, positions: Floats) -> Floats:
         """(K, 7) transforms for positions in the message's order."""
         values = np.empty((len(self._rows), DOUBLES_PER_TRANSFORM))
-        self._transforms(values.ctypes.data, *self._joints, positions.astype("<f8").tobytes())
+        self._transforms(values.ctypes.data, *self.joints, positions.astype("<f8").tobytes())
         return values
 
 
@@ -111,4 +115,6 @@ def compiled() -> ctypes.PyDLL | None:
     library.onebot_fill_message.restype = None
     library.onebot_joint_transforms.argtypes = [pointer, pointer, size, text]
     library.onebot_joint_transforms.restype = None
+    library.onebot_state_converter.argtypes = [ctypes.py_object]
+    library.onebot_state_converter.restype = ctypes.py_object
     return library

@@ -13,25 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.model import RobotModel
-from onebot_description.stamps import NANO
-from onebot_description.tf.joint_state_plan import JointStatePlan, LastPublished, RecentlyUsed
+from onebot_description.tf.compiled_path import make_compiled_path
+from onebot_description.tf.joint_state_plan import JointStatePlan
 from onebot_description.tf.kernel import all_moderate
+from onebot_description.tf.layouts import Layouts
+from onebot_description.tf.published_times import PublishedTimes, Warn
 from onebot_description.tf.wire import (
-    ENCAPSULATION,
     STAMP,
     Floats,
     JointStateArrays,
-    Reader,
     TfTemplate,
     WireError,
     pack_stamp,
+    unpack_stamp,
 )
-
-_NAMES_START = 12
-# Publishers of one topic, times the subsets of joints each sends; more only costs time.
-_KEPT_LAYOUTS = 64
-
-Warn = Callable[[str, str], None]
 
 
 class Transforms(NamedTuple):
@@ -52,34 +47,18 @@ class Transforms(NamedTuple):
         return self.plan.template.fill(self.stamp, self.values)
 
 
-class _Layout(NamedTuple):
-    """Where the positions lie behind one particular block of names."""
-
-    block: bytes
-    text: NDArray[np.intp]
-    first: int
-    names: tuple[str, ...]
-    counted: bytes
-    counted_at: int
-    plan: JointStatePlan
-
-    def same_text(self, data: bytes) -> bool:
-        """Whether ``data`` differs from the block in padding only, whose bytes are arbitrary."""
-        end = _NAMES_START + len(self.block)
-        if len(data) < end:
-            return False
-        theirs = np.frombuffer(data, np.uint8, len(self.block), _NAMES_START)
-        ours = np.frombuffer(self.block, np.uint8)
-        return bool((theirs[self.text] == ours[self.text]).all())
-
-
 class StateConverter:
     """Applies one robot's description to its joint states.
 
     Attributes:
-        interval_ns: least time between two publications of a joint; 0 for every message.
-        ignore_timestamp: publish whatever the stamp says.
+        convert_bytes: ``convert_bytes(data, now_ns)`` turns a serialized JointState, in plain
+            little-endian CDR, into a serialized TFMessage, or into None when nothing is to be
+            published. ``now_ns`` is the node's clock, to notice that it was set back. Raises
+            WireError for bytes of another encoding, or broken ones. It is a builtin where the
+            library is built.
     """
+
+    convert_bytes: Callable[[bytes, int], bytes | None]
 
     def __init__(
         self,
@@ -90,17 +69,23 @@ class StateConverter:
         ignore_timestamp: bool = False,
         warn: Warn = lambda _key, _text: None,
     ) -> None:
-        """Serve ``model``; ``warn(key, text)`` is told of input that is passed over."""
+        """Serve ``model``.
+
+        Args:
+            model: the robot.
+            frame_prefix: prepended to every frame.
+            interval_ns: least time between two publications of a joint; 0 for every message.
+            ignore_timestamp: publish whatever the stamp says.
+            warn: ``warn(key, text)`` is told of input that is passed over.
+        """
         self._model = model
         self._prefix = frame_prefix
-        self.interval_ns = interval_ns
-        self.ignore_timestamp = ignore_timestamp
         self._warn = warn
-        self._plans: RecentlyUsed[JointStatePlan] = RecentlyUsed(_KEPT_LAYOUTS)
-        self._layouts: RecentlyUsed[_Layout] = RecentlyUsed(_KEPT_LAYOUTS)
-        self._layout: _Layout | None = None
-        self._last = LastPublished(len(model.joints))
-        self._newest_call = 0
+        self._layouts = Layouts(model, frame_prefix)
+        self._times = PublishedTimes(len(model.joints), interval_ns, ignore_timestamp)
+        self._compiled = make_compiled_path(self._times)
+        path = self._compiled
+        self.convert_bytes = path.bind(self._convert_bytes) if path else self._convert_bytes
 
     def static_transforms(self, stamp_ns: int) -> bytes:
         """Return the serialized TFMessage of the joints that never move."""
@@ -113,43 +98,28 @@ class StateConverter:
 
     def forget_times(self) -> None:
         """Start afresh, after the clock was set back."""
-        self._last.forget()
+        self._times.forget()
 
-    def convert_bytes(self, data: bytes, now_ns: int) -> bytes | None:
-        """Turn a serialized JointState into a serialized TFMessage.
-
-        Args:
-            data: plain little-endian CDR.
-            now_ns: the node's clock, to notice that it was set back.
-
-        Returns:
-            None when nothing is to be published.
-
-        Raises:
-            WireError: the bytes are of another encoding, or broken.
-        """
-        layout = self._layout_of(data)
-        if data[layout.counted_at : layout.counted_at + 4] != layout.counted:
-            reader = Reader(data)
-            reader.offset = layout.counted_at
-            self._complain_of_sizes(len(layout.names), reader.u32())
+    def _convert_bytes(self, data: bytes, now_ns: int) -> bytes | None:
+        """The long way of ``convert_bytes``, for every message."""
+        layout, count = self._layouts.of(data)
+        if count != len(layout.names):
+            self._complain_of_sizes(len(layout.names), count)
             return None
-        count = len(layout.names)
         if count == 0:
             return None
         if layout.first + 8 * count > len(data):
             raise WireError("truncated positions")
-        stamp = data[STAMP]
-        seconds = int.from_bytes(stamp[:4], "little", signed=True)
-        stamp_ns = seconds * NANO + int.from_bytes(stamp[4:], "little")
-        plan = layout.plan
+        stamp_ns, plan = unpack_stamp(data[STAMP]), layout.plan
         if not (plan.moderate and all_moderate(data, layout.first, count)):
             positions = np.frombuffer(data, "<f8", count, layout.first)
             state = JointStateArrays(stamp_ns, "", layout.names, positions, positions, positions)
             result = self.convert(state, now_ns)
             return None if result is None else result.serialized()
-        if not self._due(plan, stamp_ns, now_ns):
+        if not self._times.due(plan.rows, stamp_ns, now_ns, self._warn):
             return None
+        if self._compiled is not None:
+            self._compiled.learn(layout)
         return plan.message(data, layout.first, count)
 
     def convert(self, state: JointStateArrays, now_ns: int) -> Transforms | None:
@@ -158,7 +128,7 @@ class StateConverter:
         if len(names) != len(positions):
             self._complain_of_sizes(len(names), len(positions))
             return None
-        usable = self._plan(names).usable(positions) if names else np.empty(0, bool)
+        usable = self._layouts.plan(names).usable(positions) if names else np.empty(0, bool)
         if not usable.all():
             bad = [name for name, good in zip(names, usable, strict=True) if not good]
             self._complain_of_positions(bad, np.isfinite(positions[~usable]))
@@ -166,82 +136,10 @@ class StateConverter:
             positions = positions[[name not in bad for name in state.names]]
         if not names:
             return None
-        plan = self._plan(names)
-        if not self._due(plan, state.stamp_ns, now_ns):
+        plan = self._layouts.plan(names)
+        if not self._times.due(plan.rows, state.stamp_ns, now_ns, self._warn):
             return None
         return Transforms(plan, plan.transforms(positions), pack_stamp(state.stamp_ns))
-
-    def _due(self, plan: JointStatePlan, stamp_ns: int, now_ns: int) -> bool:
-        """Whether the throttle lets a message pass; if so, note it as published."""
-        if now_ns < self._newest_call:
-            self._warn("clock", "the clock was set back; publishing the joints' transforms afresh")
-            self._last.forget()
-        self._newest_call = now_ns
-        if len(plan.rows) == 0:
-            return False
-        if not self.ignore_timestamp:
-            if stamp_ns == 0:
-                self._warn(
-                    "stamp",
-                    "joint states with stamp 0 are not published: set header.stamp, or the "
-                    "parameter ignore_timestamp to true",
-                )
-                return False
-            if stamp_ns < self._last.oldest(plan) + self.interval_ns:
-                return False
-        self._last.record(plan, stamp_ns)
-        return True
-
-    def _layout_of(self, data: bytes) -> _Layout:
-        if not data.startswith(ENCAPSULATION[:2]):
-            raise WireError("not plain little-endian CDR")
-        layout = self._layout
-        if layout is not None:
-            if data.startswith(layout.block, _NAMES_START):
-                return layout
-            if layout.same_text(data):
-                block = data[_NAMES_START : _NAMES_START + len(layout.block)]
-                self._layout = layout._replace(block=block)
-                return self._layout
-        self._layout = self._parse_layout(data)
-        return self._layout
-
-    def _parse_layout(self, data: bytes) -> _Layout:
-        reader = Reader(data)
-        reader.stamp_ns()
-        text: list[int] = []
-
-        def string() -> str:
-            reader.align(4)
-            start = reader.offset
-            value = reader.string()
-            text.extend(range(start - _NAMES_START, reader.offset - _NAMES_START))
-            return value
-
-        key = [string()]
-        count_at = reader.offset + -reader.offset % 4
-        text.extend(range(count_at - _NAMES_START, count_at + 4 - _NAMES_START))
-        names = tuple(string() for _ in range(reader.count(4)))
-        reader.align(4)
-        counted_at = reader.offset
-        reader.u32()
-        reader.align(8)
-
-        def make() -> _Layout:
-            return _Layout(
-                data[_NAMES_START:counted_at],
-                np.array(text, np.intp),
-                reader.offset,
-                names,
-                len(names).to_bytes(4, "little"),
-                counted_at,
-                self._plan(names),
-            )
-
-        return self._layouts.obtain((*key, names), make)
-
-    def _plan(self, names: tuple[str, ...]) -> JointStatePlan:
-        return self._plans.obtain(names, lambda: JointStatePlan(self._model, names, self._prefix))
 
     def _complain_of_positions(self, names: list[str], finite: NDArray[np.bool_]) -> None:
         """Tell of joints that are not moved, some of which have a finite position."""

@@ -233,6 +233,11 @@ class TfTemplate:
         """Where the message lies in memory, as long as this object lives."""
         return int(self._message.ctypes.data)
 
+    @property
+    def size(self) -> int:
+        """Of the message, in bytes."""
+        return len(self._message)
+
     def serialized(self) -> bytes:
         """Return the message as it was filled last."""
         return self._message.tobytes()
