@@ -192,14 +192,13 @@ class TfTemplate:
         """Write the bytes that never change and remember where the others lie."""
         self.parents, self.children = tuple(parents), tuple(children)
         body = bytearray(_U32.pack(len(self.children)))
-        stamps, values, names = [], [], [(0, len(body))]
+        stamps, values = [], []
         for parent, child in zip(self.parents, self.children, strict=True):
             body += bytes(-len(body) % 4)
             stamps.append(len(body))
             body += bytes(_STAMP.size)
             for name in (parent, child):
                 body += bytes(-len(body) % 4)
-                names.append((len(body), len(name.encode()) + 5))
                 body += pack_string(name)
             body += bytes(-len(body) % 8)
             values.append(len(body))
@@ -214,8 +213,6 @@ class TfTemplate:
         self.values_at = _BODY + np.array(values, np.intp)
         self._stamps = _slots(stamps, 4, 2)
         self._values = _slots(values, 8, DOUBLES_PER_TRANSFORM)
-        self._names = _mask(names, len(self._message))
-        self._lists = list(self.parents), list(self.children)
 
     def fill(self, stamp: bytes, values: Floats) -> bytes:
         """Return the serialized message.
@@ -242,23 +239,6 @@ class TfTemplate:
         """Return the message as it was filled last."""
         return self._message.tobytes()
 
-    def read(self, data: bytes) -> TfArrays | None:
-        """Return the arrays of a message of these frames; None if it is of others.
-
-        The lists of names are the same objects each time; nobody may change them.
-        """
-        if len(data) != len(self._message):
-            return None
-        if ((np.frombuffer(data, np.uint8) ^ self._message) & self._names).any():
-            return None
-        words = np.frombuffer(data, "<u4", (len(data) - _BODY) // 4, _BODY)
-        doubles = np.frombuffer(data, "<f8", (len(data) - _BODY) // 8, _BODY)
-        # The slots count from the room's beginning, eight bytes before the body.
-        stamps = words[self._stamps - 2 * _BODY // 4].astype(np.int64)
-        values = doubles[self._values - 2 * _BODY // 8]
-        stamps_ns = stamps[:, 0].astype(np.int32) * np.int64(NANO) + stamps[:, 1]
-        return TfArrays(*self._lists, stamps_ns, values[:, :3], values[:, 3:])
-
 
 def pack_stamp(stamp_ns: int) -> bytes:
     """Return a builtin_interfaces/Time as it lies on the wire."""
@@ -275,20 +255,6 @@ def pack_string(text: str) -> bytes:
     """Return a string as it lies on the wire: at a multiple of 4 from the body's start."""
     encoded = text.encode()
     return _U32.pack(len(encoded) + 1) + encoded + b"\x00"
-
-
-def _mask(spans: list[tuple[int, int]], length: int) -> NDArray[np.uint8]:
-    """(length,) 255 for the bytes of a message that never change, else 0.
-
-    Args:
-        spans: where those are in its body, and how many. Padding may hold anything.
-        length: of the message. Of the encapsulation the last two bytes are options.
-    """
-    mask = np.zeros(length, np.uint8)
-    mask[:2] = 255
-    for offset, size in spans:
-        mask[_BODY + offset : _BODY + offset + size] = 255
-    return mask
 
 
 def _slots(offsets: list[int], size: int, count: int) -> NDArray[np.intp]:

@@ -155,16 +155,19 @@ def _saved_in_page(url: str, folder: Path) -> Path:
 
 
 def _act(chromium: webdriver.Chrome, action: ActionChains) -> None:
-    """Press keys, and wait until the picture has changed and is at rest again."""
+    """Press keys, and wait until the picture has changed and is at rest again.
+
+    At rest, what a text is written into still blinks: that makes two pictures, in turn.
+    """
     before = chromium.get_screenshot_as_png()
     action.perform()
-    last = [before]
+    since: list[bytes] = []
 
     def settled() -> bool:
-        last.append(chromium.get_screenshot_as_png())
-        return last[-1] != before and len(set(last[-3:])) == 1
+        since.append(chromium.get_screenshot_as_png())
+        return {*since} != {before} and len(since) > 5 and len({*since[-6:]}) <= 2
 
-    wait_for(settled, "the page to answer")
+    wait_for(settled, "the page to answer", timeout=240.0)
 
 
 def _sent(live: LiveView, sent: list, view: str, start: int) -> int:
