@@ -1,10 +1,12 @@
 """Keeps what a loop does, and hands it over when it is asked for."""
 
 import json
+import os
 import sys
 import threading
 import time
 from array import array
+from typing import TextIO
 
 
 class Watch:
@@ -48,9 +50,11 @@ class Watch:
 
     def answer_orders(self) -> None:
         """Answer lines of standard input with what there is, from a thread, until it ends."""
-        threading.Thread(target=self._answer, daemon=True).start()
+        # Standard output of its own: the simulation leads the other aside while PyBullet starts.
+        output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+        threading.Thread(target=self._answer, args=(output,), daemon=True).start()
 
-    def _answer(self) -> None:
+    def _answer(self, output: TextIO) -> None:
         for _ in sys.stdin:
             with self._lock:
                 content = {
@@ -60,4 +64,4 @@ class Watch:
                     "speed": self._speed,
                 }
                 self._clear()
-            print(json.dumps(content), flush=True)
+            print(json.dumps(content), file=output, flush=True)
