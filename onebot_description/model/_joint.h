@@ -1,13 +1,59 @@
-/* One joint's transform from its position; robot_model.py has the formula. */
+/* Joints' transforms from their positions, some at once; robot_model.py has the formula. */
 #include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
 
-enum { ONEBOT_POSE = 7 }; /* numbers of a transform: translation x y z, rotation x y z w */
+enum {
+  ONEBOT_POSE = 7,  /* numbers of a transform: translation x y z, rotation x y z w */
+  ONEBOT_LANES = 4, /* joints at once; whatever the machine's registers hold, the same results */
+};
 
-/* constant: ONEBOT_POSE numbers, sine: 4, slide: 3, or NULL where nothing slides. */
-static inline void onebot_joint_transform(double half_turn, const double *constant,
-                                          const double *sine, const double *slide, double position,
+typedef double onebot_numbers __attribute__((vector_size(8 * ONEBOT_LANES)));
+typedef int64_t onebot_bits __attribute__((vector_size(8 * ONEBOT_LANES)));
+
+/* Sines and cosines of ONEBOT_LANES angles, to one unit in the last place of 1.
+ *
+ * The angle less the next multiple k of pi/2 (Cody and Waite: pi/2 in two parts, the first of 33
+ * bits, so that its product with k is exact) goes into Taylor's series. An angle that is not
+ * finite, or beyond what k counts exactly, is left to the C library.
+ */
+static inline void onebot_sines(const double *angles, double *sines, double *cosines) {
+  const double most = 0x1p17, round = 0x1.8p52; /* adding it leaves no bits behind the point */
+  onebot_numbers angle;
+  memcpy(&angle, angles, sizeof angle);
+  const onebot_numbers shifted = angle * 0x1.45f306dc9c883p-1 + round; /* 2/pi */
+  const onebot_numbers k = shifted - round;
+  const onebot_numbers first = angle - k * 0x1.921fb544p0, second = k * 0x1.0b4611a626331p-34;
+  const onebot_numbers x = first - second, rest = (first - x) - second, z = x * x;
+  /* x - x^3/3! + ... x^17/17!, and 1 - x^2/2! + ... x^16/16!, and what x + rest adds to them */
+  onebot_numbers odd = z * (1.0 / 355687428096000.0) - 1.0 / 1307674368000.0;
+  odd = ((odd * z + 1.0 / 6227020800.0) * z - 1.0 / 39916800.0) * z + 1.0 / 362880.0;
+  odd = ((odd * z - 1.0 / 5040.0) * z + 1.0 / 120.0) * z - 1.0 / 6.0;
+  onebot_numbers even = z * (1.0 / 20922789888000.0) - 1.0 / 87178291200.0;
+  even = ((even * z + 1.0 / 479001600.0) * z - 1.0 / 3628800.0) * z + 1.0 / 40320.0;
+  even = (even * z - 1.0 / 720.0) * z + 1.0 / 24.0;
+  const onebot_numbers half = 0.5 * z, most_of = 1.0 - half;
+  const onebot_bits s = (onebot_bits)(x + (rest + x * z * odd));
+  const onebot_bits c = (onebot_bits)(most_of + (((1.0 - most_of) - half) + (z * z * even - x * rest)));
+  /* By the quarter turns: which of the two, and its sign. */
+  const onebot_bits turns = (onebot_bits)shifted, swap = -(turns & 1);
+  const onebot_bits sine = ((s & ~swap) | (c & swap)) ^ ((turns & 2) << 62);
+  const onebot_bits cosine = ((c & ~swap) | (s & swap)) ^ (((turns + 1) & 2) << 62);
+  memcpy(sines, &sine, sizeof sine);
+  memcpy(cosines, &cosine, sizeof cosine);
+  for (int i = 0; i < ONEBOT_LANES; i++) {
+    if (fabs(angles[i]) <= most) continue;
+    sines[i] = sin(angles[i]);
+    cosines[i] = cos(angles[i]);
+  }
+}
+
+/* constant: ONEBOT_POSE numbers, sine: 4, slide: 3, or NULL where nothing slides. s, c: sine and
+ * cosine of the position times the joint's half turn. */
+static inline void onebot_joint_transform(const double *constant, const double *sine,
+                                          const double *slide, double position, double s, double c,
                                           double *pose) {
-  const double half = position * half_turn, s = sin(half), c = cos(half);
   for (int i = 0; i < 3; i++) pose[i] = constant[i] + (slide ? slide[i] * position : 0.0);
   for (int i = 0; i < 4; i++) pose[3 + i] = constant[3 + i] * c + sine[i] * s;
 }

@@ -19,13 +19,6 @@ struct joints {
   const double *slide;      /* 3 each; NULL if none slides */
 };
 
-static inline void joint_transform(const struct joints *joints, int64_t row, double position,
-                                   double *pose) {
-  const double *slide = joints->slide ? joints->slide + 3 * row : NULL;
-  onebot_joint_transform(joints->half_turns[row], joints->constant + POSE * row,
-                         joints->sine + 4 * row, slide, position, pose);
-}
-
 /* Positions may be a view into a message, where they need not be aligned. */
 static inline double load(const unsigned char *numbers, int64_t index) {
   double number;
@@ -33,12 +26,49 @@ static inline double load(const unsigned char *numbers, int64_t index) {
   return number;
 }
 
+/* Some joints of one state. */
+struct some {
+  double position[ONEBOT_LANES], sine[ONEBOT_LANES], cosine[ONEBOT_LANES];
+};
+
+/* Look up to ONEBOT_LANES rows up; a negative one is of a fixed joint. */
+static inline void look(struct some *some, const struct joints *joints, const int32_t *rows,
+                        int64_t count, const unsigned char *positions) {
+  double angle[ONEBOT_LANES] = {0.0};
+  for (int64_t i = 0; i < count; i++) {
+    if (rows[i] < 0) continue;
+    some->position[i] = load(positions, rows[i]);
+    angle[i] = some->position[i] * joints->half_turns[rows[i]];
+  }
+  onebot_sines(angle, some->sine, some->cosine);
+}
+
+static inline void joint_transform(const struct joints *joints, int64_t row,
+                                   const struct some *some, int64_t i, double *pose) {
+  const double *slide = joints->slide ? joints->slide + 3 * row : NULL;
+  onebot_joint_transform(joints->constant + POSE * row, joints->sine + 4 * row, slide,
+                         some->position[i], some->sine[i], some->cosine[i], pose);
+}
+
+static inline int64_t at_most_lanes(int64_t count) {
+  return count < ONEBOT_LANES ? count : ONEBOT_LANES;
+}
+
 /* Parent-to-child transforms: positions (states, joints) to poses (states, joints, 7). */
 EXPORT void onebot_transforms(const struct joints *joints, int64_t states,
                               const unsigned char *positions, double *poses) {
-  for (int64_t state = 0, index = 0; state < states; state++)
-    for (int64_t row = 0; row < joints->count; row++, index++, poses += POSE)
-      joint_transform(joints, row, load(positions, index), poses);
+  for (int64_t state = 0; state < states; state++) {
+    for (int64_t row = 0; row < joints->count; row += ONEBOT_LANES) {
+      const int64_t count = at_most_lanes(joints->count - row);
+      int32_t rows[ONEBOT_LANES];
+      struct some some;
+      for (int64_t i = 0; i < count; i++) rows[i] = (int32_t)(row + i);
+      look(&some, joints, rows, count, positions);
+      for (int64_t i = 0; i < count; i++, poses += POSE)
+        joint_transform(joints, row + i, &some, i, poses);
+    }
+    positions += joints->count * (int64_t)sizeof(double);
+  }
 }
 
 /* How links hang together: steps in an order in which parents come before children. */
@@ -71,16 +101,19 @@ EXPORT void onebot_link_poses(const struct joints *joints, const struct tree *tr
   static const double identity[POSE] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
   for (int64_t state = 0; state < states; state++) {
     memcpy(poses + POSE * tree->root, identity, sizeof identity);
-    for (int64_t number = 0; number < tree->steps; number++) {
-      int64_t row = tree->moving[number];
-      double moved[POSE];
-      const double *step = moved;
-      if (row < 0)
-        step = tree->fixed + POSE * (-1 - row);
-      else
-        joint_transform(joints, row, load(positions, state * joints->count + row), moved);
-      compose(poses + POSE * tree->parent[number], step, poses + POSE * tree->child[number]);
+    for (int64_t first = 0; first < tree->steps; first += ONEBOT_LANES) {
+      const int64_t count = at_most_lanes(tree->steps - first);
+      struct some some;
+      look(&some, joints, tree->moving + first, count, positions);
+      for (int64_t i = 0; i < count; i++) {
+        const int64_t number = first + i, row = tree->moving[number];
+        double moved[POSE];
+        if (row >= 0) joint_transform(joints, row, &some, i, moved);
+        const double *step = row < 0 ? tree->fixed + POSE * (-1 - row) : moved;
+        compose(poses + POSE * tree->parent[number], step, poses + POSE * tree->child[number]);
+      }
     }
+    positions += joints->count * (int64_t)sizeof(double);
     poses += POSE * tree->links;
   }
 }

@@ -5,17 +5,27 @@
  */
 #include "_joint_transforms.h"
 
-#include <math.h>
-#include <string.h>
-
 #define EXPORT __attribute__((visibility("default")))
 #define MODERATE 1e100
 
-static void transform(const struct joint *joint, const unsigned char *positions, double *out) {
-  double position;
-  memcpy(&position, positions + joint->column * sizeof position, sizeof position);
-  position = position * joint->multiplier + joint->offset;
-  onebot_joint_transform(joint->half_turn, joint->constant, joint->sine, joint->slide, position, out);
+/* Transforms of up to ONEBOT_LANES joints, from positions that need not be aligned. */
+static inline void transforms(const struct joint *joints, size_t count,
+                              const unsigned char *positions, double *out) {
+  double position[ONEBOT_LANES] = {0.0}, angle[ONEBOT_LANES] = {0.0};
+  double sine[ONEBOT_LANES], cosine[ONEBOT_LANES];
+  for (size_t i = 0; i < count; i++) {
+    memcpy(position + i, positions + joints[i].column * sizeof *position, sizeof *position);
+    position[i] = position[i] * joints[i].multiplier + joints[i].offset;
+    angle[i] = position[i] * joints[i].half_turn;
+  }
+  onebot_sines(angle, sine, cosine);
+  for (size_t i = 0; i < count; i++)
+    onebot_joint_transform(joints[i].constant, joints[i].sine, joints[i].slide, position[i],
+                           sine[i], cosine[i], out + ONEBOT_POSE * i);
+}
+
+static inline size_t at_most_lanes(size_t count) {
+  return count < ONEBOT_LANES ? count : ONEBOT_LANES;
 }
 
 /* Whether none of the doubles from byte `at` on, which need not be aligned, is NaN or larger in
@@ -29,19 +39,31 @@ EXPORT int onebot_all_moderate(const unsigned char *data, size_t at, size_t coun
   return 1;
 }
 
-/* Fill `message` from the JointState `data`, whose positions begin at byte `at`. */
-EXPORT void onebot_fill_message(unsigned char *message, const struct joint *joints, size_t count,
+/* Make `message` of `blank`, of `size` bytes, which is the same but for stamps and numbers, and of the JointState
+ * `data`, whose positions begin at byte `at`. The joints stand in the order of their places. */
+EXPORT void onebot_fill_message(unsigned char *message, const unsigned char *blank, size_t size,
+                                const struct joint *joints, size_t count,
                                 const unsigned char *data, size_t at) {
-  for (const struct joint *joint = joints; joint < joints + count; joint++) {
-    double values[ONEBOT_POSE];
-    transform(joint, data + at, values);
-    memcpy(message + joint->stamp_at, data + ONEBOT_STAMP_AT, 8);
-    memcpy(message + joint->values_at, values, sizeof values);
+  size_t copied = 0;
+  for (size_t first = 0; first < count; first += ONEBOT_LANES) {
+    const struct joint *some = joints + first;
+    const size_t number = at_most_lanes(count - first);
+    double values[ONEBOT_LANES * ONEBOT_POSE];
+    transforms(some, number, data + at, values);
+    const size_t end = some[number - 1].values_at + ONEBOT_POSE * sizeof *values;
+    memcpy(message + copied, blank + copied, end - copied);
+    copied = end;
+    for (size_t i = 0; i < number; i++) {
+      memcpy(message + some[i].stamp_at, data + ONEBOT_STAMP_AT, 8);
+      memcpy(message + some[i].values_at, values + ONEBOT_POSE * i, ONEBOT_POSE * sizeof *values);
+    }
   }
+  memcpy(message + copied, blank + copied, size - copied);
 }
 
 /* The same numbers into an array of `count` rows of seven doubles. */
 EXPORT void onebot_joint_transforms(double *values, const struct joint *joints, size_t count,
                                     const unsigned char *positions) {
-  for (size_t i = 0; i < count; i++) transform(joints + i, positions, values + ONEBOT_POSE * i);
+  for (size_t first = 0; first < count; first += ONEBOT_LANES)
+    transforms(joints + first, at_most_lanes(count - first), positions, values + ONEBOT_POSE * first);
 }

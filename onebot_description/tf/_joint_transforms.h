@@ -14,5 +14,6 @@ struct joint {
 };
 
 int onebot_all_moderate(const unsigned char *data, size_t at, size_t count);
-void onebot_fill_message(unsigned char *message, const struct joint *joints, size_t count,
-                         const unsigned char *data, size_t at);
+void onebot_fill_message(unsigned char *message, const unsigned char *blank, size_t size,
+                         const struct joint *joints, size_t count, const unsigned char *data,
+                         size_t at);

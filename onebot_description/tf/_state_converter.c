@@ -115,8 +115,8 @@ static PyObject *publish(struct state *state, const struct layout *layout,
   PyObject *bytes = PyBytes_FromStringAndSize(NULL, (intptr_t)layout->message_size);
   if (!bytes) return NULL;
   unsigned char *message = (unsigned char *)PyBytes_AsString(bytes);
-  memcpy(message, layout->message, layout->message_size);
-  onebot_fill_message(message, layout->joints, layout->count, data, layout->first);
+  onebot_fill_message(message, layout->message, layout->message_size, layout->joints,
+                      layout->count, data, layout->first);
   for (uint64_t i = 0; i < layout->count; i++) state->times[layout->rows[i]] = stamp;
   return bytes;
 }

@@ -32,7 +32,9 @@ _ZIG_TARGETS = {
     "aarch64": "aarch64-linux-gnu.2.28",
 }
 # -fexceptions: Fast CDR, which is C++, throws through our functions.
-_FLAGS = "-std=c11 -O2 -g0 -s -fPIC -shared -fexceptions -fvisibility=hidden".split()
+_FLAGS = (
+    "-std=c11 -O3 -ffp-contract=off -g0 -s -fPIC -shared -fexceptions -fvisibility=hidden".split()
+)
 
 
 class BuildError(Exception):

@@ -67,7 +67,6 @@ class Kernel:
         rows["stamp_at"], rows["values_at"] = template.stamps_at, template.values_at
         self._rows, self._template = rows, template
         self.joints = (rows.ctypes.data, len(rows))
-        self._message = template.address
         self._fill = library.onebot_fill_message
         self._transforms = library.onebot_joint_transforms
 
@@ -78,8 +77,10 @@ class Kernel:
             data: the serialized JointState; its positions are all finite.
             at: where they begin, in bytes.
         """
-        self._fill(self._message, *self.joints, data, at)
-        return self._template.serialized()
+        blank, size = self._template.address, self._template.size
+        message = ctypes.create_string_buffer(size)
+        self._fill(message, blank, size, *self.joints, data, at)
+        return message.raw
 
     def transforms(self, positions: Floats) -> Floats:
         """(K, 7) transforms for positions in the message's order."""
@@ -111,7 +112,7 @@ def compiled() -> ctypes.PyDLL | None:
         return None
     pointer, size, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
     library.onebot_all_moderate.argtypes = [text, size, size]
-    library.onebot_fill_message.argtypes = [pointer, pointer, size, text, size]
+    library.onebot_fill_message.argtypes = [pointer, pointer, size, pointer, size, text, size]
     library.onebot_fill_message.restype = None
     library.onebot_joint_transforms.argtypes = [pointer, pointer, size, text]
     library.onebot_joint_transforms.restype = None

@@ -84,3 +84,35 @@ def test_what_is_not_moderate_is_found_anywhere(monkeypatch, bad, library):
             data, at = _data(positions, lead)
             assert not kernel.all_moderate(data, at, 5)
             assert kernel.all_moderate(data, at, place)
+
+
+def test_sines_of_any_angle():
+    """To the last digit in all quadrants, at their borders, and far beyond what is reduced here."""
+    model = RobotModel.from_description(parse_description(chain(7)))
+    plan = JointStatePlan(model, model.joints, "")
+    random = np.random.default_rng(3)
+    quarters = np.arange(-40, 41) * np.pi / 2
+    near = np.concatenate([np.nextafter(quarters, way) for way in (-np.inf, 0.0, np.inf)])
+    angles = np.concatenate(
+        (near, random.uniform(-4, 4, 1000), random.uniform(-1, 1, 1000) * 2.0**18, [1e22, -1e99])
+    )
+    moving = model.moving
+    for first in range(len(angles) - 6):
+        half = angles[first : first + 7]
+        exact = [np.sin(half.astype(np.longdouble)), np.cos(half.astype(np.longdouble))]
+        sine, cosine = (numbers.astype(float)[:, None] for numbers in exact)
+        expected = moving.constant[:, 3:] * cosine + moving.sine * sine
+        assert np.abs(plan.transforms(2.0 * half)[:, 3:] - expected).max() < 4e-16
+
+
+def test_at_zero_a_joint_is_exactly_where_its_origin_is():
+    """No rounding, and no lane is filled by its neighbour's number."""
+    model = RobotModel.from_description(parse_description(chain(9)))
+    plan = JointStatePlan(model, model.joints, "")
+    for moved in range(9):
+        positions = np.zeros(9)
+        positions[moved] = 1.0
+        still = np.arange(9) != moved
+        np.testing.assert_array_equal(
+            plan.transforms(positions)[still], model.moving.constant[still]
+        )
