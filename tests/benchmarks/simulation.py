@@ -37,7 +37,7 @@ _FARTHEST = 0.005  # m, from the commanded arc and from odometry; onebot accurac
 _TURNED = math.radians(0.2)
 _GOAL = 0.8
 _GOALS_FOR = (1, 10, 100)
-_SLICE = 0.15  # s of processor time; many short ones, as what else the machine does comes and goes
+_SLICE = 0.05  # s of processor time; many short ones, as what else the machine does comes and goes
 
 
 class Took(NamedTuple):
@@ -131,7 +131,7 @@ def measure(
                 BARE: lambda: _timed(_bare, fleet, cycles),
                 OURS: lambda: _timed(_driven, fleet, cycles),
             }
-            takes = in_turn(variants, options.choose(25, 1))
+            takes = in_turn(variants, options.choose(75, 1))
         finally:
             gc.unfreeze()
         _check_odometry(fleet, [drive.begin() for drive in fleet.drives])
