@@ -60,7 +60,7 @@ class Window(NamedTuple):
 
 def run(options: Options) -> Report:
     """Measure the three in turn."""
-    rounds, seconds = options.choose(5, 1), 1.0 if options.quick else 10.0
+    rounds, seconds = options.choose(9, 1), 1.0 if options.quick else 6.0
     options.say(f"control_loop: {rounds} rounds of {seconds:g} s for each of three")
     variants: dict[str, Callable[[], Window]] = {
         FLOOR: partial(_floor, seconds),

@@ -5,6 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
+
+# isort: split
 import numpy as np
 import rerun.chunk
 from numpy.typing import NDArray
