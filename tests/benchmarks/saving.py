@@ -70,10 +70,12 @@ def markdown(results: Results, plot: str = "") -> str:
     if plot:
         parts.append(f"![How cost grows with joints and robots]({plot})")
     for report in results.reports:
-        parts += [f"**{report.name}**", markdown_table(report.rows)]
+        parts.append(f"**{report.name}**")
         if report.goals:
             parts.append("\n".join(f"- {goal.sentence()}" for goal in report.goals))
-        parts += report.notes
+        # Folded: whoever wants the numbers opens it.
+        parts += [f"<details><summary>{report.name}: the numbers</summary>"]
+        parts += [markdown_table(report.rows), *report.notes, "</details>"]
         parts += [f"{plotted.title}: {plotted.note}" for plotted in report.growth if plotted.note]
     return "\n\n".join(parts) + "\n"
 
