@@ -6,8 +6,19 @@
 
 enum {
   ONEBOT_POSE = 7,  /* numbers of a transform: translation x y z, rotation x y z w */
-  ONEBOT_LANES = 4, /* joints at once; whatever the machine's registers hold, the same results */
+  ONEBOT_LANES = 4, /* angles at once; whatever the machine's registers hold, the same results */
+  /* Joints at once. With as few as there are lanes, each step would wait for the one before: what
+   * was just stored as numbers cannot be loaded as lanes yet. */
+  ONEBOT_SOME = 32,
 };
+
+/* Once for any processor and once for those with wider registers; GCC chooses as the library is
+ * loaded. Both do the same arithmetic (AVX2 alone fuses nothing): the same results, bit by bit. */
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#define ONEBOT_WIDE __attribute__((target_clones("default", "avx2")))
+#else
+#define ONEBOT_WIDE
+#endif
 
 typedef double onebot_numbers __attribute__((vector_size(8 * ONEBOT_LANES)));
 typedef int64_t onebot_bits __attribute__((vector_size(8 * ONEBOT_LANES)));
@@ -18,7 +29,7 @@ typedef int64_t onebot_bits __attribute__((vector_size(8 * ONEBOT_LANES)));
  * bits, so that its product with k is exact) goes into Taylor's series. An angle that is not
  * finite, or beyond what k counts exactly, is left to the C library.
  */
-static inline void onebot_sines(const double *angles, double *sines, double *cosines) {
+static inline void onebot_sines_of_lanes(const double *angles, double *sines, double *cosines) {
   const double most = 0x1p17, round = 0x1.8p52; /* adding it leaves no bits behind the point */
   onebot_numbers angle;
   memcpy(&angle, angles, sizeof angle);
@@ -35,7 +46,8 @@ static inline void onebot_sines(const double *angles, double *sines, double *cos
   even = (even * z - 1.0 / 720.0) * z + 1.0 / 24.0;
   const onebot_numbers half = 0.5 * z, most_of = 1.0 - half;
   const onebot_bits s = (onebot_bits)(x + (rest + x * z * odd));
-  const onebot_bits c = (onebot_bits)(most_of + (((1.0 - most_of) - half) + (z * z * even - x * rest)));
+  const onebot_numbers lost = (1.0 - most_of) - half;
+  const onebot_bits c = (onebot_bits)(most_of + (lost + (z * z * even - x * rest)));
   /* By the quarter turns: which of the two, and its sign. */
   const onebot_bits turns = (onebot_bits)shifted, swap = -(turns & 1);
   const onebot_bits sine = ((s & ~swap) | (c & swap)) ^ ((turns & 2) << 62);
@@ -47,6 +59,17 @@ static inline void onebot_sines(const double *angles, double *sines, double *cos
     sines[i] = sin(angles[i]);
     cosines[i] = cos(angles[i]);
   }
+}
+
+/* The same of up to ONEBOT_SOME angles; the arrays have room for so many, and hold numbers. */
+static inline void onebot_sines(const double *angles, double *sines, double *cosines,
+                                int64_t count) {
+  for (int64_t i = 0; i < count; i += ONEBOT_LANES)
+    onebot_sines_of_lanes(angles + i, sines + i, cosines + i);
+}
+
+static inline int64_t onebot_some_of(int64_t count) {
+  return count < ONEBOT_SOME ? count : ONEBOT_SOME;
 }
 
 /* constant: ONEBOT_POSE numbers, sine: 4, slide: 3, or NULL where nothing slides. s, c: sine and

@@ -28,19 +28,19 @@ static inline double load(const unsigned char *numbers, int64_t index) {
 
 /* Some joints of one state. */
 struct some {
-  double position[ONEBOT_LANES], sine[ONEBOT_LANES], cosine[ONEBOT_LANES];
+  double position[ONEBOT_SOME], sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
 };
 
-/* Look up to ONEBOT_LANES rows up; a negative one is of a fixed joint. */
+/* Look up to ONEBOT_SOME rows up; a negative one is of a fixed joint. */
 static inline void look(struct some *some, const struct joints *joints, const int32_t *rows,
                         int64_t count, const unsigned char *positions) {
-  double angle[ONEBOT_LANES] = {0.0};
+  double angle[ONEBOT_SOME] = {0.0};
   for (int64_t i = 0; i < count; i++) {
     if (rows[i] < 0) continue;
     some->position[i] = load(positions, rows[i]);
     angle[i] = some->position[i] * joints->half_turns[rows[i]];
   }
-  onebot_sines(angle, some->sine, some->cosine);
+  onebot_sines(angle, some->sine, some->cosine, count);
 }
 
 static inline void joint_transform(const struct joints *joints, int64_t row,
@@ -50,17 +50,13 @@ static inline void joint_transform(const struct joints *joints, int64_t row,
                          some->position[i], some->sine[i], some->cosine[i], pose);
 }
 
-static inline int64_t at_most_lanes(int64_t count) {
-  return count < ONEBOT_LANES ? count : ONEBOT_LANES;
-}
-
 /* Parent-to-child transforms: positions (states, joints) to poses (states, joints, 7). */
-EXPORT void onebot_transforms(const struct joints *joints, int64_t states,
-                              const unsigned char *positions, double *poses) {
+EXPORT ONEBOT_WIDE void onebot_transforms(const struct joints *joints, int64_t states,
+                                          const unsigned char *positions, double *poses) {
   for (int64_t state = 0; state < states; state++) {
-    for (int64_t row = 0; row < joints->count; row += ONEBOT_LANES) {
-      const int64_t count = at_most_lanes(joints->count - row);
-      int32_t rows[ONEBOT_LANES];
+    for (int64_t row = 0; row < joints->count; row += ONEBOT_SOME) {
+      const int64_t count = onebot_some_of(joints->count - row);
+      int32_t rows[ONEBOT_SOME];
       struct some some;
       for (int64_t i = 0; i < count; i++) rows[i] = (int32_t)(row + i);
       look(&some, joints, rows, count, positions);
@@ -96,13 +92,14 @@ static inline void compose(const double *above, const double *step, double *out)
 }
 
 /* Poses in the root's frame: positions (states, joints) to poses (states, links, 7). */
-EXPORT void onebot_link_poses(const struct joints *joints, const struct tree *tree, int64_t states,
-                              const unsigned char *positions, double *poses) {
+EXPORT ONEBOT_WIDE void onebot_link_poses(const struct joints *joints, const struct tree *tree,
+                                          int64_t states, const unsigned char *positions,
+                                          double *poses) {
   static const double identity[POSE] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0};
   for (int64_t state = 0; state < states; state++) {
     memcpy(poses + POSE * tree->root, identity, sizeof identity);
-    for (int64_t first = 0; first < tree->steps; first += ONEBOT_LANES) {
-      const int64_t count = at_most_lanes(tree->steps - first);
+    for (int64_t first = 0; first < tree->steps; first += ONEBOT_SOME) {
+      const int64_t count = onebot_some_of(tree->steps - first);
       struct some some;
       look(&some, joints, tree->moving + first, count, positions);
       for (int64_t i = 0; i < count; i++) {

@@ -8,25 +8,23 @@
 #define EXPORT __attribute__((visibility("default")))
 #define MODERATE 1e100
 
-/* Transforms of up to ONEBOT_LANES joints, from positions that need not be aligned. */
+/* Transforms of up to ONEBOT_SOME joints, from positions that need not be aligned. */
 static inline void transforms(const struct joint *joints, size_t count,
                               const unsigned char *positions, double *out) {
-  double position[ONEBOT_LANES] = {0.0}, angle[ONEBOT_LANES] = {0.0};
-  double sine[ONEBOT_LANES], cosine[ONEBOT_LANES];
+  double position[ONEBOT_SOME], angle[ONEBOT_SOME] = {0.0};
+  double sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
   for (size_t i = 0; i < count; i++) {
     memcpy(position + i, positions + joints[i].column * sizeof *position, sizeof *position);
     position[i] = position[i] * joints[i].multiplier + joints[i].offset;
     angle[i] = position[i] * joints[i].half_turn;
   }
-  onebot_sines(angle, sine, cosine);
+  onebot_sines(angle, sine, cosine, (int64_t)count);
   for (size_t i = 0; i < count; i++)
     onebot_joint_transform(joints[i].constant, joints[i].sine, joints[i].slide, position[i],
                            sine[i], cosine[i], out + ONEBOT_POSE * i);
 }
 
-static inline size_t at_most_lanes(size_t count) {
-  return count < ONEBOT_LANES ? count : ONEBOT_LANES;
-}
+static inline size_t some_of(size_t count) { return (size_t)onebot_some_of((int64_t)count); }
 
 /* Whether none of the doubles from byte `at` on, which need not be aligned, is NaN or larger in
  * magnitude than MODERATE, of which kernel.py has the same number. */
@@ -39,16 +37,17 @@ EXPORT int onebot_all_moderate(const unsigned char *data, size_t at, size_t coun
   return 1;
 }
 
-/* Make `message` of `blank`, of `size` bytes, which is the same but for stamps and numbers, and of the JointState
- * `data`, whose positions begin at byte `at`. The joints stand in the order of their places. */
-EXPORT void onebot_fill_message(unsigned char *message, const unsigned char *blank, size_t size,
-                                const struct joint *joints, size_t count,
-                                const unsigned char *data, size_t at) {
+/* Make `message` of `blank`, of `size` bytes, which is the same but for stamps and numbers, and of
+ * the JointState `data`, whose positions begin at byte `at`. The joints stand in the order of their
+ * places. */
+EXPORT ONEBOT_WIDE void onebot_fill_message(unsigned char *message, const unsigned char *blank,
+                                            size_t size, const struct joint *joints, size_t count,
+                                            const unsigned char *data, size_t at) {
   size_t copied = 0;
-  for (size_t first = 0; first < count; first += ONEBOT_LANES) {
+  for (size_t first = 0; first < count; first += ONEBOT_SOME) {
     const struct joint *some = joints + first;
-    const size_t number = at_most_lanes(count - first);
-    double values[ONEBOT_LANES * ONEBOT_POSE];
+    const size_t number = some_of(count - first);
+    double values[ONEBOT_SOME * ONEBOT_POSE];
     transforms(some, number, data + at, values);
     const size_t end = some[number - 1].values_at + ONEBOT_POSE * sizeof *values;
     memcpy(message + copied, blank + copied, end - copied);
@@ -62,8 +61,8 @@ EXPORT void onebot_fill_message(unsigned char *message, const unsigned char *bla
 }
 
 /* The same numbers into an array of `count` rows of seven doubles. */
-EXPORT void onebot_joint_transforms(double *values, const struct joint *joints, size_t count,
-                                    const unsigned char *positions) {
-  for (size_t first = 0; first < count; first += ONEBOT_LANES)
-    transforms(joints + first, at_most_lanes(count - first), positions, values + ONEBOT_POSE * first);
+EXPORT ONEBOT_WIDE void onebot_joint_transforms(double *values, const struct joint *joints,
+                                                size_t count, const unsigned char *positions) {
+  for (size_t first = 0; first < count; first += ONEBOT_SOME)
+    transforms(joints + first, some_of(count - first), positions, values + ONEBOT_POSE * first);
 }

@@ -99,9 +99,12 @@ def _usual_jitter(window: Window) -> float:
 
 
 def _over(windows: Mapping[str, Sequence[Window]], value: Callable[[Window], float]) -> float:
-    """With the viewer over without it, the middle one of the rounds' ratios."""
-    pairs = zip(windows[VIEWED], windows[ALONE], strict=True)
-    return median([value(viewed) / value(alone) for viewed, alone in pairs])
+    """With the viewer over without it, as the table's rows have them.
+
+    Not the rounds' ratios: two starts have no more in common for being in the same round.
+    """
+    viewed, alone = (median(list(map(value, windows[name]))) for name in (VIEWED, ALONE))
+    return viewed / alone
 
 
 def _floor(seconds: float) -> Window:

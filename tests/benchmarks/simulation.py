@@ -91,7 +91,11 @@ def run(options: Options) -> Report:
         options.say(f"simulation: {robots} OneBot{'s'[: robots - 1]} in one world")
         results.append(measure(description, config, robots, options))
     goals = [
-        at_least(f"{each.robots} OneBot{'s'[: each.robots - 1]}: bare steps' time of the whole", each.share, _GOAL)
+        at_least(
+            f"{each.robots} OneBot{'s'[: each.robots - 1]}: bare steps' time of the whole",
+            each.share,
+            _GOAL,
+        )
         for each in results
         if each.robots in _GOALS_FOR
     ]

@@ -152,7 +152,7 @@ def run(options: Options) -> Report:
     """Measure chains of 10 to 1000 joints."""
     # Many rounds: by which processor wakes which, a window of the relay's as of ours has one of two
     # latencies, at 1000 joints 270 or 360 us, all through.
-    effort = Effort(1, 40, 0.3) if options.quick else Effort(11, 20_000, 1.0)
+    effort = Effort(1, 40, 0.3) if options.quick else Effort(21, 20_000, 0.5)
     counts = (10, 50) if options.quick else tuple(_GOALS)
     rows: list[dict[str, str | int | float | None]] = []
     goals: list[Goal] = []
