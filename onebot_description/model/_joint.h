@@ -1,6 +1,5 @@
 /* Joints' transforms from their positions, some at once; robot_model.py has the formula. */
 #include <math.h>
-#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -70,6 +69,13 @@ static inline void onebot_sines(const double *angles, double *sines, double *cos
 
 static inline int64_t onebot_some_of(int64_t count) {
   return count < ONEBOT_SOME ? count : ONEBOT_SOME;
+}
+
+/* Positions may be a view into a message, where they need not be aligned. */
+static inline double onebot_load(const unsigned char *numbers, int64_t index) {
+  double number;
+  memcpy(&number, numbers + index * (int64_t)sizeof number, sizeof number);
+  return number;
 }
 
 /* constant: ONEBOT_POSE numbers, sine: 4, slide: 3, or NULL where nothing slides. s, c: sine and

@@ -19,13 +19,6 @@ struct joints {
   const double *slide;      /* 3 each; NULL if none slides */
 };
 
-/* Positions may be a view into a message, where they need not be aligned. */
-static inline double load(const unsigned char *numbers, int64_t index) {
-  double number;
-  memcpy(&number, numbers + index * (int64_t)sizeof number, sizeof number);
-  return number;
-}
-
 /* Some joints of one state. */
 struct some {
   double position[ONEBOT_SOME], sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
@@ -37,7 +30,7 @@ static inline void look(struct some *some, const struct joints *joints, const in
   double angle[ONEBOT_SOME] = {0.0};
   for (int64_t i = 0; i < count; i++) {
     if (rows[i] < 0) continue;
-    some->position[i] = load(positions, rows[i]);
+    some->position[i] = onebot_load(positions, rows[i]);
     angle[i] = some->position[i] * joints->half_turns[rows[i]];
   }
   onebot_sines(angle, some->sine, some->cosine, count);

@@ -14,7 +14,7 @@ static inline void transforms(const struct joint *joints, size_t count,
   double position[ONEBOT_SOME], angle[ONEBOT_SOME] = {0.0};
   double sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
   for (size_t i = 0; i < count; i++) {
-    memcpy(position + i, positions + joints[i].column * sizeof *position, sizeof *position);
+    position[i] = onebot_load(positions, (int64_t)joints[i].column);
     position[i] = position[i] * joints[i].multiplier + joints[i].offset;
     angle[i] = position[i] * joints[i].half_turn;
   }
@@ -29,11 +29,8 @@ static inline size_t some_of(size_t count) { return (size_t)onebot_some_of((int6
 /* Whether none of the doubles from byte `at` on, which need not be aligned, is NaN or larger in
  * magnitude than MODERATE, of which kernel.py has the same number. */
 EXPORT int onebot_all_moderate(const unsigned char *data, size_t at, size_t count) {
-  for (size_t i = 0; i < count; i++) {
-    double position;
-    memcpy(&position, data + at + i * sizeof position, sizeof position);
-    if (!(fabs(position) <= MODERATE)) return 0;
-  }
+  for (size_t i = 0; i < count; i++)
+    if (!(fabs(onebot_load(data + at, (int64_t)i)) <= MODERATE)) return 0;
   return 1;
 }
 

@@ -102,12 +102,13 @@ static int64_t read_stamp(const unsigned char *data) {
 }
 
 static bool is_early(const struct state *state, const struct layout *layout, int64_t stamp) {
+  if (state->ignore_timestamp) return false;
   int64_t oldest = INT64_MAX - state->interval;
   for (uint64_t i = 0; i < layout->count; i++) {
     const int64_t time = state->times[layout->rows[i]];
     oldest = time < oldest ? time : oldest;
   }
-  return !state->ignore_timestamp && stamp < oldest + state->interval;
+  return stamp < oldest + state->interval;
 }
 
 static PyObject *publish(struct state *state, const struct layout *layout,

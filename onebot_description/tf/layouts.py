@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from onebot_description.model import RobotModel
 from onebot_description.tf.joint_state_plan import JointStatePlan, RecentlyUsed
-from onebot_description.tf.wire import ENCAPSULATION, STAMP, Reader, WireError
+from onebot_description.tf.marking import MarkingReader
+from onebot_description.tf.wire import ENCAPSULATION, STAMP, WireError
 
 BLOCK_AT = STAMP.stop
 # Publishers of one topic, times the subsets of joints each sends; more only costs time.
@@ -75,28 +76,15 @@ class Layouts:
         return self._latest, positions
 
     def _parse(self, data: bytes) -> tuple[Layout, int]:
-        reader = Reader(data)
+        reader = MarkingReader(data)
         reader.stamp_ns()
-        mask = np.zeros(len(data) + 4, np.uint8)
-
-        def string() -> str:
-            reader.align(4)
-            start = reader.offset
-            value = reader.string()
-            mask[start : reader.offset] = 255
-            return value
-
-        string()
-        reader.align(4)
-        mask[reader.offset : reader.offset + 4] = 255
-        names = tuple(string() for _ in range(reader.count(4)))
-        reader.align(4)
-        end = reader.offset
+        reader.string()
+        names = tuple(reader.string() for _ in range(reader.count(4)))
         positions = reader.u32()
+        end = reader.offset
         reader.align(8)
-        mask[end : end + 4] = 255
-        block = data[BLOCK_AT:end] + len(names).to_bytes(4, "little")
-        mask = mask[BLOCK_AT : end + 4]
+        block = data[BLOCK_AT : end - 4] + len(names).to_bytes(4, "little")
+        mask = reader.mask[BLOCK_AT:end]
 
         def make() -> Layout:
             return Layout(block, mask, reader.offset, names, self.plan(names))

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.stamps import NANO
+from onebot_description.tf.marking import MarkingReader
 from onebot_description.tf.wire import (
     DOUBLES_PER_TRANSFORM,
     ENCAPSULATION,
     JointStateArrays,
-    Reader,
     TfArrays,
 )
 
@@ -40,43 +40,12 @@ def _stack(messages: Sequence[bytes]) -> Rows:
     return np.frombuffer(data, np.uint64, width * len(messages)).reshape(-1, width)
 
 
-class _Marking(Reader):
-    """Reads a message, and marks what must be the same in others to be read like it.
-
-    Attributes:
-        spans: of strings and of lengths of sequences, in bytes. Padding may hold anything.
-    """
-
-    def __init__(self, data: bytes) -> None:
-        super().__init__(data)
-        self.spans = [(0, len(ENCAPSULATION) // 2)]  # the other half are options
-
-    def string(self) -> str:
-        start = self._start()
-        text = super().string()
-        self.spans.append((start, self.offset))
-        return text
-
-    def count(self, smallest: int) -> int:
-        start = self._start()
-        count = super().count(smallest)
-        self.spans.append((start, self.offset))
-        return count
-
-    def _start(self) -> int:
-        self.align(4)
-        return self.offset
-
-
 class _Layout(ABC, Generic[T]):
     """Where the numbers are in messages of the same names."""
 
-    def __init__(self, data: bytes, reader: _Marking) -> None:
+    def __init__(self, data: bytes, reader: MarkingReader) -> None:
         """Take what ``reader`` has marked in a message."""
-        mask = bytearray(len(data))
-        for first, last in reader.spans:
-            mask[first:last] = b"\xff" * (last - first)
-        [self._fixed], [self._mask] = _stack([data]), _stack([bytes(mask)])
+        [self._fixed], [self._mask] = _stack([data]), _stack([reader.mask.tobytes()])
 
     def are_in(self, rows: Rows) -> NDArray[np.bool_]:
         """(S,) whether messages of the same length have these names."""
@@ -90,7 +59,7 @@ class _Layout(ABC, Generic[T]):
 
 class _TfLayout(_Layout[TfArrays]):
     def __init__(self, data: bytes) -> None:
-        reader = _Marking(data)
+        reader = MarkingReader(data)
         self._parents: list[str] = []
         self._children: list[str] = []
         stamps, values = [], []
@@ -116,7 +85,7 @@ class _TfLayout(_Layout[TfArrays]):
 
 class _JointStateLayout(_Layout[JointStateArrays]):
     def __init__(self, data: bytes) -> None:
-        reader = _Marking(data)
+        reader = MarkingReader(data)
         self._stamp = _slots([reader.offset], 4) + _STAMP_WORDS
         reader.stamp_ns()
         self._frame_id = reader.string()

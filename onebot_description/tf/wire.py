@@ -223,7 +223,7 @@ class TfTemplate:
         """
         self._words[self._stamps] = np.frombuffer(stamp, "<u4")
         self._doubles[self._values] = values
-        return self.serialized()
+        return self._message.tobytes()
 
     @property
     def address(self) -> int:
@@ -234,10 +234,6 @@ class TfTemplate:
     def size(self) -> int:
         """Of the message, in bytes."""
         return len(self._message)
-
-    def serialized(self) -> bytes:
-        """Return the message as it was filled last."""
-        return self._message.tobytes()
 
 
 def pack_stamp(stamp_ns: int) -> bytes:

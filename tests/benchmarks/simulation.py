@@ -88,14 +88,10 @@ def run(options: Options) -> Report:
     counts = (1, 10) if options.quick else (1, 2, 5, 10, 20, 50, 100)
     results = []
     for robots in counts:
-        options.say(f"simulation: {robots} OneBot{'s'[: robots - 1]} in one world")
+        options.say(f"simulation: {_so_many(robots)} in one world")
         results.append(measure(description, config, robots, options))
     goals = [
-        at_least(
-            f"{each.robots} OneBot{'s'[: each.robots - 1]}: bare steps' time of the whole",
-            each.share,
-            _GOAL,
-        )
+        at_least(f"{_so_many(each.robots)}: bare steps' time of the whole", each.share, _GOAL)
         for each in results
         if each.robots in _GOALS_FOR
     ]
@@ -109,6 +105,10 @@ def run(options: Options) -> Report:
     return Report(
         "simulation", [_row(result) for result in results], goals, notes, _growth(results)
     )
+
+
+def _so_many(robots: int) -> str:
+    return f"{robots} OneBot{'s'[: robots - 1]}"
 
 
 def measure(

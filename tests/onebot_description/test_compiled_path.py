@@ -9,17 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
-from onebot_description.description import parse_description
-from onebot_description.model import RobotModel
 from onebot_description.tf import state_converter
 from onebot_description.tf.state_converter import StateConverter
 from onebot_description.tf.wire import WireError
-from tests.onebot_description.test_state_converter import NOW, _message, joint_states
+from tests.onebot_description.test_state_converter import NOW, _message, _model, joint_states
 from tests.random_robots import chain, robots
-
-
-def _model(urdf):
-    return RobotModel.from_description(parse_description(urdf))
 
 
 def _long_way(model, **options):
