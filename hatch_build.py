@@ -14,7 +14,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-_FOLDER = "onebot_description/tf"
+_FOLDER = "onebot_description/wire"
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[misc]

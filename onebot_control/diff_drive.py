@@ -8,9 +8,8 @@ wheels = controller.update(WheelStates(0.0, 0.0, 0.0, 0.0), dt=0.01)
 import math
 from typing import NamedTuple
 
-from onebot_control.control_config import ControlConfig
-from onebot_control.kinematics import DiffDriveKinematics
-from onebot_control.odometry import Odometry
+from onebot_control.odometry import DiffDriveKinematics, Odometry
+from onebot_control.parameters import ControlConfig
 from onebot_control.speed_limiter import SpeedLimiter
 
 _ROUNDING = 1e-9  # s that a sum of periods may be off

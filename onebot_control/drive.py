@@ -6,25 +6,73 @@ for _ in range(500):
     snapshot = drive.cycle()
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.control_config import ControlConfig
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
-from onebot_control.frames import PlanarPose, yaw_of
-from onebot_control.geometry import (
+from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
+from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.simulation import JointStates, Member, Pose, Settings, Simulation, Twist, World
+from onebot_control.wheel_geometry import (
     WheelGeometry,
     check_wheel_names,
     wheel_radius,
     wheel_separation,
 )
-from onebot_control.joint_state_broadcaster import JointStateBroadcaster
-from onebot_control.simulation import JointStates, Pose, Simulation, Twist
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.parameters.reader import ConfigError, Problem
+
+# joint_state_broadcaster's choice of joints and interfaces. No ROS here.
+
+
+class JointStateBroadcaster:
+    """Says what a JointState message holds.
+
+    Attributes:
+        names: of the joints in the message.
+        frame_id: of its header.
+    """
+
+    def __init__(self, config: BroadcasterConfig, joints: Sequence[str]) -> None:
+        """Choose among ``joints``, those that there are.
+
+        Raises:
+            ConfigError: a joint named is not among them.
+        """
+        chosen = config.joints or tuple(joints)
+        problems = [
+            Problem(f"{BROADCASTER}.joints", f'no joint "{name}"{did_you_mean(name, joints)}')
+            for name in chosen
+            if name not in joints
+        ]
+        if problems:
+            raise ConfigError(problems)
+        extra = tuple(name for name in config.extra_joints if name not in chosen)
+        self.names = (*chosen, *extra)
+        self.frame_id = config.frame_id
+        self._rows = [list(joints).index(name) for name in chosen]
+        self._extra = [0.0] * len(extra)
+        self._hidden = [math.nan] * len(chosen) + self._extra
+        self._shown = [
+            not config.interfaces or interface in config.interfaces for interface in INTERFACES
+        ]
+
+    def values(self, states: JointStates) -> list[list[float]]:
+        """Return positions, velocities and efforts of ``names``; NaN where not asked for."""
+        # For a handful of joints lists are quicker than arrays.
+        return [
+            self._chosen(field.tolist()) if shown else self._hidden
+            for field, shown in zip(states, self._shown, strict=True)
+        ]
+
+    def _chosen(self, field: list[float]) -> list[float]:
+        return [field[row] for row in self._rows] + self._extra
+
 
 Floats = NDArray[np.float64]
 
@@ -253,3 +301,59 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
 
 def _mean(values: Floats, rows: Sequence[int]) -> float:
     return values.item(rows[0]) if len(rows) == 1 else float(values[list(rows)].mean())
+
+
+# Several robots in one world, each with its controller. No ROS here.
+
+
+class Fleet:
+    """Robots of one kind, driven together.
+
+    Attributes:
+        world: which they share.
+        drives: one a robot, for commands and parameters.
+    """
+
+    def __init__(
+        self,
+        description: Description,
+        config: ControlConfig,
+        starts: Sequence[PlanarPose],
+        settings: Settings = Settings(),  # noqa: B008 - it is frozen
+    ) -> None:
+        """Set a robot down at each of ``starts``, whose x, y and yaw count, not the config's.
+
+        Raises:
+            OneBotError: config and description do not suit each other, cannot be simulated, or two
+                robots stand in the same place.
+        """
+        left, right = config.left_wheel_names, config.right_wheel_names
+        check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
+        members = [Member(description, (*left, *right), *start) for start in starts]
+        self.world = World(members, settings)
+        try:
+            self.drives = tuple(Drive(description, config, body) for body in self.world.robots)
+        except BaseException:
+            self.world.close()
+            raise
+
+    def cycle(self) -> list[Snapshot]:
+        """Do a control cycle of all robots; return them as they were at its beginning."""
+        snapshots = []
+        # One after the other, each while all that is its own is in the processor's caches.
+        for drive, robot in zip(self.drives, self.world.robots, strict=True):
+            snapshots.append(drive.begin())
+            robot.turn(drive.wheel_velocities)
+            drive.ticks += 1
+        self.world.step(self.drives[0].period)
+        return snapshots
+
+    def close(self) -> None:
+        """Free the world."""
+        self.world.close()
+
+    def __enter__(self) -> "Fleet":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -2,7 +2,7 @@
 
 All that never changes is written beforehand; a cycle puts its stamp and its numbers in between. For
 an Odometry that takes 0.3 us, and 12 us as an object that ROS converts. A publisher sends the bytes
-as they are. The layout is that of onebot_description.tf.wire (plain CDR, little endian; OMG
+as they are. The layout is that of onebot_description.wire.cdr (plain CDR, little endian; OMG
 DDSI-RTPS 2.5, section 10); the order of the fields is that of the .msg files. In bytes from the
 body's start, where N stands for names, each with its length before it and padded to 4:
 
@@ -23,7 +23,7 @@ Stamps are bytes, too (see ``pack_stamp``), because all messages of a cycle have
 import struct
 from collections.abc import Sequence
 
-from onebot_description.tf.wire import ENCAPSULATION, pack_string
+from onebot_description.wire.cdr import ENCAPSULATION, pack_string
 
 _STAMP = 8  # bytes
 _U32 = struct.Struct("<I")

@@ -36,26 +36,399 @@ Parameters (all can be changed while it runs; a change takes effect or is refuse
 """
 
 import sys
-from collections.abc import Sequence
+from array import array
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.errors import DescriptionError, OneBotError
-from onebot_description.joints.parameter_files import read_files
-from onebot_description.joints.problems import ConfigError, Problem
-from onebot_description.joints.state import JointsState
-from onebot_description.node_main import run_described_node
-from onebot_description.ros_arguments import RosArguments
-from onebot_description.ros_description import DescriptionTopic, described_by
-from onebot_description.ros_joint_files import JointFiles
-from onebot_description.ros_joint_parameters import JointParameters
-from onebot_description.ros_joint_topics import JointStatesIn, JointStatesOut
-from onebot_description.text import listing
-from onebot_description.throttle import Throttled
+from onebot_description.errors import DescriptionError, OneBotError, listing
+from onebot_description.joints.config import DEFAULTS, JointsConfig
+from onebot_description.joints.source import JointStateSource, Plan
+from onebot_description.node import (
+    DescriptionTopic,
+    RosArguments,
+    Throttled,
+    described_by,
+    is_path,
+    run_described_node,
+)
+from onebot_description.parameters.files import FileWatch, LiveParameters, read_files
+from onebot_description.parameters.reader import ConfigError, Problem, declare, parameter, plain
+
+# joint_state_publisher's parameters: declared, read from files, and checked against each other.
+
+_OWN = {"robot_description": "", "config_file": ""}  # of the node, beside those of the joints
+
+
+class JointParameters:
+    """The parameters of a node.
+
+    Attributes:
+        live: the files they come from.
+        values: those at the start, by name.
+        config: the same, checked.
+    """
+
+    def __init__(self, node: Node, arguments: RosArguments) -> None:
+        """Declare every parameter that anybody set, and the rest with its default.
+
+        Raises:
+            ConfigError: something is wrong with them.
+        """
+        self._node = node
+        self._name = node.get_fully_qualified_name()
+        self._places: Mapping[str, str] = {}  # of the file being taken up
+        self.live = LiveParameters(arguments.files, self._name)
+        given = [name for to, name in arguments.names if to in ("", node.get_name())]
+        self.values = self._declare(given)
+        self.live.pin(given, self.values)
+        if self.live.remark:
+            node.get_logger().warning(self.live.remark)
+        try:
+            self.config = self._checked(self.values)
+        except ConfigError as error:
+            raise error.located(self.live.places(self.values)) from None
+
+    def _declare(self, given: Sequence[str]) -> dict[str, Any]:
+        defaults = {**DEFAULTS, **_OWN}
+        for name in dict.fromkeys([*defaults, *self.live.file.values, *given]):
+            declare(self._node, name, defaults.get(name))
+        values = self._current()
+        config_file = values["config_file"]
+        if isinstance(config_file, str) and config_file:
+            self.live.add(config_file)
+            written = self.live.file.values
+            self._node.set_parameters([parameter(name, value) for name, value in written.items()])
+            values = self._current()
+        return values
+
+    def _current(self) -> dict[str, Any]:
+        parameters = self._node.get_parameters_by_prefix("")
+        return {n: plain(p.value) for n, p in parameters.items() if p.value is not None}
+
+    def changed(
+        self, values: Mapping[str, Any], parameters: Sequence[Parameter]
+    ) -> tuple[dict[str, Any], JointsConfig]:
+        """Return all values and the configuration there would be with ``parameters`` set.
+
+        Args:
+            values: those in force.
+            parameters: to be set together; one without a value is unset.
+
+        Raises:
+            ConfigError: they cannot be set, and why.
+        """
+        changed = dict(values)
+        for one in parameters:
+            changed[one.name] = plain(one.value)
+            if one.value is None:
+                del changed[one.name]
+        config = self._checked(changed)
+        config_file = changed.get("config_file")
+        if config_file and config_file != values.get("config_file"):
+            read_files([Path(config_file)], self._name)
+        return changed, config
+
+    def located(self, error: ConfigError) -> ConfigError:
+        """Return an error about parameters being set, naming the lines they are written on."""
+        return error.located(self._places)
+
+    def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
+        """Set all parameters or none.
+
+        Args:
+            changes: by name; None unsets.
+            places: where they were written.
+
+        Raises:
+            OneBotError: they were refused.
+        """
+        if not changes:
+            return
+        self._places = places
+        try:
+            parameters = [parameter(name, value) for name, value in changes.items()]
+            result = self._node.set_parameters_atomically(parameters)
+        finally:
+            self._places = {}
+        if not result.successful:
+            raise OneBotError(result.reason)
+
+    def _checked(self, values: Mapping[str, Any]) -> JointsConfig:
+        """Check everything, also what JointsConfig cannot: topic names, and the node's own."""
+        config = JointsConfig.from_parameters(values)
+        problems = [
+            Problem(name, f"{values[name]} is no text; write a path in quotes")
+            for name in _OWN
+            if not isinstance(values.get(name, ""), str)
+        ]
+        problems += self._topic_problems(config.source_list)
+        if problems:
+            raise ConfigError(problems)
+        return config
+
+    def _topic_problems(self, topics: Sequence[str]) -> list[Problem]:
+        problems = []
+        own = self._node.resolve_topic_name("joint_states")
+        for topic in topics:
+            try:
+                validate_topic_name(topic)
+                same = self._node.resolve_topic_name(topic) == own
+            except InvalidTopicNameException as error:
+                problems.append(Problem("source_list", " ".join(str(error).split())))
+                continue
+            if same:
+                text = f"{topic} is the topic this node publishes; name another one"
+                problems.append(Problem("source_list", text))
+        return problems
+
+
+# All that follows from joint_state_publisher's parameters and the robot's description.
+
+
+@dataclass(frozen=True)
+class JointsState:
+    """Replaced as a whole, so that a refusal changes nothing.
+
+    Attributes:
+        values: the parameters, by name.
+        config: the same, checked.
+        description: the robot, None until it is known.
+        source: moves the robot's joints, None until then.
+        plan: what ``source`` is still to be told, None for nothing.
+    """
+
+    values: Mapping[str, Any]
+    config: JointsConfig
+    description: Description | None = None
+    source: JointStateSource | None = None
+    plan: Plan | None = None
+
+    def describing(self, description: Description) -> "JointsState":
+        """Return the state with another robot, whose joints go on from where they are.
+
+        Raises:
+            ConfigError: the parameters do not suit it.
+        """
+        source = JointStateSource.from_description(description, self.config, previous=self.source)
+        return replace(self, description=description, source=source, plan=None)
+
+    def with_parameters(
+        self,
+        values: Mapping[str, Any],
+        config: JointsConfig,
+        new: Description | None = None,
+        waiting: Description | None = None,
+    ) -> "JointsState":
+        """Return the state with other parameters; this one stays as it is.
+
+        Args:
+            values: the parameters.
+            config: the same, checked.
+            new: the robot they describe, if it is another one.
+            waiting: a robot that the parameters so far did not suit: taken up if these do.
+
+        Raises:
+            ConfigError: the parameters do not suit the robot.
+        """
+        changed = replace(self, values=values, config=config)
+        if new is not None:
+            return changed.describing(new)
+        if waiting is not None:
+            # A joint renamed in both files: the description waited for these parameters.
+            with suppress(ConfigError):
+                return changed.describing(waiting)
+        return replace(changed, plan=self.source.prepare(config) if self.source else None)
+
+
+# The files that joint_state_publisher takes up as soon as they are saved.
+
+_LOOK_EVERY = 0.05  # seconds between looks at the files
+
+
+class JointFiles:
+    """Parameter files and the description's files, watched."""
+
+    def __init__(
+        self,
+        node: Node,
+        description_file: str | None,
+        parameters: JointParameters,
+        state: Callable[[], JointsState],
+        offer: Callable[[Description], None],
+    ) -> None:
+        """Nothing is watched before ``watch``.
+
+        Args:
+            node: whose files they are.
+            description_file: URDF or xacro file, None if a parameter or a topic gives it.
+            parameters: the node's.
+            state: returns the state in force.
+            offer: takes a changed description.
+        """
+        self._node, self._description_file = node, description_file
+        self._parameters, self._state, self._offer = parameters, state, offer
+        self._broken: set[str] = set()
+        self._unread = False
+        self._watch = FileWatch(())
+
+    def watch(self) -> None:
+        """Watch the files as they are now."""
+        self._watch.watch(self._watched())
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(_LOOK_EVERY, self._look, clock=steady)
+
+    def read_soon(self) -> None:
+        """Read the parameter files at the next look, saved or not."""
+        self._unread = True
+
+    def read_broken(self) -> None:
+        """Try the parameter files again, if they could not be taken up so far."""
+        if self._parameters.live.names in self._broken:
+            self._reload_parameters()
+
+    def keep(self, what: str, error: OneBotError) -> None:
+        """Say why something new was not taken up."""
+        self._broken.add(what)
+        self._node.get_logger().error(f"{what} not applied, the robot goes on as before:\n{error}")
+
+    def _watched(self) -> list[Path]:
+        state = self._state()
+        from_file = self._description_file or is_path(state.values.get("robot_description", ""))
+        described = state.description.files if state.description and from_file else ()
+        return [*self._parameters.live.files, *described]
+
+    def _look(self) -> None:
+        """Take up what was saved since the last look."""
+        self._watch.watch(self._watched())
+        saved, files = self._watch.saved(), self._parameters.live.files
+        if self._unread or any(file in saved for file in files):
+            self._unread = False
+            self._reload_parameters()
+        if any(file not in self._parameters.live.files for file in saved):
+            self._reload_description()
+
+    def _reload_parameters(self) -> None:
+        """Set every parameter as the files say; what they do not name goes back to its default."""
+        live, log = self._parameters.live, self._node.get_logger()
+        names, before = live.names, live.file
+        try:
+            file = live.read()
+            overruled = live.overruled(file)
+            changes = live.changes(file, self._state().values)
+            live.file = file
+            self._parameters.set_all(changes, file.places)
+        except OneBotError as error:
+            live.file = before
+            self.keep(names, error)
+            return
+        mended = "mended, " if names in self._broken else ""
+        self._broken.discard(names)
+        said = f"applied, changed: {listing(changes)}" if changes else "applied, nothing changed"
+        log.info(f"{names}: {mended}{said}")
+        for name in overruled:
+            log.warning(f"{name} is set on the command line, which comes first")
+        if live.remark:
+            log.warning(live.remark)
+
+    def _reload_description(self) -> None:
+        path = self._description_file or self._state().values["robot_description"]
+        try:
+            description = load_description(path)
+        except DescriptionError as error:
+            self.keep(str(path), error)
+        else:
+            self._offer(description)
+
+
+# The joint states that joint_state_publisher publishes, and those it hears.
+
+# Takes what sensors publish best effort as well as what is published reliably.
+_ANY_SENDER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+_EMPTY = array("d")
+
+
+class JointStatesOut:
+    """The topic joint_states, published at a rate once there is a robot."""
+
+    def __init__(self, node: Node) -> None:
+        """Announce it."""
+        self._node = node
+        self._publisher = node.create_publisher(JointState, "joint_states", 10)
+        self._message = JointState()
+        self._source: JointStateSource | None = None
+        self._config = JointsConfig()
+        self._timer: Timer | None = None
+        self._began: int | None = None
+
+    def use(self, source: JointStateSource, config: JointsConfig) -> None:
+        """Publish what ``source`` does from now on, as ``config`` says."""
+        if source is not self._source:
+            self._source, self._message = source, JointState(name=list(source.names))
+        if self._timer is None or config.rate != self._config.rate:
+            self._set_rate(config.rate)
+        self._config = config
+
+    def _set_rate(self, rate: float) -> None:
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+        self._timer = self._node.create_timer(1.0 / rate, self.publish)
+
+    def publish(self) -> None:
+        """Publish the joints' state of now; nothing if no joint moves."""
+        source, config = self._source, self._config
+        if source is None or not source.names:
+            return
+        now = self._node.get_clock().now()
+        # Counted from the first message on, because a float cannot hold nanoseconds since 1970.
+        self._began = now.nanoseconds if self._began is None else self._began
+        positions, velocities = source.sample((now.nanoseconds - self._began) * 1e-9)
+        heard, message = source.feedback, self._message
+        shows_positions = config.publish_default_positions or config.moves or heard.any
+        message.position = array("d", positions.tobytes()) if shows_positions else _EMPTY
+        shows_velocities = (
+            config.publish_default_velocities or config.moves or source.moving or heard.any_velocity
+        )
+        message.velocity = array("d", velocities.tobytes()) if shows_velocities else _EMPTY
+        shows_efforts = config.publish_default_efforts or heard.any_effort
+        message.effort = array("d", source.efforts().tobytes()) if shows_efforts else _EMPTY
+        if shows_positions or shows_velocities or shows_efforts:
+            message.header.stamp = now.to_msg()
+            self._publisher.publish(message)
+
+
+class JointStatesIn:
+    """The topics whose values count more than all motions."""
+
+    def __init__(self, node: Node, heard: Callable[[str, JointState], None]) -> None:
+        """Listen to none so far; ``heard`` gets each topic and message."""
+        self._node, self._heard = node, heard
+        self._subscriptions: dict[str, Subscription] = {}
+
+    def listen_to(self, topics: Sequence[str]) -> None:
+        """Listen to these topics and no others."""
+        for topic in set(self._subscriptions).difference(topics):
+            self._node.destroy_subscription(self._subscriptions.pop(topic))
+        for topic in set(topics).difference(self._subscriptions):
+            self._subscriptions[topic] = self._node.create_subscription(
+                JointState, topic, lambda message, t=topic: self._heard(t, message), _ANY_SENDER
+            )
+
 
 _NO_ARGUMENTS = RosArguments()
 

@@ -49,15 +49,11 @@ from onebot_description.description import (
 )
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-from onebot_description.qos import LATCHED
-from onebot_description.ros import run_node
-from onebot_description.ros_arguments import ros_arguments
-from onebot_description.stamps import NANO
-from onebot_description.tf.messages import joint_state_arrays, to_message
-from onebot_description.tf.state_converter import StateConverter
-from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import WireError
-from onebot_description.throttle import Throttled
+from onebot_description.node import LATCHED, Throttled, ros_arguments, run_node
+from onebot_description.wire.cdr import NANO, WireError
+from onebot_description.wire.messages import joint_state_arrays, to_message
+from onebot_description.wire.state_converter import StateConverter
+from onebot_description.wire.tf_message import TFMessage
 
 
 class RobotStatePublisher(Node):

@@ -13,7 +13,7 @@ from selenium.webdriver.remote.webelement import WebElement
 from tests.ros_support import NodeProcess, ros_args
 from tests.support import wait_for
 
-MODULE = "onebot_bringup.steering_page"
+MODULE = "onebot_bringup.steering.steering_page"
 PORT = re.compile(r"open (http://127\.0\.0\.1:(\d+)\S*)")
 
 

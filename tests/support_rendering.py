@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from onebot_bringup.viewer.picture import NO_RENDERER, TOO_OLD, headless_viewer
+from onebot_bringup.viewer.pictures import NO_RENDERER, TOO_OLD, headless_viewer
 from onebot_description.errors import OneBotError
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from onebot_bringup.cli import bench
-from onebot_bringup.launcher.arguments import UsageError
+from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError
 from tests.benchmarks import command, machine, model, saving, state_publisher
 from tests.benchmarks.chains import Chain
@@ -44,7 +44,7 @@ REPORT = Report(
 # A node that answers as robot_state_publisher does, but for what is put in place of LIE.
 LIAR = """
 import sys
-from onebot_description.ros import run_node
+from onebot_description.node import run_node
 from tests.benchmarks.naive_publisher import NaivePublisher
 
 class Liar(NaivePublisher):

@@ -42,8 +42,8 @@ def test_workspace_builds_and_runs(tmp_path, options):
     # PYTHONPATH from setup.bash comes before this environment's own (editable) install.
     script = (
         "source install/setup.bash && "
-        'python3 -c "import onebot_description.tf.tf_message as m; print(m.__file__)" && '
-        'python3 -c "from onebot_description.ament import package_share as s;'
+        'python3 -c "import onebot_description.wire.tf_message as m; print(m.__file__)" && '
+        'python3 -c "from onebot_description.description.packages import package_share as s;'
         "print(s('mrm_description'))\" && "
         "install/onebot_description/lib/onebot_description/robot_state_publisher nowhere.urdf"
     )

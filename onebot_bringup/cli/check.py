@@ -3,8 +3,8 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.launcher.arguments import UsageError, split, table
-from onebot_bringup.xacro_arguments import xacro_arguments
+from onebot_bringup.launch.arguments import UsageError, split, table
+from onebot_description.description.xacro import xacro_arguments
 
 HELP = """\
 usage: onebot check FILE [name:=value ...]

@@ -3,10 +3,9 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from onebot_bringup.cli.subcommands import Parser, Subcommand, dispatch
+from onebot_bringup.cli.main import Parser, Subcommand, dispatch
 from onebot_bringup.introspection.interfaces import definition_file, full_name, installed
-from onebot_description.errors import OneBotError
-from onebot_description.text import did_you_mean
+from onebot_description.errors import OneBotError, did_you_mean
 
 _HERE = "onebot_bringup.cli.interface"
 COMMANDS = {

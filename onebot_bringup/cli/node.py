@@ -3,8 +3,8 @@
 import sys
 from collections.abc import Iterable, Sequence
 
-from onebot_bringup.cli.ros_session import Session, add_spin_time, is_hidden
-from onebot_bringup.cli.subcommands import Parser, Subcommand, dispatch
+from onebot_bringup.cli.main import Parser, Subcommand, dispatch
+from onebot_bringup.cli.session import Session, add_spin_time, is_hidden
 from onebot_description.errors import OneBotError
 
 COMMANDS = {

@@ -4,12 +4,79 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from onebot_bringup.cli.parameter_client import ParameterClient
-from onebot_bringup.cli.ros_session import Session, add_spin_time
-from onebot_bringup.cli.subcommands import Parser, Subcommand, dispatch
-from onebot_bringup.introspection import parameters
-from onebot_bringup.launcher.arguments import UsageError
-from onebot_description.errors import OneBotError
+from onebot_bringup.cli.main import Parser, Subcommand, dispatch
+from onebot_bringup.cli.session import Session, add_spin_time, call
+from onebot_bringup.introspection import parameter_values
+from onebot_bringup.introspection.parameter_values import NOT_SET, parse_value
+from onebot_bringup.launch.arguments import UsageError
+from onebot_description.errors import OneBotError, did_you_mean
+
+# The parameters of another node, by its services.
+
+
+class ParameterClient:
+    """Asks one node about its parameters.
+
+    All methods raise an OneBotError if the node does not answer.
+    """
+
+    def __init__(self, session: Session, node: str) -> None:
+        """Take the full name of a node that is up."""
+        self._session, self._node = session, node
+
+    def _call(self, service: str, **fields: Any) -> Any:
+        from rcl_interfaces import srv
+
+        kind = getattr(srv, service)
+        name = {
+            "ListParameters": "list_parameters",
+            "GetParameters": "get_parameters",
+            "DescribeParameters": "describe_parameters",
+            "SetParameters": "set_parameters",
+        }[service]
+        return call(self._session, kind, f"{self._node}/{name}", kind.Request(**fields), 5.0)
+
+    def names(self, prefixes: Sequence[str] = ()) -> list[str]:
+        """Return the names of all parameters, or of those below the prefixes."""
+        return list(self._call("ListParameters", prefixes=list(prefixes)).result.names)
+
+    def values(self, names: Sequence[str]) -> list[Any]:
+        """Return a ParameterValue for each name, if all exist."""
+        return list(self._call("GetParameters", names=list(names)).values)
+
+    def describe(self, names: Sequence[str]) -> list[Any]:
+        """Return a ParameterDescriptor for each name, if all exist."""
+        return list(self._call("DescribeParameters", names=list(names)).descriptors)
+
+    def get(self, name: str) -> Any:
+        """Return one ParameterValue.
+
+        Raises:
+            OneBotError: there is no such parameter; the message lists near names.
+        """
+        values = self.values([name])
+        known = self.names() if not values or values[0].type == NOT_SET else [name]
+        if not values or name not in known:
+            raise OneBotError(
+                f'{self._node} has no parameter "{name}"{did_you_mean(name, known, "parameters")}'
+            )
+        return values[0]
+
+    def set(self, pairs: Sequence[tuple[str, str]]) -> list[Any]:
+        """Set parameters to what was written; return a SetParametersResult each."""
+        from rcl_interfaces.msg import Parameter, ParameterValue
+
+        request = []
+        for name, text in pairs:
+            field, kind, value = parse_value(text, self._declared(name))
+            request.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
+        return list(self._call("SetParameters", parameters=request).results)
+
+    def _declared(self, name: str) -> int:
+        """The type a parameter is bound to; NOT_SET if it is free, or there is none."""
+        found = self.describe([name])
+        return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
+
 
 _HERE = "onebot_bringup.cli.param"
 COMMANDS = {
@@ -71,7 +138,7 @@ def _rows(client: ParameterClient, prefixes: Sequence[str], types: bool) -> list
         return found
     kinds = client.describe(found)
     return [
-        f"{name} (type: {parameters.type_label(kind.type)})"
+        f"{name} (type: {parameter_values.type_label(kind.type)})"
         for name, kind in zip(found, kinds, strict=True)
     ]
 
@@ -85,12 +152,12 @@ def get(parser: Parser, argv: Sequence[str]) -> int:
     with Session(args.ros_args) as session:
         client = ParameterClient(session, session.find_node(args.node))
         value = client.get(args.name)
-    if value.type == parameters.NOT_SET:
+    if value.type == parameter_values.NOT_SET:
         print("None" if args.hide_type else "Parameter not set.")
     elif args.hide_type:
-        print(parameters.value_of(value))
+        print(parameter_values.value_of(value))
     else:
-        print(parameters.label(value), parameters.value_of(value))
+        print(parameter_values.label(value), parameter_values.value_of(value))
     return 0
 
 
@@ -135,5 +202,5 @@ def dump(parser: Parser, argv: Sequence[str]) -> int:
         node = session.find_node(args.node)
         client = ParameterClient(session, node)
         found = sorted(client.names())
-        print(parameters.dump(node, found, client.values(found)))
+        print(parameter_values.dump(node, found, client.values(found)))
     return 0

@@ -3,20 +3,73 @@
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from onebot_bringup.argument_checks import check_port
-from onebot_bringup.launcher.arguments import Argument, UsageError, complete, split, table
-from onebot_bringup.rrd_file import check_rrd, has_content
-from onebot_description.ament import use_environment_prefix
+from onebot_bringup.launch.arguments import Argument, UsageError, check_port, complete, split, table
+from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError
 
 if TYPE_CHECKING:
-    from onebot_bringup.viewer.display import Display
+    from onebot_bringup.viewer.display_server import Display
+
+
+# Rerun's recordings as files: whether one can be what it is taken for, and has something in it.
+
+_STARTS = (b"RRF", b"RRIO")  # of the files of all of Rerun's versions
+NOTHING = 200  # bytes of a file in which no message got whole
+_PROPERTIES = "/__properties"  # the recording's name and start
+
+
+def check_rrd(rrd: Path) -> None:
+    """Refuse what is no recording of Rerun's, at the price of reading its first bytes.
+
+    Raises:
+        OneBotError: with what is wrong.
+    """
+    try:
+        with rrd.open("rb") as file:
+            start = file.read(4)
+            size = file.seek(0, 2)
+    except FileNotFoundError:
+        raise OneBotError(f"there is no recording {rrd}") from None
+    except OSError as error:
+        raise OneBotError(f"{rrd}: {error.strerror}") from error
+    if not start:
+        raise OneBotError(f"{rrd} is empty")
+    if not start.startswith(_STARTS):
+        raise OneBotError(f"{rrd} is no recording of Rerun")
+    if size < NOTHING:
+        raise OneBotError(f"{rrd} was cut short before anything was in it")
+
+
+def has_content(rrd: Path) -> bool | None:
+    """Return whether there is something to draw in a recording.
+
+    Little of the file is read: its frames' sizes, and the data up to the first that can be drawn.
+
+    Returns:
+        None where that cannot be said: it was cut short, is still being written, or is of a
+        version of Rerun that is read otherwise.
+    """
+    from rerun.chunk import RrdReader  # slower to import
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of files that have no table of contents
+            reader = RrdReader(str(rrd))
+            return any(
+                not chunk.entity_path.startswith(_PROPERTIES)
+                for store in reader.recordings()
+                for chunk in reader.stream(store=store)
+            )
+    except (RuntimeError, ValueError, OSError):
+        return None
+
 
 HELP = """\
 usage: onebot replay RECORDING [name:=value ...]
@@ -78,7 +131,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: "_Interrupts") 
     if rrd:
         _check_rrd(source, view, values)
     else:
-        from onebot_bringup.bag.reader import Bag
+        from onebot_bringup.bags.reader import Bag
 
         bag = Bag(source)
     with _display(values) as display:
@@ -87,7 +140,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: "_Interrupts") 
                 display.stream.log_file_from_path(file)
             print(f"showing {source}", flush=True)
         else:
-            from onebot_bringup.bag_replay import log_bag
+            from onebot_bringup.bags.replay import log_bag
 
             shown = log_bag(
                 bag,
@@ -141,7 +194,7 @@ class _Log:
 
 @contextmanager
 def _display(values: Mapping[str, str]) -> "Iterator[Display]":
-    from onebot_bringup.viewer.display import Display  # slower to import
+    from onebot_bringup.viewer.display_server import Display  # slower to import
 
     save = Path(values["save"]).expanduser().absolute() if values["save"] else None
     display = Display(

@@ -5,10 +5,9 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from onebot_bringup.cli.ros_session import Session, add_spin_time
-from onebot_bringup.cli.subcommands import Parser, Subcommand, dispatch, positive
-from onebot_description.errors import OneBotError
-from onebot_description.text import did_you_mean, nearest
+from onebot_bringup.cli.main import Parser, Subcommand, dispatch, positive
+from onebot_bringup.cli.session import Session, add_spin_time
+from onebot_description.errors import OneBotError, did_you_mean, nearest
 
 _HERE = "onebot_bringup.cli.service"
 COMMANDS = {
@@ -73,8 +72,8 @@ def call_service(parser: Parser, argv: Sequence[str]) -> int:
     parser.add_argument("--stdin", action="store_true", help="read the values from stdin")
     parser.add_argument("-r", "--rate", type=positive, metavar="HZ", help="call again and again")
     args = parser.parse(argv)
-    from onebot_bringup.introspection.filling import fill, stamp
     from onebot_bringup.introspection.interfaces import full_name, service_class
+    from onebot_bringup.introspection.message_text import fill, stamp
 
     kind = service_class(args.type)
     request = kind.Request()

@@ -6,26 +6,24 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.argument_checks import (
+from onebot_bringup.cli.session import Session
+from onebot_bringup.launch.arguments import (
+    Argument,
+    UsageError,
     check_domain,
     check_namespace,
     check_number,
     check_port,
-)
-from onebot_bringup.cli.ros_session import Session
-from onebot_bringup.launch_environment import environment
-from onebot_bringup.launcher.arguments import (
-    Argument,
-    UsageError,
     complete,
     refuse_positional,
     split,
     switch,
     table,
 )
+from onebot_bringup.launch.bringup import environment
+from onebot_bringup.launch.nodes import NICE_VIEWER, RosNodes
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.ros_nodes import NICE_VIEWER, RosNodes
-from onebot_bringup.steering.place import Place, choose_place
+from onebot_bringup.steering.access import Place, choose_place
 from onebot_description.errors import OneBotError
 
 _TOPIC = "velocity_controller/cmd_vel"
@@ -111,11 +109,11 @@ def _launch(folder: Path, values: Mapping[str, str], place: Place, ros_args: Seq
     page |= {**place.parameters, "open_browser": values["open_browser"] == "true"}
     page["viewer_page"] = f"{_VIEWER if own else 'rerun_viewer'}/page"
     make = RosNodes(folder, values["namespace"], ros_args)
-    nodes = [make.node("steering_page", "onebot_bringup.steering_page", page)]
+    nodes = [make.node("steering_page", "onebot_bringup.steering.steering_page", page)]
     if own:
         view: dict[str, object] = {"viewer": "web", "view": values["view"], "open_browser": False}
         view |= {"grpc_port": 0, "web_port": 0}
-        module = "onebot_bringup.rerun_viewer"
+        module = "onebot_bringup.viewer.rerun_viewer"
         nodes.append(
             make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
         )
@@ -135,7 +133,7 @@ def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
             return values["viewer"] == "web"
         from std_msgs.msg import String
 
-        from onebot_description.qos import LATCHED
+        from onebot_description.node import LATCHED
 
         pages: list[String] = []
         session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
@@ -151,7 +149,7 @@ def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
 def _answers(address: str) -> bool:
     """Say if a viewer's page is there, and not only its last word on the topic."""
     from onebot_bringup.steering.view_proxy import View
-    from onebot_bringup.viewer.processes import answers
+    from onebot_bringup.viewer.display_server import answers
 
     view = View.parse(address)
     return view is not None and answers(view.page_port)

@@ -1,16 +1,229 @@
 """``onebot teleop``: drive a robot from the keyboard, with the keys of teleop_twist_keyboard."""
 
 import contextlib
+import os
+import select
 import sys
+import termios
 import time
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from onebot_bringup.cli.driving_keys import HELP, Driver, Velocity
-from onebot_bringup.cli.ros_session import Session
-from onebot_bringup.cli.subcommands import Parser, not_negative, positive
-from onebot_bringup.cli.terminal import ESCAPE, Keys, single_keys
+from onebot_bringup.cli.main import Parser, not_negative, positive
+from onebot_bringup.cli.session import Session
+from onebot_description.errors import OneBotError
+
+# What each key of ``onebot teleop`` means, and how long a key counts as held. Pure.
+
+# Key: forward, left, up, turn to the left; each -1, 0 or 1. As in teleop_twist_keyboard, whose
+# reverse curves turn the way a car's steering wheel would be held.
+_MOVES: dict[str, tuple[int, int, int, int]] = {
+    "i": (1, 0, 0, 0),
+    "o": (1, 0, 0, -1),
+    "j": (0, 0, 0, 1),
+    "l": (0, 0, 0, -1),
+    "u": (1, 0, 0, 1),
+    ",": (-1, 0, 0, 0),
+    ".": (-1, 0, 0, 1),
+    "m": (-1, 0, 0, -1),
+    "O": (1, -1, 0, 0),
+    "I": (1, 0, 0, 0),
+    "J": (0, 1, 0, 0),
+    "L": (0, -1, 0, 0),
+    "U": (1, 1, 0, 0),
+    "<": (-1, 0, 0, 0),
+    ">": (-1, -1, 0, 0),
+    "M": (-1, 1, 0, 0),
+    "t": (0, 0, 1, 0),
+    "b": (0, 0, -1, 0),
+    "up": (1, 0, 0, 0),
+    "down": (-1, 0, 0, 0),
+    "left": (0, 0, 0, 1),
+    "right": (0, 0, 0, -1),
+}
+# Key: factor on the speed, factor on the turning speed.
+_SPEEDS: dict[str, tuple[float, float]] = {
+    "q": (1.1, 1.1),
+    "z": (0.9, 0.9),
+    "w": (1.1, 1.0),
+    "x": (0.9, 1.0),
+    "e": (1.0, 1.1),
+    "c": (1.0, 0.9),
+}
+_SHORTEST_HOLD = 0.2  # s; over a network repeats come in bursts
+_REPEATS_MISSED = 4
+
+HELP = """\
+Reading from the keyboard and publishing {kind} on {topic}
+---------------------------
+Moving around, while a key is held:
+   u    i    o
+   j    k    l
+   m    ,    .
+
+Sideways (for robots that can), with Shift:
+   U    I    O
+   J    K    L
+   M    <    >
+
+t : up (+z)
+b : down (-z)
+
+anything else : stop
+
+q/z : increase/decrease max speeds by 10%
+w/x : increase/decrease only linear speed by 10%
+e/c : increase/decrease only angular speed by 10%
+
+CTRL-C or Esc to quit
+"""
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """What to publish.
+
+    Attributes:
+        x: forward, m/s.
+        y: to the left, m/s.
+        z: up, m/s.
+        turn: to the left, rad/s.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    turn: float = 0.0
+
+
+class Driver:
+    """Turns keys into velocities over time.
+
+    Attributes:
+        speed: m/s while a key is held.
+        turn: rad/s while a key is held.
+    """
+
+    def __init__(self, speed: float, turn: float, hold: float) -> None:
+        """Start at rest.
+
+        Args:
+            speed: m/s.
+            turn: rad/s.
+            hold: seconds that one press counts for, until repeats come; longer than the delay of
+                the keyboard's repetition.
+        """
+        self.speed, self.turn = speed, turn
+        self._hold = hold
+        self._key: str | None = None
+        self._pressed = 0.0  # when the key last came
+        self._until = 0.0  # when it counts as let go
+
+    def press(self, key: str, now: float) -> None:
+        """Note that a key came at ``now`` (seconds)."""
+        if key in _SPEEDS:
+            self.speed *= _SPEEDS[key][0]
+            self.turn *= _SPEEDS[key][1]
+        elif key not in _MOVES:
+            self._key = None
+        else:
+            repeated = key == self._key and now < self._until
+            interval = now - self._pressed
+            self._key, self._pressed = key, now
+            self._until = now + (self._hold_after(interval) if repeated else self._hold)
+
+    def _hold_after(self, interval: float) -> float:
+        """How long a repeat counts. The first repeat, after the long delay, counts like it."""
+        return min(self._hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * interval))
+
+    def moving(self, now: float) -> bool:
+        """Say if a key is held that moves the robot."""
+        if self._key is not None and now >= self._until:
+            self._key = None
+        return self._key is not None
+
+    def velocity(self, now: float) -> Velocity:
+        """Return what to publish at ``now``: zero when no key is held."""
+        if not self.moving(now) or self._key is None:
+            return Velocity()
+        x, y, z, turn = _MOVES[self._key]
+        return Velocity(x * self.speed, y * self.speed, z * self.speed, turn * self.turn)
+
+    def status(self) -> str:
+        """Return the speeds as teleop_twist_keyboard shows them."""
+        return f"currently:\tspeed {self.speed:.3g}\tturn {self.turn:.3g} "
+
+
+# Single keys from a terminal, which is afterwards as it was.
+
+ESCAPE = "\x1b"
+_ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+
+
+@contextlib.contextmanager
+def single_keys() -> Iterator["Keys"]:
+    """Switch the terminal to single keys, not shown; Ctrl-C still interrupts.
+
+    Raises:
+        OneBotError: stdin is no terminal.
+    """
+    if sys.stdin is None or not sys.stdin.isatty():
+        raise OneBotError("this reads keys from a terminal, but its standard input is none")
+    fd = sys.stdin.fileno()
+    before = termios.tcgetattr(fd)
+    mode = termios.tcgetattr(fd)
+    mode[3] &= ~(termios.ICANON | termios.ECHO)
+    # Ctrl-S would stop the output, and with it whatever waits for it to be written.
+    mode[0] &= ~(termios.IXON | termios.ICRNL)
+    mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
+    # Ctrl-Z would stop the process while the robot drives on.
+    mode[6][termios.VSUSP] = os.fpathconf(fd, "PC_VDISABLE").to_bytes(1, "little")
+    try:
+        termios.tcsetattr(fd, termios.TCSADRAIN, mode)
+        yield Keys(fd)
+    finally:
+        with contextlib.suppress(termios.error):  # the terminal's window is closed
+            termios.tcsetattr(fd, termios.TCSADRAIN, before)
+
+
+class Keys:
+    """What is typed."""
+
+    def __init__(self, fd: int) -> None:
+        """Read from a file descriptor."""
+        self._fd = fd
+
+    def read(self, timeout: float) -> list[str] | None:
+        """Return the keys pressed since the last call, waiting up to ``timeout`` seconds for one.
+
+        Returns:
+            Characters; arrow keys as ``up``, ``down``, ``left``, ``right``; ``ESCAPE`` for that
+            key alone. None once the terminal is closed.
+        """
+        if not select.select([self._fd], [], [], max(timeout, 0.0))[0]:
+            return []
+        try:
+            data = os.read(self._fd, 1024)
+        except OSError:
+            return None
+        return split_keys(data.decode(errors="replace")) if data else None
+
+
+def split_keys(text: str) -> list[str]:
+    """Take apart what a terminal sends; other function keys than arrows come as "" each."""
+    keys = []
+    while text:
+        if text[:2] in (f"{ESCAPE}[", f"{ESCAPE}O") and len(text) > 2:
+            end = next((i for i, c in enumerate(text[2:], 2) if c.isalpha() or c == "~"), 2)
+            keys.append(_ARROWS.get(text[end], "") if end == 2 else "")
+            text = text[end + 1 :]
+        else:
+            keys.append(text[0])
+            text = text[1:]
+    return keys
+
 
 _TOPIC = "/velocity_controller/cmd_vel"
 _ZEROS = 3  # published when a key is let go, in case one gets lost

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from onebot_bringup.bringup import Robot, bring_up
+from onebot_bringup.launch.bringup import Robot, bring_up
 
 
 def run(argv: Sequence[str]) -> int:

@@ -11,9 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from onebot_description.ament import use_environment_prefix
-from onebot_description.errors import OneBotError
-from onebot_description.text import did_you_mean
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.errors import OneBotError, did_you_mean
 
 _TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 _WHAT = {"msg": "message", "srv": "service", "action": "action"}
@@ -30,7 +29,7 @@ def message_class(name: str) -> Any:
     """
     full = full_name(name, "msg")
     if full == _TF_MESSAGE:
-        from onebot_description.tf.tf_message import TFMessage
+        from onebot_description.wire.tf_message import TFMessage
 
         return TFMessage
     return _import(full)

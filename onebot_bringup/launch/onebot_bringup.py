@@ -4,7 +4,7 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.cli.run import run_command
+from onebot_bringup.cli.main import run_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -13,8 +13,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def launch() -> int:
         # Here, where Ctrl-C is already answered: importing takes a moment.
-        from onebot_bringup.bringup import Robot, bring_up
-        from onebot_description.ament import package_share
+        from onebot_bringup.launch.bringup import Robot, bring_up
+        from onebot_description.description.packages import package_share
 
         description = package_share("onebot_description").resolve()  # where edits are made
         onebot = Robot(

@@ -6,19 +6,263 @@ and what is due by the clock (new starts, harder signals) is looked at in every 
 
 import selectors
 import signal
+import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 
-from onebot_bringup.launcher.console import Console
-from onebot_bringup.launcher.node import Node
-from onebot_bringup.launcher.process import LineReader, describe_exit
-from onebot_bringup.launcher.restarts import Restarts
-from onebot_bringup.launcher.running import RunningNodes
-from onebot_bringup.launcher.signals import SignalQueue
-from onebot_bringup.launcher.standby import Standby
-from onebot_bringup.launcher.stopping import GIVE_UP, KILL, TERMINATE, Grace, Stopping
+from onebot_bringup.launcher.console import Console, OutputStream
+from onebot_bringup.launcher.guard import Guard
+from onebot_bringup.launcher.interpreter import Standby
+from onebot_bringup.launcher.process import LineReader, Node, RunningNode, describe_exit
+
+# The nodes that run, their output wired to the console and their groups known to the guard.
+
+
+class RunningNodes:
+    """Starts nodes, reads what they print, and forgets those that are gone."""
+
+    def __init__(
+        self,
+        selector: selectors.BaseSelector,
+        console: Console,
+        temporary: Sequence[Path],
+        standby: Standby,
+    ) -> None:
+        """None runs yet.
+
+        Args:
+            selector: to register their pipes with.
+            console: where their lines go.
+            temporary: folders to be removed should this process be killed.
+            standby: interpreters to be used for the nodes they were started for.
+        """
+        self._selector, self._console, self._standby = selector, console, standby
+        self._guard = Guard(temporary)
+        self._running: list[RunningNode] = []
+
+    def __bool__(self) -> bool:
+        """Whether any runs."""
+        return bool(self._running)
+
+    def __iter__(self) -> Iterator[RunningNode]:
+        """Those that run now; they may be forgotten meanwhile."""
+        return iter(list(self._running))
+
+    def start(self, node: Node) -> None:
+        """Start ``node``.
+
+        Raises:
+            OSError: the program cannot be run.
+        """
+        out, err = (self._sink(node, stream) for stream in (self._console.out, self._console.err))
+        running = RunningNode(node, out, err, self._standby.take(node))
+        self._guard.add(running.group)
+        self._running.append(running)
+        for reader in running.readers:
+            self._selector.register(reader.pipe.fileno(), selectors.EVENT_READ, reader)
+
+    def _sink(self, node: Node, stream: OutputStream) -> Callable[[bytes], None]:
+        return lambda line: self._console.line(node.name, line, stream)
+
+    def read(self, reader: LineReader) -> None:
+        """Read from a pipe that has something to read."""
+        descriptor = reader.pipe.fileno()
+        reader.read()
+        if reader.pipe.closed:
+            self._selector.unregister(descriptor)
+
+    def forget(self, running: RunningNode) -> None:
+        """Read what is left of its output; it is gone, or given up."""
+        for reader in running.readers:
+            if not reader.pipe.closed:
+                self._selector.unregister(reader.pipe.fileno())
+        running.close()
+        self._running.remove(running)
+        self._guard.discard(running.group)
+
+    def close(self) -> None:
+        """End the guard, which kills what was not forgotten."""
+        self._guard.close()
+
+
+# Which nodes are to be started again, and when.
+
+
+class Restarts:
+    """Counts the starts of nodes that keep ending, and plans the next ones."""
+
+    def __init__(self) -> None:
+        """Nothing is planned yet."""
+        self._planned: list[tuple[float, Node]] = []
+        self._done: dict[str, int] = {}
+
+    def __bool__(self) -> bool:
+        """Whether anything is planned."""
+        return bool(self._planned)
+
+    def plan(self, node: Node, lived: float) -> float | None:
+        """Plan a new start of ``node``.
+
+        Args:
+            node: ended just now.
+            lived: seconds it ran.
+
+        Returns:
+            Seconds until then, or None if it was started often enough in vain.
+        """
+        done = 0 if lived > node.restart.healthy_after else self.done(node)
+        if done >= node.restart.limit:
+            return None
+        self._done[node.name] = done + 1
+        wait = node.restart.wait(done)
+        self._planned.append((time.monotonic() + wait, node))
+        return wait
+
+    def done(self, node: Node) -> int:
+        """Return how many new starts of ``node`` there were, or are planned, in a row."""
+        return self._done.get(node.name, 0)
+
+    def until_next(self) -> float | None:
+        """Return the seconds until the next start, None if none is planned."""
+        if not self._planned:
+            return None
+        return max(0.0, min(at for at, _ in self._planned) - time.monotonic())
+
+    def take_due(self) -> list[Node]:
+        """Return the nodes to start now; they are no longer planned then."""
+        now = time.monotonic()
+        due = [node for at, node in self._planned if at <= now]
+        self._planned = [(at, node) for at, node in self._planned if at > now]
+        return due
+
+    def cancel(self) -> None:
+        """Start nothing any more."""
+        self._planned.clear()
+
+
+# How the order to stop is pressed harder with time.
+
+TERMINATE, KILL, GIVE_UP = 1, 2, 3  # stages; 0 is SIGINT
+# A wrapper such as `uv run` passes a Ctrl-C on that the terminal has already delivered.
+_SAME_KEYSTROKE = 0.3  # seconds
+
+
+@dataclass(frozen=True)
+class Grace:
+    """When to use which signal, in seconds after the order to stop; all is over within 5 s.
+
+    Attributes:
+        terminate: SIGTERM to what did not heed SIGINT.
+        kill: SIGKILL to what did not heed SIGTERM either.
+        give_up: leave even if the system has not removed them yet.
+    """
+
+    terminate: float = 2.5
+    kill: float = 4.0
+    give_up: float = 4.6
+
+
+class Stopping:
+    """The order to stop, once it was given.
+
+    Attributes:
+        stage: how hard it has been pressed so far.
+    """
+
+    def __init__(self, grace: Grace) -> None:
+        """It has not been given yet."""
+        self.stage = 0
+        self._grace = grace
+        self._since: float | None = None
+
+    def __bool__(self) -> bool:
+        """Whether it was given."""
+        return self._since is not None
+
+    def order(self) -> None:
+        """Give it."""
+        self._since = time.monotonic()
+
+    def is_repeated(self) -> bool:
+        """Return whether a signal that comes now is another order, and not the same keystroke."""
+        return self._waited() > _SAME_KEYSTROKE
+
+    def press(self, stage: int) -> bool:
+        """Go to ``stage``; return False if it has got as far already."""
+        if stage <= self.stage:
+            return False
+        self.stage = stage
+        return True
+
+    def due(self) -> list[int]:
+        """Return the stages that are due by the clock, whether reached or not."""
+        grace, waited = self._grace, self._waited()
+        moments = {TERMINATE: grace.terminate, KILL: grace.kill, GIVE_UP: grace.give_up}
+        return [stage for stage, moment in moments.items() if waited > moment]
+
+    def _waited(self) -> float:
+        return 0.0 if self._since is None else time.monotonic() - self._since
+
+
+# Signals as something to wait for in a ``select`` loop.
+
+STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class SignalQueue:
+    """While open, collects the signals that ask to stop; its socket wakes a ``select``.
+
+    SIGCHLD only wakes. A SIGHUP that was ignored from the start (nohup) stays ignored.
+    """
+
+    def __init__(self) -> None:
+        """Nothing is changed until the queue is entered."""
+        self._arrived: list[int] = []
+        self._read, self._write = socket.socketpair()
+        self._read.setblocking(False)
+        self._write.setblocking(False)
+
+    def fileno(self) -> int:
+        """The descriptor that becomes readable when a signal arrives."""
+        return self._read.fileno()
+
+    def take(self) -> list[int]:
+        """Return the stop signals that arrived since the last call, in order."""
+        try:
+            while self._read.recv(64):
+                pass
+        except BlockingIOError:
+            pass
+        taken, self._arrived = self._arrived, []
+        return taken
+
+    def __enter__(self) -> "SignalQueue":
+        """Install the handlers."""
+        self._old_wakeup = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
+        self._old = {signal.SIGCHLD: signal.signal(signal.SIGCHLD, lambda *_: None)}
+        for number in STOP:
+            if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                continue
+            self._old[number] = signal.signal(number, lambda n, _: self._arrived.append(n))
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Put the former handlers back."""
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(self._old_wakeup)
+        self._read.close()
+        self._write.close()
+
 
 _TURN = 0.05  # seconds; how often to look while stopping, or while output waits
 # How a node may end that was asked to stop; 130 is what shells make of SIGINT.

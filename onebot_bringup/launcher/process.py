@@ -4,13 +4,145 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 import time
-from collections.abc import Callable
-from typing import IO
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import IO, Literal
 
-from onebot_bringup.launcher.groups import group_alive, signal_group
-from onebot_bringup.launcher.node import Node
-from onebot_bringup.launcher.opening import open_process
+from onebot_bringup.launcher.guard import child_setup, group_alive, signal_group
+
+# Opening processes, Python modules among them.
+
+_START_MODULE = "onebot_bringup.launcher.interpreter"
+_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is OpenBLAS's own
+
+
+def open_process(
+    command: Sequence[str],
+    environment: Mapping[str, str],
+    hold_interrupt: bool,
+    stdin: int = subprocess.DEVNULL,
+) -> subprocess.Popen[bytes]:
+    """Start a program that leads a session of its own, its output into pipes.
+
+    Args:
+        command: the program and its arguments.
+        environment: all of its variables.
+        hold_interrupt: start it with SIGINT blocked.
+        stdin: ``subprocess.PIPE`` for one to write to.
+
+    Raises:
+        OSError: the program cannot be run.
+    """
+    return subprocess.Popen(
+        command,
+        stdin=stdin,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        bufsize=0,
+        env=environment,
+        start_new_session=True,
+        preexec_fn=child_setup(hold_interrupt),
+    )
+
+
+def module_command(module: str) -> tuple[str, ...]:
+    """Return what runs a Python module as a node, without its arguments."""
+    return (sys.executable, "-m", _START_MODULE, module)
+
+
+def python_environment() -> dict[str, str]:
+    """Return the variables that the interpreter of a node needs from its start."""
+    variables = {"PYTHONUNBUFFERED": "1", **_safe_path()}
+    if not any(name in os.environ for name in _BLAS_THREADS):
+        # No node multiplies matrices so large that it would pay, and to start the threads takes
+        # longer than all of numpy's other modules.
+        variables[_BLAS_THREADS[0]] = "1"
+    return variables
+
+
+def _safe_path() -> dict[str, str]:
+    """Keep a stray ``yaml.py`` in the working directory from being imported by the nodes.
+
+    Only where the launcher itself was not found through the working directory.
+    """
+    here = sys.path[0] in ("", os.getcwd()) if sys.path else False
+    return {} if here else {"PYTHONSAFEPATH": "1"}
+
+
+# What the launcher is asked to run: one node, one process.
+
+OnExit = Literal["shutdown", "restart", "ignore"]
+
+
+@dataclass(frozen=True)
+class Restart:
+    """How often and how fast a node that ended is started again.
+
+    Attributes:
+        limit: how many times in a row before the launcher gives up.
+        first_wait: seconds before the first new start; doubled for each further one.
+        longest_wait: seconds, the cap of that doubling.
+        healthy_after: seconds; a node that lived this long starts counting from zero again.
+    """
+
+    limit: int = 5
+    first_wait: float = 1.0
+    longest_wait: float = 10.0
+    healthy_after: float = 30.0
+
+    def wait(self, restarts: int) -> float:
+        """Seconds to wait before a start when there were ``restarts`` in a row already."""
+        return float(min(self.first_wait * 2.0**restarts, self.longest_wait))
+
+
+@dataclass(frozen=True)
+class Node:
+    """One process to run.
+
+    Attributes:
+        name: what its lines of output are prefixed with.
+        command: the program and its arguments.
+        on_exit: what happens when it ends although nobody asked it to: ``"shutdown"`` brings
+            everything down, ``"restart"`` starts it again, ``"ignore"`` goes on without it.
+        environment: variables added to those of the launcher.
+        restart: for ``on_exit="restart"``.
+        hold_interrupt: start with SIGINT blocked; the program unblocks it when it is ready for
+            it (see ``start_module``).
+        module: the Python module that it is, if an interpreter may stand by for it; else empty.
+        nice: how far it stands back where processors are short, 0 to 19 (see nice(2)).
+    """
+
+    name: str
+    command: tuple[str, ...]
+    on_exit: OnExit = "shutdown"
+    environment: Mapping[str, str] = field(default_factory=dict)
+    restart: Restart = Restart()
+    hold_interrupt: bool = False
+    module: str = ""
+    nice: int = 0
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What a Python module gets as arguments."""
+        return self.command[len(module_command(self.module)) :]
+
+
+def python_node(
+    name: str,
+    module: str,
+    arguments: Iterable[str] = (),
+    *,
+    on_exit: OnExit = "shutdown",
+    environment: Mapping[str, str] | None = None,
+    nice: int = 0,
+) -> Node:
+    """Return a node that is a Python module, run by the interpreter that runs the launcher."""
+    command = (*module_command(module), *arguments)
+    variables = {**python_environment(), **(environment or {})}
+    return Node(name, command, on_exit, variables, hold_interrupt=True, module=module, nice=nice)
+
 
 _READ = 65536  # bytes at once; also the longest line that is kept whole
 _MOST_READS = 1000

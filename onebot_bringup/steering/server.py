@@ -1,7 +1,10 @@
 """The steering page's server: the page, its WebSocket and the robot's view on one port."""
 
 import asyncio
+import contextlib
 import secrets
+import socket
+import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -11,7 +14,7 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 from onebot_bringup.steering.access import Access
-from onebot_bringup.steering.helm import Helm
+from onebot_bringup.steering.arbiter import Helm
 from onebot_bringup.steering.protocol import (
     ChooseTopic,
     ProtocolError,
@@ -22,6 +25,47 @@ from onebot_bringup.steering.protocol import (
     welcome_text,
 )
 from onebot_bringup.steering.view_proxy import ViewProxy
+
+# How the page is served: a thread that answers on a socket.
+
+_PATIENCE = 0.5  # s for what is being answered when the server stops
+
+
+class ServerThread:
+    """Serves an application until it is stopped."""
+
+    def __init__(self, app: web.Application, listener: socket.socket) -> None:
+        """Start."""
+        self._app, self._listener = app, listener
+        self._end = asyncio.Event()
+        self._running = threading.Event()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve()), name="steering", daemon=True
+        )
+        self._thread.start()
+        self._running.wait()
+
+    def call(self, action: Callable[[], None]) -> None:
+        """Have something done in the server's thread, soon; not once it is stopped."""
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(action)
+
+    def stop(self) -> None:
+        """Close all connections and the socket."""
+        self.call(self._end.set)
+        self._thread.join(4 * _PATIENCE)
+
+    async def _serve(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._running.set()
+        runner = web.AppRunner(
+            self._app, access_log=None, handle_signals=False, shutdown_timeout=_PATIENCE
+        )
+        await runner.setup()
+        await web.SockSite(runner, self._listener).start()
+        await self._end.wait()
+        await runner.cleanup()
+
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s
@@ -210,8 +254,8 @@ class SteeringServer:
         }
 
     async def _close_pages(self, _: web.Application) -> None:
-        for socket in list(self._pages):
-            await socket.close(code=1001, message=b"the server is stopped")
+        for page in list(self._pages):
+            await page.close(code=1001, message=b"the server is stopped")
 
 
 @dataclass

@@ -13,7 +13,8 @@ import numpy as np
 import rerun as rr
 import trimesh
 
-from onebot_bringup.viewer.geometry import (
+from onebot_bringup.viewer.meshes import load_mesh, resolve, shade
+from onebot_description.description.description import (
     Box,
     Capsule,
     Cylinder,
@@ -23,7 +24,6 @@ from onebot_bringup.viewer.geometry import (
     Robot,
     Sphere,
 )
-from onebot_bringup.viewer.meshes import load_mesh, resolve, shade
 from onebot_description.errors import OneBotError
 
 ROBOT_ENTITY = "robot"

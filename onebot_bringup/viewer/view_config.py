@@ -25,47 +25,279 @@ Example (every key may be left out)::
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
-from onebot_bringup.viewer import view_values as values
-from onebot_bringup.viewer.view_model import (
-    AxesView,
-    CameraView,
-    CovarianceView,
-    GridView,
-    JointPlotView,
-    JointRangesView,
-    PanelsView,
-    SpeedLineView,
-    SpeedsView,
-    TrailView,
-    ViewConfig,
-)
-from onebot_description.errors import OneBotError
-from onebot_description.text import did_you_mean
+from onebot_description.description.description import Vector
+from onebot_description.description.packages import package_share
+from onebot_description.errors import OneBotError, did_you_mean
 
-__all__ = [
-    "AxesView",
-    "CameraView",
-    "CovarianceView",
-    "GridView",
-    "JointPlotView",
-    "JointRangesView",
-    "PanelsView",
-    "SpeedLineView",
-    "SpeedsView",
-    "TrailView",
-    "ViewConfig",
-    "check_value",
-    "load_view",
-    "parse_view",
-    "view_text",
-]
+# The values in a saved view, checked: each function returns one, or says what would be right.
+
+PANEL_STATES = ("hidden", "collapsed", "expanded")
+SPEED_TYPES = ("auto", "Twist", "TwistStamped", "Odometry")
+Color = tuple[int, int, int]
+
+# Relative, so that a namespace applies; absolute only where it is written so.
+_TOPIC = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+def boolean(value: object, where: str) -> bool:
+    """Check true or false."""
+    if not isinstance(value, bool):
+        raise ValueError(f'{where} must be true or false, not "{value}"')
+    return value
+
+
+def length(value: Any, where: str) -> float:
+    """Check a number of at least 0."""
+    if not _is_number(value) or not 0 <= value < float("inf"):
+        raise ValueError(f'{where} must be a number of at least 0, such as 0.5, not "{value}"')
+    return float(value)
+
+
+def height(value: Any, where: str) -> float:
+    """Check metres up, or down if negative."""
+    if not _is_number(value) or not abs(value) < float("inf"):
+        raise ValueError(f'{where} must be metres, such as -0.05, not "{value}"')
+    return float(value)
+
+
+def text(value: object, where: str) -> str:
+    """Check a name."""
+    if not isinstance(value, str):
+        raise ValueError(f'{where} must be a name, not "{value}"')
+    return value
+
+
+def names(value: Any, where: str) -> tuple[str, ...]:
+    """Check a list of names."""
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise ValueError(
+            f'{where} must be a list of names, such as [odom, base_link], not "{value}"'
+        )
+    return tuple(value)
+
+
+def topic(value: object, where: str) -> str:
+    """Check the name of a topic."""
+    if not isinstance(value, str) or not _TOPIC.fullmatch(value):
+        raise ValueError(
+            f'{where} must be a topic, such as velocity_controller/odom, not "{value}"'
+        )
+    return value
+
+
+def vector(value: Any, where: str) -> Vector | None:
+    """Check three metres, or nothing."""
+    if value is None or value == []:
+        return None
+    numbers = isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
+    if not numbers or not all(abs(number) < float("inf") for number in value):
+        raise ValueError(f'{where} must be three metres, such as [3.0, -3.0, 2.0], not "{value}"')
+    return float(value[0]), float(value[1]), float(value[2])
+
+
+def color(value: Any, where: str) -> Color | None:
+    """Check three sRGB bytes, or nothing."""
+    if value is None or value == []:
+        return None
+    three = isinstance(value, list) and len(value) == 3
+    if not three or not all(type(number) is int and 0 <= number <= 255 for number in value):
+        raise ValueError(f'{where} must be three bytes, such as [48, 48, 48], not "{value}"')
+    return value[0], value[1], value[2]
+
+
+def panel(value: object, where: str) -> str:
+    """Check the state of a panel."""
+    return _one_of(value, PANEL_STATES, where)
+
+
+def speed_type(value: object, where: str) -> str:
+    """Check the type of messages that carry a speed."""
+    return _one_of(value, SPEED_TYPES, where)
+
+
+def _one_of(value: object, choices: tuple[str, ...], where: str) -> str:
+    if value not in choices:
+        raise ValueError(f'{where} must be one of {", ".join(choices)}, not "{value}"')
+    return str(value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+# What a saved view says, as dataclasses; see ``view_config`` for how it is written.
+
+
+@dataclass(frozen=True)
+class AxesView:
+    """The frames' axes.
+
+    Attributes:
+        visible: they are drawn.
+        length: metres; 0 to choose it by the robot's size.
+        names: the frames' names are written beside them.
+        frames: of these frames only; empty for all.
+    """
+
+    visible: bool = True
+    length: float = 0.0
+    names: bool = True
+    frames: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class GridView:
+    """The grid on the ground: drawn or not.
+
+    Attributes:
+        visible: it is drawn.
+        spacing: metres; 0 to choose it by the robot's size.
+        height: metres above the fixed frame's origin; negative where that is up on an axle.
+    """
+
+    visible: bool = True
+    spacing: float = 0.0
+    height: float = 0.0
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """Eye and target in the fixed frame, metres (None: chosen to fit); link to follow, or ""."""
+
+    eye: Vector | None = None
+    target: Vector | None = None
+    follow: str = ""
+
+
+@dataclass(frozen=True)
+class JointPlotView:
+    """The curves of the joints.
+
+    Attributes:
+        positions: they are plotted.
+        velocities: they are plotted, if the joint states tell them.
+        limits: with the positions, two level lines at those of each joint that has limits.
+        window: how many seconds are shown; 0 for all.
+    """
+
+    positions: bool = True
+    velocities: bool = True
+    limits: bool = False
+    window: float = 30.0
+
+
+@dataclass(frozen=True)
+class JointRangesView:
+    """How far each joint can go, drawn in the robot: an arc or a bar, and a hand where it is.
+
+    Attributes:
+        visible: they are drawn.
+        radius: of an arc, metres; 0 to choose it by the robot's size.
+    """
+
+    visible: bool = False
+    radius: float = 0.0
+
+
+@dataclass(frozen=True)
+class PoseView:
+    """What is drawn of the poses of an Odometry topic.
+
+    Attributes:
+        topic: relative, so that the node's namespace applies.
+        color: sRGB bytes; None for one of ours.
+        width: of the lines, metres.
+        height: metres above the poses; negative to lay it on the ground.
+    """
+
+    topic: str = ""
+    color: Color | None = None
+    width: float = 0.01
+    height: float = 0.0
+
+
+@dataclass(frozen=True)
+class TrailView(PoseView):
+    """A line along the poses.
+
+    Attributes:
+        length: how many seconds of it are shown; 0 for all.
+    """
+
+    length: float = 60.0
+
+
+@dataclass(frozen=True)
+class CovarianceView(PoseView):
+    """An ellipse and a sector that show the covariance of the pose.
+
+    Attributes:
+        sigma: how many standard deviations they are wide.
+        heading: radius of the sector, which shows the yaw, metres; 0 for none.
+    """
+
+    width: float = 0.006
+    sigma: float = 3.0
+    heading: float = 0.5
+
+
+@dataclass(frozen=True)
+class SpeedLineView:
+    """A curve in each plot of speeds.
+
+    Attributes:
+        topic: relative, so that the node's namespace applies.
+        type: Twist, TwistStamped or Odometry; auto for what is on the topic.
+        color: sRGB bytes; None for one of ours.
+    """
+
+    topic: str = ""
+    type: str = "auto"
+    color: Color | None = None
+
+
+@dataclass(frozen=True)
+class SpeedsView:
+    """The curves of the speeds by name, and how many seconds of them are shown."""
+
+    window: float = 20.0
+    lines: Mapping[str, SpeedLineView] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PanelsView:
+    """The state of the viewer's panels: hidden, collapsed or expanded."""
+
+    blueprint: str = "collapsed"
+    selection: str = "collapsed"
+    time: str = "collapsed"
+    top: str = "expanded"
+
+
+@dataclass(frozen=True)
+class ViewConfig:
+    """How a robot is looked at; see ``view_config``."""
+
+    fixed_frame: str = ""
+    axes: AxesView = field(default_factory=AxesView)
+    grid: GridView = field(default_factory=GridView)
+    collision: bool = False
+    background: Color | None = None
+    camera: CameraView = field(default_factory=CameraView)
+    joint_plot: JointPlotView = field(default_factory=JointPlotView)
+    joint_ranges: JointRangesView = field(default_factory=JointRangesView)
+    trails: Mapping[str, TrailView] = field(default_factory=dict)
+    covariance: Mapping[str, CovarianceView] = field(default_factory=dict)
+    speeds: SpeedsView = field(default_factory=SpeedsView)
+    panels: PanelsView = field(default_factory=PanelsView)
 
 
 def load_view(path: Path) -> ViewConfig:
@@ -157,11 +389,11 @@ def check_value(key: str, current: object, value: object, where: str) -> object:
     if key in _SPECIAL:
         return _SPECIAL[key](value, where)
     if isinstance(current, bool):
-        return values.boolean(value, where)
+        return boolean(value, where)
     if isinstance(current, float):
-        return values.length(value, where)
+        return length(value, where)
     if isinstance(current, str):
-        return values.text(value, where)
+        return text(value, where)
     return _read(type(current), value, where)
 
 
@@ -185,16 +417,102 @@ def _named(kind: type[T]) -> Callable[[Any, str], dict[str, T]]:
 
 
 _SPECIAL: dict[str, Callable[[Any, str], object]] = {
-    "background": values.color,
-    "color": values.color,
-    "eye": values.vector,
-    "frames": values.names,
-    "target": values.vector,
-    "height": values.height,
-    "topic": values.topic,
-    "type": values.speed_type,
+    "background": color,
+    "color": color,
+    "eye": vector,
+    "frames": names,
+    "target": vector,
+    "height": height,
+    "topic": topic,
+    "type": speed_type,
     "trails": _named(TrailView),
     "covariance": _named(CovarianceView),
     "lines": _named(SpeedLineView),
-    **{entry.name: values.panel for entry in fields(PanelsView)},
+    **{entry.name: panel for entry in fields(PanelsView)},
 }
+
+
+# The single settings of a view, by dotted names such as ``axes.visible``: RViz's check boxes.
+
+Value = bool | float | str | list[float] | list[int] | list[str]
+
+
+def settings(view: ViewConfig) -> dict[str, Value]:
+    """Return every single setting of ``view``; what is left open is an empty list.
+
+    Trails, covariances and curves are no settings: they have names of the user's own.
+    """
+    return {name: _plain(value) for name, value in _leaves(view, "")}
+
+
+def with_setting(view: ViewConfig, name: str, value: Any) -> ViewConfig:
+    """Return ``view`` with another value of one setting, as a view file would have it.
+
+    Raises:
+        ValueError: there is no such setting, or it cannot have that value.
+    """
+    changed: ViewConfig = _replaced(view, name.split("."), value, name)
+    return changed
+
+
+def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Value]:
+    """Return the settings of ``after`` that differ from those of ``before``."""
+    old = settings(before)
+    return {name: value for name, value in settings(after).items() if old[name] != value}
+
+
+def _leaves(config: Any, prefix: str) -> list[tuple[str, Any]]:
+    found: list[tuple[str, Any]] = []
+    for entry in fields(config):
+        value = getattr(config, entry.name)
+        if is_dataclass(value):
+            found += _leaves(value, f"{prefix}{entry.name}.")
+        elif not isinstance(value, Mapping):
+            found.append((prefix + entry.name, value))
+    return found
+
+
+def _plain(value: Any) -> Value:
+    if value is None:
+        return []
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _replaced(config: Any, path: list[str], value: Any, name: str) -> Any:
+    if (
+        not is_dataclass(config)
+        or isinstance(config, type)
+        or path[0] not in {entry.name for entry in fields(config)}
+    ):
+        raise ValueError(f'there is no setting "{name}"')
+    current = getattr(config, path[0])
+    if len(path) > 1:
+        new = _replaced(current, path[1:], value, name)
+    elif is_dataclass(current) or isinstance(current, Mapping):
+        raise ValueError(f'"{name}" is more than one setting')
+    else:
+        new = check_value(path[0], current, value, name)
+    changed: Any = replace(config, **{path[0]: new})
+    return changed
+
+
+# The view that belongs to a robot: the one saved in the config/ of its description.
+
+_VIEW = Path("config/view.yaml")
+# What a robot's name must be for a package to be named after it (REP-144); also keeps "../" out.
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+
+
+def view_for(robot_name: str) -> Path | None:
+    """Return the saved view of the robot, as its URDF names it; None if there is none.
+
+    It is ``config/view.yaml`` in the share folder of the package ``<robot_name>_description``,
+    found as every ROS package is, also one of the user's own workspace.
+    """
+    if not _NAME.fullmatch(robot_name):
+        return None
+    try:
+        path = package_share(f"{robot_name}_description") / _VIEW
+    except OneBotError:
+        return None  # most robots have no package of that name
+    return path if path.is_file() else None

@@ -6,12 +6,9 @@ for _ in range(100):
 print(simulation.base_pose().translation)
 """
 
-from onebot_control.simulation.member import Member
-from onebot_control.simulation.settings import Settings
-from onebot_control.simulation.simulation import Simulation
-from onebot_control.simulation.states import JointStates, Pose, Twist
-from onebot_control.simulation.world import World
-from onebot_control.simulation.world_robot import WorldRobot
+from onebot_control.simulation.robot import JointStates, Pose, Twist
+from onebot_control.simulation.settings import Member, Settings
+from onebot_control.simulation.world import Simulation, World, WorldRobot
 
 __all__ = [
     "JointStates",

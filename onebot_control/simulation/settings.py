@@ -1,9 +1,61 @@
 """How finely the world is computed."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from onebot_description.description import Description
 from onebot_description.errors import OneBotError
+
+# What a world is told of each of its robots.
+
+
+class Member(NamedTuple):
+    """A robot to put into a world.
+
+    Attributes:
+        description: a checked robot.
+        driven: its joints with a motor; see ``Simulation``.
+        x: where the root link's frame starts, m.
+        y: likewise, m.
+        yaw: its heading, rad.
+    """
+
+    description: Description
+    driven: Sequence[str]
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+
+# Places on the ground where a robot may stand.
+
+Place = tuple[float, float, float]
+
+# Farther out, rounding is no longer small against the micrometres that a wheel's contact gives.
+FARTHEST = 10_000.0
+
+
+def checked_place(x: float, y: float, yaw: float) -> Place:
+    """Return a place to stand at.
+
+    Args:
+        x: of the root link's frame, m.
+        y: likewise, m.
+        yaw: its heading, rad.
+
+    Raises:
+        ValueError: a value is not finite.
+        OneBotError: it is too far away to be exact there.
+    """
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise OneBotError(
+            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
+        )
+    return float(x), float(y), float(yaw)
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,114 @@
 """Robots on one ground, in one world, moved together."""
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+
+from numpy.typing import ArrayLike
 
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import load_robot, make_world
-from onebot_control.simulation.member import Member
-from onebot_control.simulation.places import Place, checked_place
-from onebot_control.simulation.robot import RobotBody
-from onebot_control.simulation.settings import Settings
-from onebot_control.simulation.settling import Stance, place, settle
-from onebot_control.simulation.world_robot import WorldRobot
+from onebot_control.simulation.rest_pose import Stance, place, settle
+from onebot_control.simulation.robot import JointStates, Pose, RobotBody, Twist
+from onebot_control.simulation.settings import Member, Place, Settings, checked_place
+from onebot_description.description import Description
 from onebot_description.errors import OneBotError
+
+# One robot of a world: what may be done with it, and what there is to see of it.
+
+
+class WorldRobot:
+    """One robot of a world.
+
+    Attributes:
+        joints: names of all joints that move, in the description's order.
+        driven: names of the joints that have a motor, in the order given.
+        body: what the world moves.
+    """
+
+    def __init__(self, world: "World", row: int) -> None:
+        """Take the place ``row`` in ``world``."""
+        self._world, self._row = world, row
+        self.body: RobotBody = world.bodies[row]
+        self.joints, self.driven = self.body.joints, self.body.driven
+
+    @property
+    def stance(self) -> Stance:
+        """How the robot stands on level ground."""
+        return self._world.stances[self._row]
+
+    def turn(self, velocities: Mapping[str, float] | ArrayLike) -> None:
+        """Have the motors keep up these speeds from now on; see ``step``."""
+        targets = self.body.targets(velocities)
+        self._world.check_open()
+        self.body.turn(targets)
+
+    def step(self, velocities: Mapping[str, float] | ArrayLike, duration: float) -> None:
+        """Let ``duration`` pass, for the whole world, while the motors keep up the given speeds.
+
+        A motor keeps its speed as long as its effort suffices, and is no faster than its limit.
+
+        Args:
+            velocities: of every driven joint, rad/s (m/s for prismatic ones), by name or in the
+                order of ``driven``.
+            duration: s; a whole number of physics steps.
+
+        Raises:
+            ValueError: a speed is not finite, too few or too many are given, or ``duration`` is no
+                whole number of steps; nothing has moved then.
+            OneBotError: the state has become non-finite; ``reset`` starts afresh.
+        """
+        targets = self.body.targets(velocities)
+        count = self._world.settings.steps(duration)
+        self._world.check_usable()
+        self.body.turn(targets)
+        self._world.advance(count)
+
+    def joint_states(self) -> JointStates:
+        """Return position, speed and motor effort of all joints, in the order of ``joints``."""
+        return self._seen().joint_states()
+
+    def base_pose(self) -> Pose:
+        """Return the true pose of the root link's frame in the world."""
+        return self._seen().base_pose()
+
+    def base_twist(self) -> Twist:
+        """Return the true velocity of the root link's frame, in its own axes."""
+        return self._seen().base_twist()
+
+    def reset(self) -> None:
+        """Put this robot back to its start, at rest; time goes on."""
+        self._world.stand(self._row)
+
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        """Set the robot down elsewhere, standing still.
+
+        Joint positions and time go on from where they were, so that odometry is none the wiser.
+
+        Args:
+            x: of the root link's frame, m.
+            y: likewise, m.
+            yaw: its heading, rad.
+
+        Raises:
+            ValueError: a value is not finite.
+            OneBotError: it is too far away to be exact there.
+        """
+        self._world.stand(self._row, checked_place(x, y, yaw))
+
+    def brake(self) -> None:
+        """Stop it all at once: its speeds are exactly 0, nothing changes its place."""
+        self._seen().brake()
+        self.body.check()
+
+    def close(self) -> None:
+        """Do nothing: the world is closed as a whole."""
+
+    def _seen(self) -> RobotBody:
+        """The robot's body, if there is anything to see of it."""
+        self._world.check_open()
+        self.body.check()
+        return self.body
 
 
 class World:
@@ -194,3 +290,75 @@ def _stances(members: Sequence[Member], settings: Settings) -> list[Stance]:
                 known[key] = alone.stances[0]
         stances.append(known[key])
     return stances
+
+
+# One robot on level ground, moved by the speeds of its driven joints.
+
+
+class Simulation(WorldRobot):
+    """A robot that stands on the ground of an otherwise empty world.
+
+    Time passes only in ``step``. The same calls give the same bits, in any process. Objects are
+    independent of each other; one object is for one thread at a time. For several robots in one
+    world see ``World``.
+
+    Attributes:
+        joints: names of all joints that move, in the description's order.
+        driven: names of the joints that have a motor, in the order given.
+        settings: as given.
+    """
+
+    def __init__(
+        self,
+        description: Description,
+        *,
+        driven: Sequence[str],
+        x: float = 0.0,
+        y: float = 0.0,
+        yaw: float = 0.0,
+        settings: Settings = Settings(),  # noqa: B008 - it is frozen
+    ) -> None:
+        """Set the robot on the ground with its joints at 0, standing still.
+
+        Args:
+            description: a checked robot; see ``load_description``.
+            driven: joints with a motor, as strong as their ``<limit effort>`` and as fast as their
+                ``<limit velocity>``. All others turn freely, but for the friction and damping of
+                their ``<dynamics>``.
+            x: where the root link's frame starts, m.
+            y: likewise, m.
+            yaw: its heading, rad.
+            settings: how finely to compute.
+
+        Raises:
+            ValueError: x, y or yaw is not finite.
+            OneBotError: the robot cannot be simulated, or a driven joint is none; the message says
+                what to mend.
+        """
+        # Not taken from the world's ``robots``, which hold it: forgotten, this frees the world.
+        super().__init__(World([Member(description, driven, x, y, yaw)], settings), 0)
+        self.settings = settings
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the start or the last reset."""
+        return self._world.time
+
+    @property
+    def client(self) -> int:
+        """PyBullet's number of the world, for what it can do besides."""
+        return self._world.client
+
+    def reset(self) -> None:
+        """Return to the very state of the start, bit for bit; time is 0 again."""
+        self._world.reset()
+
+    def close(self) -> None:
+        """Free the world; most other methods raise OneBotError from now on."""
+        self._world.close()
+
+    def __enter__(self) -> "Simulation":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

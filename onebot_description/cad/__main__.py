@@ -2,13 +2,92 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from onebot_description.ament import package_share
+import yaml
+
+from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 
-_NEEDS = "the CAD needs manifold3d: pip install 'onebot[cad]'"
+try:
+    from onebot_description.cad.base import make_base
+    from onebot_description.cad.caster import make_caster_wheel, make_fork
+    from onebot_description.cad.collada import to_collada
+    from onebot_description.cad.dimensions import Dimensions, read_dimensions
+    from onebot_description.cad.solids import Inertial, Part
+    from onebot_description.cad.wheel import make_wheel
+except ModuleNotFoundError as error:
+    if error.name != "manifold3d":
+        raise
+    sys.exit("the CAD needs manifold3d: pip install 'onebot[cad]'")
+
+
+_HEADER = """\
+# Written by `python -m onebot_description.cad` from dimensions.yaml: do not edit.
+# mass in kg; center of mass in m, in the link's frame; moments about it in kg m2.
+"""
+
+
+def make_parts(dimensions: Dimensions) -> tuple[Part, ...]:
+    """Return the robot's parts.
+
+    Raises:
+        OneBotError: the base cannot have the wanted mass and centre of mass.
+    """
+    makers = (make_base, make_wheel, make_fork, make_caster_wheel)
+    return tuple(make(dimensions) for make in makers)
+
+
+def write_robot(source: Path, folder: Path) -> dict[Path, str]:
+    """Make the parts and write meshes/<part>.dae and config/inertials.yaml into ``folder``.
+
+    Args:
+        source: the file of dimensions.
+        folder: where meshes/ and config/ are; made where they are missing.
+
+    Returns:
+        The files written, with a remark on each.
+
+    Raises:
+        OneBotError: the dimensions are wrong, or make no robot.
+    """
+    dimensions = read_dimensions(source)
+    parts = make_parts(dimensions)
+    written = {}
+    for part in parts:
+        data = to_collada(part, dimensions.colors)
+        path = folder / "meshes" / f"{part.name}.dae"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        written[path] = f"{len(data) / 1000:.0f} kB, {part.inertial.mass:.4f} kg"
+    path = folder / "config" / "inertials.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(inertials_yaml(parts), encoding="utf-8")
+    written[path] = "mass, centre of mass and inertia of each part"
+    return written
+
+
+def inertials_yaml(parts: Iterable[Part]) -> str:
+    """Return the content of config/inertials.yaml."""
+    return _HEADER + yaml.safe_dump(
+        {part.name: _as_mapping(part.inertial) for part in parts}, sort_keys=False
+    )
+
+
+def _as_mapping(inertial: Inertial) -> dict[str, object]:
+    axes = {"x": 0, "y": 1, "z": 2}
+    moments = {
+        f"i{a}{b}": _rounded(inertial.inertia[axes[a], axes[b]])
+        for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+    }
+    center = [round(float(value), 8) + 0.0 for value in inertial.center]
+    return {"mass": round(inertial.mass, 8), "center": center, **moments}
+
+
+def _rounded(moment: float) -> float:
+    """Round to what does not depend on the machine's arithmetic: 1e-12 kg m2."""
+    return round(float(moment), 12) + 0.0
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -29,10 +108,6 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _write(dimensions: Path | None, output: Path | None) -> None:
-    try:
-        from onebot_description.cad.robot import write_robot
-    except ModuleNotFoundError as error:
-        raise OneBotError(_NEEDS if error.name == "manifold3d" else str(error)) from error
     share = package_share("onebot_description")
     for path, note in write_robot(
         dimensions or share / "config/dimensions.yaml", output or share

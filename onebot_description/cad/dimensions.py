@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from onebot_description.errors import OneBotError
-from onebot_description.text import did_you_mean
+from onebot_description.errors import OneBotError, did_you_mean
 
 T = TypeVar("T")
 Vector = tuple[float, float, float]

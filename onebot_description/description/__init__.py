@@ -4,10 +4,13 @@ from onebot_description.description import describe, load_description
 print(describe(load_description("robot.xacro", {"radius": "0.1"})))
 """
 
-from onebot_description.description.loading import load_description, parse_description
+from onebot_description.description.description import Description, JointSpec, MimicSpec
+from onebot_description.description.loading import (
+    load_description,
+    parse_description,
+    published_urdf,
+)
 from onebot_description.description.meshes import resolve_mesh, with_absolute_meshes
-from onebot_description.description.publishing import published_urdf
-from onebot_description.description.spec import Description, JointSpec, MimicSpec
 from onebot_description.description.summary import describe
 from onebot_description.errors import DescriptionError
 

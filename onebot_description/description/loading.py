@@ -3,17 +3,45 @@
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from xml.etree import ElementTree
 
-from onebot_description.description import reading
-from onebot_description.description.check_joints import check_mimics, read_joint
-from onebot_description.description.check_links import check_link
-from onebot_description.description.check_materials import check_materials
-from onebot_description.description.check_schema import check_root, check_schema, named
-from onebot_description.description.check_tree import check_tree, read_ends
-from onebot_description.description.meshes import base_folder, mesh_path, to_text
-from onebot_description.description.report import Report
-from onebot_description.description.spec import Description
+from onebot_description.description import xml
+from onebot_description.description.checks import (
+    check_link,
+    check_materials,
+    check_mimics,
+    check_root,
+    check_schema,
+    check_tree,
+    named,
+    read_ends,
+    read_joint,
+)
+from onebot_description.description.description import Description, Report
+from onebot_description.description.meshes import (
+    base_folder,
+    mesh_path,
+    to_text,
+    with_absolute_meshes,
+)
 from onebot_description.errors import DescriptionError, OneBotError
+
+# The URDF text that others get to see.
+
+
+def published_urdf(description: Description) -> str:
+    """Return the URDF text to hand to robot_state_publisher.
+
+    A text has no folder that the relative path of a mesh could start from, so such become absolute.
+    """
+    meshes = ElementTree.fromstring(description.urdf).iter("mesh")
+    if any(_is_relative(mesh.get("filename", "")) for mesh in meshes):
+        return with_absolute_meshes(description)
+    return description.urdf
+
+
+def _is_relative(uri: str) -> bool:
+    return ":" not in uri and not uri.startswith("/")
 
 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
@@ -33,18 +61,18 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
     """
     path = _locate(source)
     given = {name: str(value) for name, value in (arguments or {}).items()}
-    data = reading.read_bytes(path)
-    shown = reading.shown_path(path)
-    found = reading.scan(data, shown)
+    data = xml.read_bytes(path)
+    shown = xml.shown_path(path)
+    found = xml.scan(data, shown)
     if found.has_xacro or path.suffix == ".xacro":
-        from onebot_description.description.expansion import expand
+        from onebot_description.description.xacro import expand
 
         document, files, warnings = expand(path, given)
         return _check(document, str(path), files, warnings)
     if given:
         names = ", ".join(sorted(given))
         raise DescriptionError([f"{shown}: is plain URDF and takes no arguments (given: {names})"])
-    document = reading.to_document(data, found, shown, path.parent)
+    document = xml.to_document(data, found, shown, path.parent)
     return _check(document, str(path), (path,), ())
 
 
@@ -65,8 +93,8 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
     if not data.strip():
         raise DescriptionError([f'{name}: is empty; it should hold <robot name="...">'])
-    found = reading.scan(data, name, "utf-8")
-    document = reading.to_document(data, found, name, base_folder(name), "utf-8")
+    found = xml.scan(data, name, "utf-8")
+    document = xml.to_document(data, found, name, base_folder(name), "utf-8")
     files = (Path(name).absolute(),) if document.base is not None else ()
     return _check(document, name, files, ())
 
@@ -85,7 +113,7 @@ def _locate(source: str | Path) -> Path:
 
 
 def _check(
-    document: reading.Document, source: str, files: tuple[Path, ...], warnings: tuple[str, ...]
+    document: xml.Document, source: str, files: tuple[Path, ...], warnings: tuple[str, ...]
 ) -> Description:
     """Check a parsed document and say what it holds."""
     _drop_namespace(document)
@@ -117,7 +145,7 @@ def _check(
     )
 
 
-def _drop_namespace(document: reading.Document) -> None:
+def _drop_namespace(document: xml.Document) -> None:
     """Undo a default namespace (``<robot xmlns="...">``), which the other readers stumble over."""
     tag = document.root.tag
     if tag.startswith("{") and tag.endswith("}robot"):

@@ -4,7 +4,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from xml.etree import ElementTree
 
-from onebot_description.description.spec import Description
+from onebot_description.description.description import Description
 from onebot_description.errors import DescriptionError, OneBotError
 
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".stl")
@@ -22,7 +22,7 @@ def find_package(name: str, base: Path | None = None) -> Path:
     Raises:
         OneBotError: there is no such package; the message lists near names.
     """
-    from onebot_description.ament import package_share
+    from onebot_description.description.packages import package_share
 
     try:
         return package_share(name)

@@ -4,8 +4,8 @@ import math
 from pathlib import PurePath
 from xml.etree import ElementTree
 
-from onebot_description.description.reading import shown_path
-from onebot_description.description.spec import Description, JointSpec, Triple
+from onebot_description.description.description import Description, JointSpec, Triple
+from onebot_description.description.xml import shown_path
 
 _HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
 _Row = tuple[str, ...]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description import JointSpec
-from onebot_description.joints.problems import ConfigError, Problem
+from onebot_description.parameters.reader import ConfigError, Problem
 
 FloatArray = NDArray[np.float64]
 SoftLimits = Mapping[str, tuple[float, float]]

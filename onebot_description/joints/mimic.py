@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description import JointSpec
+from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, Limits
-from onebot_description.joints.problems import ConfigError, Problem
-from onebot_description.text import did_you_mean
+from onebot_description.parameters.reader import ConfigError, Problem
 
 Followers = Mapping[str, Dependent]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.wire.tf_message import TFMessage
 from tests.benchmarks.chains import Chain, Floats, pose_error
 from tests.benchmarks.measuring import WrongAnswer
 

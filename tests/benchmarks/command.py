@@ -9,7 +9,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from onebot_bringup.launcher.arguments import UsageError
+from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError
 from tests.benchmarks import machine
 from tests.benchmarks.plot import svg

@@ -15,8 +15,8 @@ import rclpy
 from geometry_msgs.msg import Twist
 from rclpy.publisher import Publisher
 
-from onebot_description.ament import use_environment_prefix
-from onebot_description.ros import use_quick_discovery
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.node import use_quick_discovery
 
 _PAUSES = (0.04, 0.06)  # s; a command is no older than cmd_vel_timeout, and meets all phases
 _LEAST, _STEP = 0.1, 0.0001  # m/s

@@ -11,8 +11,8 @@ import rclpy
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 
-from onebot_description.ament import use_environment_prefix
-from onebot_description.ros import use_quick_discovery
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.node import use_quick_discovery
 
 _PERIOD = 0.01  # s, as the controller's
 

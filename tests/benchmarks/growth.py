@@ -14,7 +14,7 @@ import numpy as np
 
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
-from onebot_description.tf.state_converter import StateConverter
+from onebot_description.wire.state_converter import StateConverter
 from tests.benchmarks import state_publisher
 from tests.benchmarks.answers import AnswerChecker
 from tests.benchmarks.chains import Chain, pose_error

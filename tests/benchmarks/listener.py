@@ -22,9 +22,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from onebot_description.ament import use_environment_prefix
-from onebot_description.ros import use_quick_discovery
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.node import use_quick_discovery
+from onebot_description.wire.tf_message import TFMessage
 
 _TYPES = {"nav_msgs/Odometry": Odometry, "tf2_msgs/TFMessage": TFMessage}
 _QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -27,9 +27,9 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_description.ament import use_environment_prefix
-from onebot_description.ros import use_quick_discovery
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.node import use_quick_discovery
+from onebot_description.wire.tf_message import TFMessage
 from tests.benchmarks.answers import AnswerChecker
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, cpu_ns, percentile

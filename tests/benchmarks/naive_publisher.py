@@ -14,8 +14,8 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from onebot_description.ros import run_node
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.node import run_node
+from onebot_description.wire.tf_message import TFMessage
 
 
 class NaivePublisher(Node):

@@ -12,7 +12,7 @@ import numpy as np
 import rerun.chunk
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.streams import TF_ENTITY, TIMELINE
+from onebot_bringup.viewer.displays.tf import TF_ENTITY, TIMELINE
 
 
 class Frames(NamedTuple):

@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
-from onebot_description.errors import OneBotError
-from onebot_description.text import did_you_mean
+from onebot_description.errors import OneBotError, did_you_mean
 from tests.benchmarks.report import Report
 
 _HERE = "tests.benchmarks"

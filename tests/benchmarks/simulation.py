@@ -13,12 +13,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from onebot_control.control_config import ControlConfig
-from onebot_control.control_files import default_control_file, read_control_files
-from onebot_control.drive import Snapshot
-from onebot_control.fleet import Fleet
-from onebot_control.frames import PlanarPose, yaw_of
+from onebot_control.drive import Fleet, Snapshot
 from onebot_control.odometry import Odometry
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.simulation import Settings
 from onebot_control.simulation.engine import engine
 from onebot_description.description import Description, load_description

@@ -11,8 +11,8 @@ import time
 from geometry_msgs.msg import Twist
 from rclpy.node import Node
 
-from onebot_control.pacing import wake_exactly
-from onebot_description.ros import run_node
+from onebot_control.control_loop import wake_exactly
+from onebot_description.node import run_node
 from tests.benchmarks.watch import Watch
 
 _PERIOD = 0.01  # s, as the controller's

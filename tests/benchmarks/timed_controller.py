@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable
 
 from onebot_control import control_loop, velocity_controller
+from onebot_control.control_loop import Pacer
 from onebot_control.drive import Drive
-from onebot_control.pacing import Pacer
 from tests.benchmarks.watch import Watch
 
 

@@ -22,11 +22,11 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_bringup.rerun_inbox import Inbox
-from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.recording import Recording, open_recording
-from onebot_bringup.viewer.streams import TF_ENTITY, TIMELINE
-from onebot_description.tf.wire import TfTemplate, pack_stamp
+from onebot_bringup.viewer.display_server import Recording, open_recording
+from onebot_bringup.viewer.displays.tf import TF_ENTITY, TIMELINE
+from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.topics import Inbox
+from onebot_description.wire.cdr import TfTemplate, pack_stamp
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import Frames, read_frames

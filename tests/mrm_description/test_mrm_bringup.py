@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.ament import package_share
+from onebot_description.description.packages import package_share
 from tests.onebot_bringup.bringup_support import MARK, Transforms, marked, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
 from tests.support import wait_for
@@ -153,7 +153,7 @@ def test_the_end_of_the_viewer_ends_nothing(
     running = start(f"save:={recording}", f"joints:={write_joints(tmp_path, 0.5)}")
     wait_for_robot(running, transforms, "link1")
     wait_for(lambda: recording.is_file() and recording.stat().st_size, "the recording")
-    for pid in marked(mark, "onebot_bringup.rerun_viewer"):
+    for pid in marked(mark, "onebot_bringup.viewer.rerun_viewer"):
         os.kill(pid, signal.SIGKILL)
     wait_for(lambda: "going on without rerun_viewer" in running.err, "the report")
     transforms.latest.clear()

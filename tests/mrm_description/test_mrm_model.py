@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from onebot_description.ament import package_share
 from onebot_description.description import load_description
+from onebot_description.description.packages import package_share
 
 SHARE = package_share("mrm_description")
 

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from rosbags.rosbag2 import Reader
 
-from onebot_bringup.bag.metadata import Qos, Topic
-from onebot_bringup.bag.writer import BagWriter
+from onebot_bringup.bags.writer import BagWriter, Qos, Topic
 
 STRING = "std_msgs/msg/String"
 LATCHED = Qos(durability="transient_local")

@@ -11,8 +11,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from onebot_description.ament import use_environment_prefix
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.launcher_support import RunningCommand, alive
 from tests.support import wait_for
 
@@ -130,6 +130,6 @@ def nodes_of(launcher: int) -> dict[str, int]:
             words = (folder / "cmdline").read_bytes().decode().split("\0")
         except (OSError, IndexError):
             continue  # it ended while we looked
-        if parent == launcher and "onebot_bringup.launcher.start_module" in words:
-            found[words[words.index("onebot_bringup.launcher.start_module") + 1]] = int(folder.name)
+        if parent == launcher and "onebot_bringup.launcher.interpreter" in words:
+            found[words[words.index("onebot_bringup.launcher.interpreter") + 1]] = int(folder.name)
     return found

@@ -11,8 +11,8 @@ from tests.support import wait_for
 DRIVER = """
 import sys
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.launcher.node import Node, Restart, python_node
-from onebot_bringup.launcher.stopping import Grace
+from onebot_bringup.launcher.process import Node, Restart, python_node
+from onebot_bringup.launcher.launcher import Grace
 
 def script(name, path, on_exit="shutdown", **more):
     return Node(name, (sys.executable, "-u", path), on_exit, **more)

@@ -15,7 +15,7 @@ from geometry_msgs.msg import Twist
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
-MODULE = "onebot_bringup.steering_page"
+MODULE = "onebot_bringup.steering.steering_page"
 TOPIC = "/velocity_controller/cmd_vel"
 
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from onebot_bringup.argument_checks import (
+from onebot_bringup.launch.arguments import (
+    UsageError,
     check_domain,
     check_finite,
     check_namespace,
@@ -10,7 +11,6 @@ from onebot_bringup.argument_checks import (
     check_port,
     check_whole,
 )
-from onebot_bringup.launcher.arguments import UsageError
 
 
 def test_possible_values_are_returned():

@@ -7,7 +7,7 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from onebot_bringup.bag.reader import Bag
+from onebot_bringup.bags.reader import Bag
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, write_words
 

@@ -13,13 +13,13 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_bringup.bag.reader import Bag
-from onebot_description.tf.tf_message import TFMessage
+from onebot_bringup.bags.reader import Bag
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.bag_support import read_all
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
-MODULE = "onebot_bringup.bag_recorder"
+MODULE = "onebot_bringup.bags.bag_recorder"
 MANY = QoSProfile(depth=1000)
 HASHES = get_typestore(Stores.ROS2_JAZZY)
 

@@ -13,9 +13,8 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from onebot_bringup.bag.definitions import full_definition
-from onebot_bringup.bag.reader import Bag
-from onebot_bringup.bag.writer import BagWriter
+from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.writer import BagWriter, full_definition
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
 from tests.support import wait_for
@@ -97,7 +96,7 @@ _WRITE_WITHOUT_END = """
 import sys, time
 from pathlib import Path
 from tests.onebot_bringup.bag_support import cdr, topic
-from onebot_bringup.bag.writer import BagWriter
+from onebot_bringup.bags.writer import BagWriter
 bag = BagWriter(Path(sys.argv[1]), chunk_size=5000)
 number = bag.add_topic(topic())
 count = 0
@@ -136,7 +135,7 @@ _FILL = """
 import resource, sys
 from pathlib import Path
 from tests.onebot_bringup.bag_support import cdr, topic
-from onebot_bringup.bag.writer import BagWriter
+from onebot_bringup.bags.writer import BagWriter
 from onebot_description.errors import OneBotError
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 bag = BagWriter(Path(sys.argv[1]), compress=False, chunk_size=3000)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.description_files import digest_of, signature_of
-from onebot_bringup.launch_environment import environment
+from onebot_bringup.launch.bringup import environment
+from onebot_bringup.launch.description_watcher import digest_of, signature_of
 from onebot_description.description import load_description, published_urdf
 from tests.onebot_bringup.bringup_support import MARK, Transforms, marked, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand

@@ -12,9 +12,8 @@ from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Bool, Byte, ByteMultiArray, Float32, Int8, String, UInt8, UInt64
 from std_srvs.srv import SetBool
 
-from onebot_bringup.introspection.filling import fill, stamp
 from onebot_bringup.introspection.interfaces import installed, message_class, service_class
-from onebot_bringup.introspection.printing import Style, to_yaml
+from onebot_bringup.introspection.message_text import Style, fill, stamp, to_yaml
 from onebot_description.errors import OneBotError
 
 

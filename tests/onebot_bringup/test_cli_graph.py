@@ -5,7 +5,7 @@ import yaml
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from std_srvs.srv import SetBool
 
-from onebot_bringup.introspection.parameters import DOUBLE, INTEGER, STRING, parse_value
+from onebot_bringup.introspection.parameter_values import DOUBLE, INTEGER, STRING, parse_value
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import onebot
 from tests.ros_support import Peer

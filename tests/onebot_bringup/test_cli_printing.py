@@ -6,7 +6,7 @@ from geometry_msgs.msg import PoseWithCovariance, Twist
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_bringup.introspection.printing import Style, pick, to_csv, to_yaml
+from onebot_bringup.introspection.message_text import Style, pick, to_csv, to_yaml
 from onebot_bringup.introspection.rates import Bandwidth, Delays, Intervals
 from onebot_description.errors import OneBotError
 

@@ -9,7 +9,7 @@ import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import String
 
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.cli_support import MODULE, onebot, running
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from onebot_bringup.joint_sweep import sweep_parameters
+from onebot_bringup.launch.nodes import sweep_parameters
 from onebot_description.description import load_description
 from onebot_description.joints.config import JointsConfig
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.launcher.arguments import (
+from onebot_bringup.launch.arguments import (
     Argument,
     UsageError,
     complete,

@@ -6,7 +6,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from onebot_bringup.launcher.parameter_files import write_parameters
+from onebot_bringup.launch.nodes import write_parameters
 
 Text = st.text(st.characters(blacklist_categories=("Cs",)))
 Name = st.text(st.characters(blacklist_categories=("Cs",)), max_size=50)

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.launcher.node import Node, Restart
-from onebot_bringup.launcher.process import describe_exit
+from onebot_bringup.launcher.process import Node, Restart, describe_exit
 from tests.onebot_bringup.launcher_support import RunningLauncher, alive, number_in
 from tests.support import wait_for
 

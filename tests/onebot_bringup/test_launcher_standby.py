@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.bringup import Robot, bring_up
-from onebot_bringup.launcher.node import Node, python_node
-from onebot_bringup.launcher.standby import Standby
+from onebot_bringup.launch.bringup import Robot, bring_up
+from onebot_bringup.launcher.interpreter import Standby
+from onebot_bringup.launcher.process import Node, python_node
 from onebot_description.errors import UsageError
 from tests.onebot_bringup.bringup_support import MARK, marked
 from tests.onebot_bringup.launcher_support import RunningCommand, alive
@@ -29,8 +29,8 @@ if __name__ == "__main__":
 DRIVER = """
 import os, sys, time
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.launcher.node import python_node
-from onebot_bringup.launcher.standby import Standby
+from onebot_bringup.launcher.process import python_node
+from onebot_bringup.launcher.interpreter import Standby
 
 with Standby(["a_node"]) as standby:
     while not os.path.exists("imported"):

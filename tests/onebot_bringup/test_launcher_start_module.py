@@ -26,7 +26,7 @@ threading.Thread(target=lambda: (time.sleep(0.1), print("thread"))).start()
 def test_a_module_ends_as_by_itself(tmp_path: Path, end: str, code: int, complaint: str) -> None:
     """Its threads are awaited, its exit functions called and its output is whole."""
     (tmp_path / "ending.py").write_text(BEGIN + end)
-    for runner in ([], ["onebot_bringup.launcher.start_module"]):
+    for runner in ([], ["onebot_bringup.launcher.interpreter"]):
         ended = subprocess.run(
             [sys.executable, "-m", *runner, "ending"], cwd=tmp_path, capture_output=True, text=True
         )

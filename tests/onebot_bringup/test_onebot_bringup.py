@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.wire.tf_message import TFMessage
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import wait_for
 
@@ -117,7 +117,7 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
         [process] = [
             child
             for child in psutil.Process(node.process.pid).children(recursive=True)
-            if "onebot_bringup.steering_page" in child.cmdline()
+            if "onebot_bringup.steering.steering_page" in child.cmdline()
         ]
         process.kill()
         again = wait_for(lambda: find.findall(node.output)[1:], "the page's return")

@@ -12,15 +12,14 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_bringup.bag.frame_prefix import frame_prefix_of
-from onebot_bringup.bag.reader import Bag
-from onebot_bringup.bag.writer import BagWriter
-from onebot_bringup.bag_replay import log_bag
+from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.replay import frame_prefix_of, log_bag
+from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.cli.main import main
-from onebot_bringup.snapshot.command_line import kind_of
-from onebot_bringup.viewer.picture import headless_viewer, render
-from onebot_bringup.viewer.recording import open_recording
-from onebot_description.tf.tf_message import TFMessage
+from onebot_bringup.cli.snapshot import kind_of
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.pictures import headless_viewer, render
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.bag_support import topic, write_words
 from tests.onebot_bringup.viewer_support import ARM, ORANGE, VIEW
 from tests.support import wait_for

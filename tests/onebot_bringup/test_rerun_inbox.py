@@ -10,10 +10,10 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_bringup.rerun_inbox import Inbox
-from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.recording import open_recording
-from onebot_description.tf.tf_message import TFMessage
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.topics import Inbox
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import START_NS
 

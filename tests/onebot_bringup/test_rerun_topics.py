@@ -9,10 +9,10 @@ from geometry_msgs.msg import Transform, TransformStamped, Twist, TwistStamped, 
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from onebot_bringup.rerun_topics import wanted_topics
-from onebot_bringup.viewer.picture import headless_viewer, render, still
+from onebot_bringup.viewer.pictures import headless_viewer, render, still
+from onebot_bringup.viewer.topics import wanted_topics
 from onebot_bringup.viewer.view_config import load_view
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import curve, strips, while_written
 from tests.onebot_bringup.test_rerun_viewer import _uri
 from tests.onebot_bringup.viewer_support import ARM, BLUE
@@ -41,7 +41,7 @@ def _viewer(tmp_path: Path, **parameters: object) -> NodeProcess:
     (tmp_path / "view.yaml").write_text(VIEW)
     args = {"grpc_port": 0, "web_port": 0, "open_browser": "false"}
     args |= {"save": tmp_path / "x.rrd", "view": tmp_path / "view.yaml"}
-    return NodeProcess("onebot_bringup.rerun_viewer", *ros_args(**{**args, **parameters}))
+    return NodeProcess("onebot_bringup.viewer.rerun_viewer", *ros_args(**{**args, **parameters}))
 
 
 class Driver:
@@ -143,7 +143,7 @@ def test_topics_are_in_the_node_s_namespace(ros_domain, tmp_path):
     (tmp_path / "view.yaml").write_text(VIEW)
     args = ros_args(viewer="none", save=tmp_path / "x.rrd", view=tmp_path / "view.yaml")
     args += ["-r", "__ns:=/r1"]
-    with NodeProcess("onebot_bringup.rerun_viewer", *args) as node, Peer(ros_domain) as peer:
+    with NodeProcess("onebot_bringup.viewer.rerun_viewer", *args) as node, Peer(ros_domain) as peer:
         driver = Driver(peer, "/r1/")
         wait_for(driver.step, "the drive")
         file = tmp_path / "x.rrd"
@@ -171,7 +171,7 @@ def test_a_topic_of_another_type_is_a_clear_error(ros_domain, tmp_path):
     """A trail of joint_states is refused at the start, in one line."""
     (tmp_path / "view.yaml").write_text("trails: {a: {topic: joint_states}}")
     args = ros_args(viewer="none", save=tmp_path / "x.rrd", view=tmp_path / "view.yaml")
-    with NodeProcess("onebot_bringup.rerun_viewer", *args, check=False) as node:
+    with NodeProcess("onebot_bringup.viewer.rerun_viewer", *args, check=False) as node:
         assert node.wait(30.0) == 1
         assert 'error: the view\'s topic "joint_states" cannot be heard as Odometry' in node.output
         assert "Traceback" not in node.output

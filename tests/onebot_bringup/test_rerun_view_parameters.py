@@ -8,7 +8,7 @@ from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from onebot_bringup.viewer.picture import headless_viewer, still
+from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
 from tests.onebot_bringup.test_rerun_viewer import Robot, _uri
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
@@ -16,7 +16,7 @@ from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 from tests.support_rendering import colored, pixels, require_renderer
 
-MODULE = "onebot_bringup.rerun_viewer"
+MODULE = "onebot_bringup.viewer.rerun_viewer"
 NODE = "/rerun_viewer"
 
 

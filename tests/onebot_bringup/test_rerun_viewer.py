@@ -15,15 +15,15 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.viewer.picture import headless_viewer, render, still
-from onebot_description.tf.tf_message import TFMessage
+from onebot_bringup.viewer.pictures import headless_viewer, render, still
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
-MODULE = "onebot_bringup.rerun_viewer"
+MODULE = "onebot_bringup.viewer.rerun_viewer"
 
 
 def _viewer(tmp_path: Path, check: bool = True, **parameters: object) -> NodeProcess:

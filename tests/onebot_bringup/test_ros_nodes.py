@@ -1,6 +1,6 @@
 """The processes of a launch: their ROS arguments, in the order in which they count."""
 
-from onebot_bringup.ros_nodes import RosNodes
+from onebot_bringup.launch.nodes import RosNodes
 
 
 def test_a_nodes_own_parameters_go_before_its_files(tmp_path):

@@ -10,17 +10,18 @@ import rerun as rr
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from onebot_bringup.bag.writer import BagWriter
-from onebot_bringup.launcher.arguments import UsageError
-from onebot_bringup.rrd_file import has_content
-from onebot_bringup.snapshot.camera import parse_camera
-from onebot_bringup.snapshot.command_line import parse_command_line
-from onebot_bringup.snapshot.posing import pose_of
-from onebot_bringup.snapshot.recordings import record_bag
-from onebot_bringup.snapshot.viewing import server_of
-from onebot_bringup.viewer.framing import Framing, framed, robot_view
-from onebot_bringup.viewer.picture import check_picture
-from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.bags.writer import BagWriter
+from onebot_bringup.cli.replay import has_content
+from onebot_bringup.cli.snapshot import (
+    parse_camera,
+    parse_command_line,
+    pose_of,
+    record_bag,
+    server_of,
+)
+from onebot_bringup.launch.arguments import UsageError
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.pictures import Framing, check_picture, framed, robot_view
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel

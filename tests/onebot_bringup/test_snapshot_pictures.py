@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from onebot_bringup.viewer.picture import NO_RENDERER
+from onebot_bringup.viewer.pictures import NO_RENDERER
 from onebot_bringup.viewer.view_config import load_view
 from tests.onebot_bringup.test_viewer_scene import _record
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW

@@ -8,8 +8,8 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.ament import use_environment_prefix
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.test_snapshot_pictures import drawn, snapshot
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
@@ -113,7 +113,7 @@ def test_the_dashboard_is_the_running_viewers(arm, ros_domain):
     parameters = ros_args(view=view, open_browser=False, grpc_port=0, web_port=0)
     with (
         NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)),
-        NodeProcess("onebot_bringup.rerun_viewer", *parameters) as viewer,
+        NodeProcess("onebot_bringup.viewer.rerun_viewer", *parameters) as viewer,
         Peer(ros_domain) as peer,
         Joint(peer, 0.75),
     ):

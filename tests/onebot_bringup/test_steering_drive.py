@@ -77,7 +77,7 @@ def test_the_robot_stops_when_the_page_does(odometry, end):
 def test_the_robot_stops_when_the_server_does(odometry, number):
     """Killed or hanging, by the controller's timeout; asked to end, by zeros of its own."""
     args = ros_args(port=0, open_browser="false")
-    with NodeProcess("onebot_bringup.steering_page", *args, check=False) as node:
+    with NodeProcess("onebot_bringup.steering.steering_page", *args, check=False) as node:
         with PageClient(address_of(node)) as page:
             _drive(page, odometry)
             node.process.send_signal(number)

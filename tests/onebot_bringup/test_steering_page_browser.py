@@ -16,8 +16,8 @@ from nav_msgs.msg import Odometry
 from selenium.webdriver.common.keys import Keys
 from std_msgs.msg import String
 
-from onebot_control.frames import yaw_of
-from onebot_description.ament import package_share
+from onebot_control.poses import yaw_of
+from onebot_description.description.packages import package_share
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, steering
@@ -97,7 +97,7 @@ def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
     (tmp_path / "view.yaml").write_text(VIEW)
     viewer = ros_args(grpc_port=0, web_port=0, open_browser="false", view=tmp_path / "view.yaml")
     with (
-        NodeProcess("onebot_bringup.rerun_viewer", *viewer) as shown,
+        NodeProcess("onebot_bringup.viewer.rerun_viewer", *viewer) as shown,
         steering(**LIMITS) as node,
     ):
         peer.publisher(String, "robot_description", LATCHED).publish(String(data=ARM))

@@ -2,8 +2,7 @@
 
 import pytest
 
-from onebot_bringup.steering.addresses import listen
-from onebot_bringup.steering.place import choose_place
+from onebot_bringup.steering.access import choose_place, listen
 from onebot_description.errors import OneBotError
 
 

@@ -14,8 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from onebot_bringup.steering.protocol import Velocity
-from onebot_bringup.steering_limits import ControllerLimits
-from onebot_bringup.steering_topics import Listener
+from onebot_bringup.steering.steering_page import ControllerLimits, Listener
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
@@ -177,7 +176,7 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     peer, ros_domain, monkeypatch, seen, patience
 ):
     """The next one of its name tells its limits, whether or not it was seen to be gone."""
-    monkeypatch.setattr("onebot_bringup.steering_limits._ANSWER_BY", patience)
+    monkeypatch.setattr("onebot_bringup.steering.steering_page._ANSWER_BY", patience)
     limits = ControllerLimits(peer.node)
     robots = [Listener("/robot", "geometry_msgs/msg/Twist")]
     context = rclpy.Context()

@@ -70,7 +70,7 @@ def _viewer(domain: int, *args: str) -> Iterator[NodeProcess]:
     """The real viewer, with a robot."""
     ports = ros_args(grpc_port=0, web_port=0, open_browser="false")
     with (
-        NodeProcess("onebot_bringup.rerun_viewer", *ports, *args, check=False) as node,
+        NodeProcess("onebot_bringup.viewer.rerun_viewer", *ports, *args, check=False) as node,
         Peer(domain, "robot") as peer,
     ):
         peer.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))

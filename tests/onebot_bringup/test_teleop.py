@@ -14,8 +14,7 @@ from contextlib import contextmanager
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_bringup.cli.driving_keys import Driver, Velocity
-from onebot_bringup.cli.terminal import split_keys
+from onebot_bringup.cli.teleop import Driver, Velocity, split_keys
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import Peer
 from tests.support import wait_for

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.viewer.covariance_shapes import (
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.covariance import (
     ellipse_outline,
     heading_deviation,
     place_ellipse,
     sector_outline,
 )
-from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.picture import headless_viewer, render, still
-from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.pictures import headless_viewer, render, still
+from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import chunks, column, odometry
 from tests.onebot_bringup.viewer_support import ARM, START_NS, transforms
@@ -179,7 +179,7 @@ def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
 def test_a_late_viewer_of_a_full_server_has_the_ellipse(tmp_path, monkeypatch):
     """With the memory limit reached many times over, it is still shown."""
     require_renderer()
-    from onebot_bringup.viewer import covariance
+    from onebot_bringup.viewer.displays import covariance
 
     monkeypatch.setattr(covariance, "REPEAT_AFTER", 0.05)
     recording = open_recording(0, memory_limit="1MB")

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.odometry_wire import TwistSample
-from onebot_bringup.viewer.picture import headless_viewer, render, still
-from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.pictures import headless_viewer, render, still
+from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
+from onebot_description.wire.messages import TwistSample
 from tests.onebot_bringup.drive_support import chunks, curve, odometry, strips
 from tests.onebot_bringup.viewer_support import ARM, BLUE, START_NS, transforms
 from tests.support import wait_for

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.bounds import corners, fitting_eye, robot_bounds
-from onebot_bringup.viewer.geometry import (
+from onebot_bringup.viewer.blueprint import corners, fitting_eye, robot_bounds
+from onebot_description.description.description import (
     Box,
     Capsule,
     Cylinder,

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.joint_curves import JointStream, joint_colors
-from onebot_bringup.viewer.joint_ranges import hand_strips, read_ranges, scale_strips
-from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.picture import headless_viewer, still
-from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.joint_limits import hand_strips, read_ranges, scale_strips
+from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
+from onebot_bringup.viewer.pictures import headless_viewer, still
+from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.description import load_description
 from tests.onebot_bringup.drive_support import chunks, column

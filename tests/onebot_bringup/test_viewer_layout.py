@@ -8,10 +8,9 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.picture import headless_viewer, still
-from onebot_bringup.viewer.recording import open_recording
-from onebot_bringup.viewer.serving import WebPage
+from onebot_bringup.viewer.display_server import WebPage, open_recording
+from onebot_bringup.viewer.pictures import headless_viewer, still
+from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from tests.onebot_bringup.drive_support import column, odometry
 from tests.onebot_bringup.viewer_support import ARM, BLUE, START_NS, transforms

@@ -6,12 +6,12 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 
-from onebot_bringup.viewer.odometry_wire import (
+from onebot_description.wire.cdr import WireError
+from onebot_description.wire.messages import (
     decode_odometry,
     decode_twist,
     decode_twist_stamped,
 )
-from onebot_description.tf.wire import WireError
 
 numbers = st.lists(st.floats(width=64), min_size=13, max_size=13)
 names = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)

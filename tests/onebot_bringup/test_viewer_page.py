@@ -16,7 +16,7 @@ def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):
     (tmp_path / "view.yaml").write_text(VIEW)
     args = ros_args(grpc_port=0, web_port=0, open_browser="false", view=tmp_path / "view.yaml")
     with (
-        NodeProcess("onebot_bringup.rerun_viewer", *args) as node,
+        NodeProcess("onebot_bringup.viewer.rerun_viewer", *args) as node,
         Peer(ros_domain) as peer,
         browser(tmp_path / "profile") as page,
     ):

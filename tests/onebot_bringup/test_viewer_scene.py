@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import rerun.blueprint as rrb
 
-from onebot_bringup.viewer.live_view import LiveView
-from onebot_bringup.viewer.picture import headless_viewer, render, still
-from onebot_bringup.viewer.recording import APPLICATION, open_recording
+from onebot_bringup.viewer.display_server import APPLICATION, open_recording
+from onebot_bringup.viewer.pictures import headless_viewer, render, still
+from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_description.errors import OneBotError
-from onebot_description.tf.wire import TfArrays
+from onebot_description.wire.cdr import TfArrays
 from tests.onebot_bringup.viewer_support import (
     ARM,
     BLUE,
@@ -220,7 +220,7 @@ def test_static_transforms_all_survive_in_a_file(tmp_path):
 def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatch):
     """With the memory limit reached many times over, layout, shapes and slow frames remain."""
     require_renderer()
-    monkeypatch.setattr("onebot_bringup.viewer.streams.REPEAT_AFTER", 0.2)
+    monkeypatch.setattr("onebot_bringup.viewer.displays.tf.REPEAT_AFTER", 0.2)
     recording = open_recording(0, memory_limit="1MB")
     live = LiveView(recording.stream)
     live.set_description(ARM)

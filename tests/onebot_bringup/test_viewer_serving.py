@@ -12,15 +12,20 @@ from pathlib import Path
 import psutil
 import pytest
 
-from onebot_bringup.viewer.picture import render
-from onebot_bringup.viewer.processes import Child, answers, free_port
-from onebot_bringup.viewer.recording import open_recording
-from onebot_bringup.viewer.serving import NativeWindow, WebPage
+from onebot_bringup.viewer.display_server import (
+    Child,
+    NativeWindow,
+    WebPage,
+    answers,
+    free_port,
+    open_recording,
+)
+from onebot_bringup.viewer.pictures import render
 from onebot_description.errors import OneBotError
 from tests.support import wait_for
 
 OWNER = """
-from onebot_bringup.viewer.serving import WebPage
+from onebot_bringup.viewer.display_server import WebPage
 page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
 print(page._child.pid, flush=True)
 input()

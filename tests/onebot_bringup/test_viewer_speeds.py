@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.recording import open_recording
-from onebot_bringup.viewer.speeds import SpeedStream
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.speeds import SpeedStream
 from tests.onebot_bringup.drive_support import column, curve
 from tests.onebot_bringup.viewer_support import START_NS
 

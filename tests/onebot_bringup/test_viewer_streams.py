@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import rerun.chunk as rc
 
-from onebot_bringup.viewer import streams
-from onebot_bringup.viewer.frames import FrameTree
-from onebot_bringup.viewer.joint_curves import JointStream
-from onebot_bringup.viewer.recording import open_recording
-from onebot_bringup.viewer.streams import TransformStream
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays import tf
+from onebot_bringup.viewer.displays.joint_plot import JointStream
+from onebot_bringup.viewer.displays.tf import FrameTree, TransformStream
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 
@@ -65,7 +64,7 @@ def test_static_transforms_are_logged_once_until_they_change(tmp_path):
 
 def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     """What was said once is logged anew beside what comes all the time."""
-    monkeypatch.setattr(streams, "REPEAT_AFTER", 0.0)
+    monkeypatch.setattr(tf, "REPEAT_AFTER", 0.0)
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
     stream.add(transforms("odom", "base", 3.0))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.recording import open_recording
-from onebot_bringup.viewer.trails import SPACING, TrailStream
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.trail import SPACING, TrailStream
 from onebot_bringup.viewer.view_config import TrailView
 from tests.onebot_bringup.drive_support import chunks, column, odometry, strips
 from tests.onebot_bringup.viewer_support import START_NS

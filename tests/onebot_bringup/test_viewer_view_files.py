@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.viewer.view_config import load_view
-from onebot_bringup.viewer.view_files import view_for
+from onebot_bringup.viewer.view_config import load_view, view_for
 
 
 @pytest.mark.parametrize("robot", ["onebot", "mrm"])

@@ -7,11 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.viewer.view_config import ViewConfig, load_view, parse_view, view_text
-from onebot_bringup.viewer.view_files import view_for
-from onebot_bringup.viewer.view_settings import settings, with_setting
-from onebot_bringup.viewer.view_source import ViewSource
-from onebot_bringup.viewer.yaml_edit import set_value
+from onebot_bringup.viewer.view_config import (
+    ViewConfig,
+    load_view,
+    parse_view,
+    settings,
+    view_for,
+    view_text,
+    with_setting,
+)
+from onebot_bringup.viewer.view_source import ViewSource, set_value
 from onebot_description.errors import OneBotError
 
 TEXT = """# how I look at it

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from onebot_bringup.xacro_arguments import XacroArguments, included_files, xacro_arguments
+from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
 
 MAIN = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <!-- a comment -->

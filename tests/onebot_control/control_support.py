@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from onebot_control.control_config import ControlConfig
 from onebot_control.drive import Drive
-from onebot_control.kinematics import DiffDriveKinematics
-from onebot_control.odometry import Odometry
+from onebot_control.odometry import DiffDriveKinematics, Odometry
+from onebot_control.parameters import ControlConfig
 from onebot_control.simulation import JointStates, Pose, Twist
 from onebot_description.description import Description, parse_description
 

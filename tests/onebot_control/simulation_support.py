@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from onebot_control.frames import yaw_of
+from onebot_control.poses import yaw_of
 from onebot_control.simulation import Settings, Simulation
 from onebot_description.description import Description, parse_description
 

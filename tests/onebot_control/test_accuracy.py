@@ -5,22 +5,29 @@ from pathlib import Path
 
 import pytest
 
-from onebot_control.accuracy.command import main
-from onebot_control.accuracy.measuring import (
+from onebot_control.accuracy import (
+    BEGIN,
+    END,
+    PATHS,
     Deviation,
+    DrivenPath,
     Report,
     Result,
+    Segment,
     deviation,
+    eight,
     follow,
+    main,
     measure,
+    missed,
+    straight,
+    table,
+    turn,
+    write,
 )
-from onebot_control.accuracy.paths import PATHS, Segment, eight, straight, turn
-from onebot_control.accuracy.paths import Path as DrivenPath
-from onebot_control.accuracy.table import BEGIN, END, missed, table, write
-from onebot_control.control_config import ControlConfig
-from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.drive import Drive
-from onebot_control.frames import PlanarPose
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
 

@@ -5,9 +5,8 @@ from typing import Any
 
 import pytest
 
-from onebot_control.control_config import ControlConfig
-from onebot_control.control_parameters import DEFAULTS
-from onebot_description.joints.problems import ConfigError
+from onebot_control.parameters import DEFAULTS, ControlConfig
+from onebot_description.parameters.reader import ConfigError
 from tests.onebot_control.control_support import WHEELS
 
 

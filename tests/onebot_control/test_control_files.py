@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_control.control_config import ControlConfig
-from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_description.errors import OneBotError
 
 GOOD = """\

@@ -18,8 +18,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_control.drive import Drive, Snapshot
-from onebot_control.frames import PlanarPose
-from onebot_control.ros_publishers import Publishers
+from onebot_control.poses import PlanarPose
+from onebot_control.publishing import Publishers
 from onebot_control.simulation import Twist
 from onebot_control.wire import (
     JointStateTemplate,
@@ -28,9 +28,8 @@ from onebot_control.wire import (
     TwistTemplate,
     clock,
 )
-from onebot_description.stamps import NANO
-from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import pack_stamp
+from onebot_description.wire.cdr import NANO, pack_stamp
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import IdealPlant, ideal_drive
 from tests.ros_support import Peer
 from tests.support import wait_for

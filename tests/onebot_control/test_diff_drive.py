@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
-from onebot_control.geometry import WheelGeometry
+from onebot_control.wheel_geometry import WheelGeometry
 from tests.onebot_control.control_support import RADIUS, SEPARATION, config
 
 REST = WheelStates(0.0, 0.0, 0.0, 0.0)

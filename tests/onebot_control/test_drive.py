@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from onebot_control.control_config import ControlConfig
-from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.drive import Drive, Snapshot
-from onebot_control.frames import PlanarPose
-from onebot_description.ament import package_share
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
+from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import (
     CASTER,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.frames import PlanarPose, prefixed, yaw_of
+from onebot_control.poses import PlanarPose, prefixed, yaw_of
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from onebot_control.geometry import wheel_geometry
+from onebot_control.wheel_geometry import wheel_geometry
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import robot, wheel
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.kinematics import DiffDriveKinematics
+from onebot_control.odometry import DiffDriveKinematics
 
 speeds = st.floats(-10.0, 10.0)
 lengths = st.floats(0.01, 2.0)

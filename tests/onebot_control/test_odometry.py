@@ -6,8 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from onebot_control.kinematics import DiffDriveKinematics
-from onebot_control.odometry import Odometry
+from onebot_control.odometry import DiffDriveKinematics, Odometry
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)
 DT = 0.01

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from onebot_control.pacing import Divider, Pacer, SystemStamps, wake_exactly
+from onebot_control.control_loop import Divider, Pacer, SystemStamps, wake_exactly
 
 
 class Machine:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from onebot_control.simulation import Settings, Simulation
+from onebot_control.simulation.bodies import bodies_of, physics_urdf
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.physics_urdf import bodies_of, physics_urdf
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import LEFT, ROBOTS, bits, drive, robot, simulate

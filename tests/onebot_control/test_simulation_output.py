@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_control.simulation.output import captured
+from onebot_control.simulation.engine import captured
 
 _LIBC = ctypes.CDLL(None)
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -70,7 +70,7 @@ def test_leaves_no_file_descriptors_behind():
 
 def test_import_is_silent_even_with_stdout_closed():
     """PyBullet announces itself on import; a daemon may have no stdout at all."""
-    code = "import onebot_control.simulation.engine"
+    code = "import onebot_control.simulation.loading"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=CHECKOUT, check=True
     )

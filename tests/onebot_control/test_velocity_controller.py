@@ -16,10 +16,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_bringup.launcher.parameter_files import write_parameters
-from onebot_control.control_files import default_control_file
+from onebot_bringup.launch.nodes import write_parameters
+from onebot_control.parameters import default_control_file
 from onebot_description.description import parse_description
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from onebot_control.fleet import Fleet
-from onebot_control.frames import PlanarPose, yaw_of
+from onebot_control.drive import Fleet
+from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.simulation import Member, World
 from onebot_control.simulation.engine import engine
 from onebot_description.errors import OneBotError

@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.ament import package_names, package_share, use_environment_prefix
+from onebot_description.description.packages import (
+    package_names,
+    package_share,
+    use_environment_prefix,
+)
 from onebot_description.errors import OneBotError
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.tf import build_library
-from onebot_description.tf.build_library import BuildError
+from onebot_description.wire import build_library
+from onebot_description.wire.build_library import BuildError
 
 CHECKOUT = Path(__file__).parents[2]
-FOLDER = "onebot_description/tf"
+FOLDER = "onebot_description/wire"
 HAS_ZIG = importlib.util.find_spec("ziglang") is not None
 needs_compiler = pytest.mark.skipif(
     not (build_library.find_system_compilers() or HAS_ZIG), reason="no C compiler here"
@@ -24,7 +24,7 @@ needs_compiler = pytest.mark.skipif(
 USE_MESSAGE = """
 from rclpy.serialization import deserialize_message, serialize_message
 from geometry_msgs.msg import TransformStamped
-from onebot_description.tf import _message, _type_support
+from onebot_description.wire import _message, _type_support
 message = _message.TFMessage(transforms=[TransformStamped()])
 type(_message.TFMessage).__import_type_support__()
 assert deserialize_message(serialize_message(message), _message.TFMessage) == message
@@ -87,7 +87,7 @@ def test_missing_library(checkout: Path) -> None:
     result = run("-c", USE_MESSAGE, cwd=checkout)
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
-    command = "python -m onebot_description.tf.build_library"
+    command = "python -m onebot_description.wire.build_library"
     assert last.endswith(f"The type support of TFMessage is not built. Build it with: {command}")
 
     built = run(*command.split()[1:], cwd=checkout)
@@ -154,7 +154,7 @@ def test_useless_output(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
 def test_no_compiler(tmp_path: Path) -> None:
     """Without any compiler the command fails with what to install, and no traceback."""
     target = str(tmp_path / "library.so")
-    arguments = ("-m", "onebot_description.tf.build_library", target)
+    arguments = ("-m", "onebot_description.wire.build_library", target)
     result = run(*arguments, cwd=CHECKOUT, PATH=str(tmp_path), CC="")
     assert result.returncode == 1
     assert "There is no C compiler: none of cc, gcc and clang is on the PATH." in result.stderr

@@ -7,11 +7,14 @@ from hypothesis import strategies as st
 
 pytest.importorskip("manifold3d", reason="the CAD needs the extra cad")
 
-from onebot_description.ament import package_share  # noqa: E402
-from onebot_description.cad.ballast import solve_ballast  # noqa: E402
+from onebot_description.cad.base import solve_ballast  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
-from onebot_description.cad.part import total, weigh_box  # noqa: E402
-from onebot_description.cad.shapes import box  # noqa: E402
+from onebot_description.cad.solids import (  # noqa: E402
+    box,  # noqa: E402
+    total,
+    weigh_box,
+)
+from onebot_description.description.packages import package_share  # noqa: E402
 from onebot_description.errors import OneBotError  # noqa: E402
 
 DIMENSIONS = read_dimensions(package_share("onebot_description") / "config/dimensions.yaml")

@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from onebot_description.ament import package_share
 from onebot_description.cad.dimensions import read_dimensions
+from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 
 SOURCE = package_share("onebot_description") / "config/dimensions.yaml"

@@ -5,8 +5,13 @@ from hypothesis import strategies as st
 
 pytest.importorskip("manifold3d", reason="the CAD needs the extra cad")
 
-from onebot_description.cad.part import total, weigh, weigh_all, weigh_box  # noqa: E402
-from onebot_description.cad.shapes import box  # noqa: E402
+from onebot_description.cad.solids import (  # noqa: E402
+    box,  # noqa: E402
+    total,
+    weigh,
+    weigh_all,
+    weigh_box,
+)
 
 LENGTHS = st.floats(0.01, 1.0)
 PLACES = st.tuples(*[st.floats(-1.0, 1.0)] * 3)

@@ -16,13 +16,16 @@ pytest.importorskip("manifold3d", reason="the CAD needs the extra cad")
 
 from manifold3d import Manifold  # noqa: E402
 
-from onebot_description.ament import package_share  # noqa: E402
-from onebot_description.cad.__main__ import main  # noqa: E402
+from onebot_description.cad.__main__ import (  # noqa: E402
+    main,  # noqa: E402
+    make_parts,
+    write_robot,
+)
 from onebot_description.cad.caster import axle_position  # noqa: E402
 from onebot_description.cad.collada import to_collada  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
-from onebot_description.cad.part import Part  # noqa: E402
-from onebot_description.cad.robot import make_parts, write_robot  # noqa: E402
+from onebot_description.cad.solids import Part  # noqa: E402
+from onebot_description.description.packages import package_share  # noqa: E402
 
 SHARE = package_share("onebot_description")
 DIMENSIONS = read_dimensions(SHARE / "config/dimensions.yaml")

@@ -1,7 +1,7 @@
 import numpy as np
 import trimesh
 
-from onebot_description.cad.shading import corner_normals
+from onebot_description.cad.collada import corner_normals
 
 
 def test_a_box_keeps_its_edges():

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("manifold3d", reason="the CAD needs the extra cad")
 
-from onebot_description.cad.part import to_mesh  # noqa: E402
-from onebot_description.cad.shapes import (  # noqa: E402
+from onebot_description.cad.solids import (  # noqa: E402
     box,
     cylinder_y,
     lathe,
@@ -15,6 +14,7 @@ from onebot_description.cad.shapes import (  # noqa: E402
     outline,
     prism_x,
     rounded_rectangle,
+    to_mesh,  # noqa: E402
     tube,
 )
 

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
-from onebot_description.tf import state_converter
-from onebot_description.tf.state_converter import StateConverter
-from onebot_description.tf.wire import WireError
+from onebot_description.wire import state_converter
+from onebot_description.wire.cdr import WireError
+from onebot_description.wire.state_converter import StateConverter
 from tests.onebot_description.test_state_converter import NOW, _message, _model, joint_states
 from tests.random_robots import chain, robots
 

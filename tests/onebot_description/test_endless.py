@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.description import load_description
-from onebot_description.description.endless import bound_functions, bounded, bounded_power
+from onebot_description.description.xacro import bound_functions, bounded, bounded_power
 from onebot_description.errors import DescriptionError
 
 

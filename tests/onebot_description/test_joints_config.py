@@ -7,7 +7,7 @@ import pytest
 
 from onebot_description.joints.config import Dependent, JointsConfig, Sequence
 from onebot_description.joints.motions import Constant, Keyframes, Sine
-from onebot_description.joints.problems import ConfigError
+from onebot_description.parameters.reader import ConfigError
 
 
 def refused(parameters: dict[str, Any]) -> str:

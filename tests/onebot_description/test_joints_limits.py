@@ -5,7 +5,7 @@ import math
 import pytest
 
 from onebot_description.joints.limits import joint_limits, movable, soft_limits, zero_position
-from onebot_description.joints.problems import ConfigError
+from onebot_description.parameters.reader import ConfigError
 from tests.onebot_description.joints_support import joint
 
 URDF = """<robot name="r">

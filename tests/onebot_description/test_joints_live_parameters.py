@@ -1,12 +1,12 @@
-"""onebot_description.joints.live_parameters: what a saved file changes."""
+"""onebot_description.parameters.files: what a saved file changes."""
 
 from pathlib import Path
 
 import pytest
 
 from onebot_description.joints.config import DEFAULTS
-from onebot_description.joints.live_parameters import LiveParameters
-from onebot_description.joints.problems import ConfigError
+from onebot_description.parameters.files import LiveParameters
+from onebot_description.parameters.reader import ConfigError
 
 NODE = "/jsp"
 

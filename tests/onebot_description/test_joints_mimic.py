@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.problems import ConfigError
 from onebot_description.joints.source import JointStateSource
+from onebot_description.parameters.reader import ConfigError
 from tests.onebot_description.joints_support import joint, mimic
 
 CHAIN = [

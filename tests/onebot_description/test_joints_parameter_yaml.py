@@ -1,4 +1,4 @@
-"""onebot_description.joints.parameter_yaml, .parameter_files: as rcl reads, with line numbers."""
+"""onebot_description.parameters.files, .parameter_files: as rcl reads, with line numbers."""
 
 import subprocess
 import sys
@@ -6,9 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.joints.parameter_files import read_files, silence
-from onebot_description.joints.parameter_yaml import plain_value, read_parameters, section_matches
-from onebot_description.joints.problems import ConfigError
+from onebot_description.parameters.files import (
+    plain_value,
+    read_files,
+    read_parameters,
+    section_matches,
+    silence,
+)
+from onebot_description.parameters.reader import ConfigError
 
 NODE = "/ns/jsp"
 FILE = """\

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.problems import ConfigError
 from onebot_description.joints.source import JointStateSource, wrapped
+from onebot_description.parameters.reader import ConfigError
 from tests.onebot_description.joints_support import joint, mimic
 
 ROBOT = [

@@ -1,4 +1,4 @@
-"""onebot_description.joints.tracks: motions of many joints evaluated together."""
+"""onebot_description.joints.motions: motions of many joints evaluated together."""
 
 import math
 
@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_description.joints.motions import Constant, Keyframes, Motion, Sine, Sweep
-from onebot_description.joints.tracks import Tracks
+from onebot_description.joints.motions import Constant, Keyframes, Motion, Sine, Sweep, Tracks
 
 
 def at(motion: Motion, time: float, start: float = 0.0, endless: bool = False) -> float:

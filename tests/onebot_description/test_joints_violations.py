@@ -1,4 +1,4 @@
-"""onebot_description.joints.violations: what is beyond limits, and the remedy."""
+"""onebot_description.joints.motions: what is beyond limits, and the remedy."""
 
 import dataclasses
 import math
@@ -8,8 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_description.joints.motions import Constant, Keyframes, Motion, Sine, Sweep
-from onebot_description.joints.violations import Allowed, violations
+from onebot_description.joints.motions import (
+    Allowed,
+    Constant,
+    Keyframes,
+    Motion,
+    Sine,
+    Sweep,
+    violations,
+)
 
 MRM = Allowed(-3.14, 3.14, 0.5)
 

@@ -1,9 +1,9 @@
-"""onebot_description.joints.watch: saves are noticed, however an editor makes them."""
+"""onebot_description.parameters.files: saves are noticed, however an editor makes them."""
 
 import os
 from pathlib import Path
 
-from onebot_description.joints.watch import FileWatch
+from onebot_description.parameters.files import FileWatch
 
 
 def looks(watch: FileWatch) -> list[Path]:

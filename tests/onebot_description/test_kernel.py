@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
-from onebot_description.tf import joint_state_plan, kernel
-from onebot_description.tf.joint_state_plan import JointStatePlan
-from onebot_description.tf.wire import decode_tf
+from onebot_description.wire import state_converter
+from onebot_description.wire.cdr import decode_tf
+from onebot_description.wire.state_converter import JointStatePlan
 from tests.random_robots import chain, robots
 
 STAMP = b"\x05\x00\x00\x00\x07\x00\x00\x00"
@@ -31,7 +31,7 @@ def test_it_agrees_with_the_model(urdf, data, lead):
         data.draw(st.lists(values, min_size=len(names), max_size=len(names))), float
     )
     plan = JointStatePlan(model, names, "robot/")
-    assert kernel.compiled() is not None
+    assert state_converter.compiled() is not None
     translations, rotations = model.transforms(dict(zip(names, positions, strict=True)))
     expected = np.concatenate((translations, rotations), axis=1)
     # Positions up to 1e3 m, and mimics of mimics: the error grows with them.
@@ -64,7 +64,7 @@ def test_without_the_library_arrays_serve(monkeypatch):
     positions = np.random.default_rng(2).uniform(-3, 3, 20)
     state, at = _data(positions, 4)
     compiled = JointStatePlan(model, model.joints, "").message(state, at, 20)
-    monkeypatch.setattr(joint_state_plan, "make_kernel", lambda *_: None)
+    monkeypatch.setattr(state_converter, "make_kernel", lambda *_: None)
     plain = JointStatePlan(model, model.joints, "").message(state, at, 20)
     ours, theirs = decode_tf(compiled), decode_tf(plain)
     assert ours.children == theirs.children and (ours.stamps_ns == theirs.stamps_ns).all()
@@ -76,14 +76,14 @@ def test_without_the_library_arrays_serve(monkeypatch):
 def test_what_is_not_moderate_is_found_anywhere(monkeypatch, bad, library):
     """At every place, at any alignment, and not beyond the end."""
     if not library:
-        monkeypatch.setattr(kernel, "compiled", lambda: None)
+        monkeypatch.setattr(state_converter, "compiled", lambda: None)
     for lead in range(8):
         for place in range(5):
             positions = np.zeros(5)
             positions[place] = bad
             data, at = _data(positions, lead)
-            assert not kernel.all_moderate(data, at, 5)
-            assert kernel.all_moderate(data, at, place)
+            assert not state_converter.all_moderate(data, at, 5)
+            assert state_converter.all_moderate(data, at, place)
 
 
 def test_sines_of_any_angle():

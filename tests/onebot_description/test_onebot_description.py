@@ -11,17 +11,17 @@ import rerun as rr
 import yaml
 import yourdfpy
 
-from onebot_bringup.viewer.geometry import Mesh, Robot, read_robot
-from onebot_bringup.viewer.live_view import LiveView
+from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.meshes import load_mesh, resolve
-from onebot_bringup.viewer.picture import render
-from onebot_bringup.viewer.recording import open_recording
+from onebot_bringup.viewer.pictures import render
+from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.view_config import load_view
-from onebot_description.ament import package_share
 from onebot_description.description import Description, load_description
+from onebot_description.description.description import Mesh, Robot, read_robot
+from onebot_description.description.packages import package_share
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.tf.wire import TfArrays
+from onebot_description.wire.cdr import TfArrays
 from tests.support_rendering import colored, pixels, require_renderer
 
 SHARE = package_share("onebot_description")

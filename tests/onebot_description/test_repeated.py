@@ -10,9 +10,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_description.tf.repeated import JointStateReader, TfReader
-from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import WireError, decode_joint_state, decode_tf
+from onebot_description.wire.cdr import WireError, decode_joint_state, decode_tf
+from onebot_description.wire.repeated import JointStateReader, TfReader
+from onebot_description.wire.tf_message import TFMessage
 
 _NAMES = st.lists(st.text("abü_/1", max_size=9), max_size=5)
 _NUMBERS = st.floats(-10.0, 10.0)

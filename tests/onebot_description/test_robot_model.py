@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
-from onebot_description.model import RobotModel, compiled, quaternions
+from onebot_description.model import RobotModel, quaternions, robot_model
 from tests.random_robots import chain, robots
 
 
@@ -117,7 +117,7 @@ def test_compiled_and_arrays_agree(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
     size = len(model.joints)
     numbers = data.draw(st.lists(st.floats(-9, 9), min_size=6 * size, max_size=6 * size))
-    assert compiled.available()
+    assert robot_model.available()
     for shape in ((2, 3, size), (6, size)):
         q = np.array(numbers).reshape(shape)
         values = np.concatenate(model.transforms(q), axis=-1)

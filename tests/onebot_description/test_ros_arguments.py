@@ -1,8 +1,8 @@
-"""onebot_description.ros_arguments: parameter files and names on the command line."""
+"""onebot_description.node: parameter files and names on the command line."""
 
 from pathlib import Path
 
-from onebot_description.ros_arguments import RosArguments, ros_arguments
+from onebot_description.node import RosArguments, ros_arguments
 
 
 def test_files_and_names_are_found() -> None:

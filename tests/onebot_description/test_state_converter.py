@@ -11,11 +11,11 @@ from std_msgs.msg import Header
 
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
-from onebot_description.tf import kernel
-from onebot_description.tf.messages import joint_state_arrays, to_message
-from onebot_description.tf.state_converter import StateConverter
-from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import WireError
+from onebot_description.wire import state_converter
+from onebot_description.wire.cdr import WireError
+from onebot_description.wire.messages import joint_state_arrays, to_message
+from onebot_description.wire.state_converter import StateConverter
+from onebot_description.wire.tf_message import TFMessage
 from tests.random_robots import chain, robots
 
 NOW = 10**18
@@ -203,7 +203,7 @@ def test_what_overflows_for_a_follower_is_ignored(
 ):
     """As a position that is not finite; both paths agree, and nothing on /tf is ever not finite."""
     if not library:
-        monkeypatch.setattr(kernel, "compiled", lambda: None)
+        monkeypatch.setattr(state_converter, "compiled", lambda: None)
     model = _model(FOLLOWED.format(multiplier=multiplier, offset=offset))
     warnings = []
     options = {"warn": lambda key, text: warnings.append((key, text))}

@@ -1,6 +1,6 @@
 """Words for error messages."""
 
-from onebot_description.text import did_you_mean, listing, nearest
+from onebot_description.errors import did_you_mean, listing, nearest
 
 
 def test_nearest_forgives_slips_and_case() -> None:

@@ -24,13 +24,13 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from type_description_interfaces.srv import GetTypeDescription
 
-from onebot_description.tf import _message, _type_support
-from onebot_description.tf.tf_message import TFMessage
+from onebot_description.wire import tf_message
+from onebot_description.wire.tf_message import TFMessage
 from tests.support import wait_for
 
 TYPE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 own_only = pytest.mark.skipif(
-    TFMessage is not getattr(_message, "TFMessage", None), reason="a genuine tf2_msgs is installed"
+    TFMessage is not tf_message.OwnTFMessage, reason="a genuine tf2_msgs is installed"
 )
 
 
@@ -209,7 +209,7 @@ def test_field_checks() -> None:
 def test_field_checks_by_environment() -> None:
     """ROS_PYTHON_CHECK_FIELDS=1 turns the checks on, as for other messages."""
     code = """
-        from onebot_description.tf.tf_message import TFMessage
+        from onebot_description.wire.tf_message import TFMessage
         TFMessage(transforms=[1])
     """
     root = Path(__file__).parents[2]
@@ -406,7 +406,7 @@ MANY_THREADS = """
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.serialization import serialize_message
     from geometry_msgs.msg import TransformStamped
-    from onebot_description.tf.tf_message import TFMessage
+    from onebot_description.wire.tf_message import TFMessage
 
     rclpy.init()
     message = TFMessage(transforms=[TransformStamped(child_frame_id=str(i)) for i in range(20)])
@@ -490,8 +490,9 @@ NOT_LOADABLE = """
             cls._TYPE_SUPPORT = import_type_support("tf2_msgs").type_support_msg__msg__tf_message"""
 SILENT = "pass"
 LOADABLE = """
-            from onebot_description.tf import _type_support
-            support = _type_support.load(TFMessage)
+            import sys
+            load = sys.modules["onebot_description.wire.tf_message"].load
+            support = load(TFMessage)
             cls._CREATE_ROS_MESSAGE = support.create_ros_message
             cls._CONVERT_FROM_PY = support.convert_from_py
             cls._CONVERT_TO_PY = support.convert_to_py
@@ -512,7 +513,7 @@ def test_another_tf2_msgs(tmp_path: Path, load: str, used: bool) -> None:
     code = """
         from geometry_msgs.msg import TransformStamped
         from rclpy.serialization import deserialize_message, serialize_message
-        from onebot_description.tf.tf_message import TFMessage
+        from onebot_description.wire.tf_message import TFMessage
         import tf2_msgs.msg
         message = TFMessage(transforms=[TransformStamped(child_frame_id="child")])
         back = deserialize_message(serialize_message(message), TFMessage)
@@ -531,8 +532,8 @@ def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
     package.mkdir(parents=True)
     (package / "package.xml").write_text("<package><version>4.9.2</version></package>")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
-    with pytest.raises(_type_support.TypeSupportError) as caught:
-        _type_support.load(_message.TFMessage)
+    with pytest.raises(tf_message.TypeSupportError) as caught:
+        tf_message.load(tf_message.OwnTFMessage)
     assert isinstance(caught.value, ImportError)
     assert "rosidl_runtime_c is version 4.9.2 instead of 4.6.x" in str(caught.value)
 
@@ -540,13 +541,13 @@ def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
 @own_only
 def test_another_transform_stamped_is_refused() -> None:
     """The library itself refuses types that are not the ones it is made for."""
-    library = _type_support.load_library()
+    library = tf_message.load_library()
     pose = type(PoseStamped)
     if pose._TYPE_SUPPORT is None:
         pose.__import_type_support__()
     problem = library.onebot_tf_configure(
-        _type_support._pointer(pose._TYPE_SUPPORT),
-        *[_type_support._pointer(pose._TYPE_SUPPORT)] * 4,
+        tf_message._pointer(pose._TYPE_SUPPORT),
+        *[tf_message._pointer(pose._TYPE_SUPPORT)] * 4,
     )
     assert problem == b"geometry_msgs/TransformStamped is not that of ROS 2 Jazzy"
     message = TFMessage(transforms=[make_transform()])
@@ -561,7 +562,7 @@ def test_import_is_quick() -> None:
         from geometry_msgs.msg import TransformStamped
         serialize_message(TransformStamped())
         start = time.perf_counter()
-        import onebot_description.tf.tf_message
+        import onebot_description.wire.tf_message
         print(time.perf_counter() - start)
     """
     times = []

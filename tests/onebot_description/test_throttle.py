@@ -2,7 +2,7 @@
 
 import math
 
-from onebot_description.throttle import Throttled
+from onebot_description.node import Throttled
 
 
 def test_each_kind_is_said_once_within_its_time() -> None:

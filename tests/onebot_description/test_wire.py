@@ -10,8 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_description.tf.tf_message import TFMessage
-from onebot_description.tf.wire import (
+from onebot_description.wire.cdr import (
     TfTemplate,
     WireError,
     decode_joint_state,
@@ -19,6 +18,7 @@ from onebot_description.tf.wire import (
     pack_stamp,
     unpack_stamp,
 )
+from onebot_description.wire.tf_message import TFMessage
 
 names = st.text(st.characters(blacklist_categories=("Cs",), blacklist_characters="\0"), max_size=12)
 doubles = st.floats(allow_nan=True, allow_infinity=True)

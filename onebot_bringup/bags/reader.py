@@ -1,0 +1,364 @@
+"""Reads recordings of ROS 2, ours or anyone's: MCAP files, SQLite files, and folders of them."""
+
+import re
+import sqlite3
+import struct
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import yaml
+import zstandard
+from mcap.exceptions import McapError
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.summary import Summary
+
+from onebot_bringup.bags.writer import FILE_NAME, MAGIC
+from onebot_description.errors import OneBotError
+
+# What a recording holds, whatever the format of its files.
+
+
+class BagMessage(NamedTuple):
+    """A recorded message.
+
+    Attributes:
+        topic: its name.
+        type: ``package/msg/Type``.
+        time: when it was received, nanoseconds.
+        data: CDR, as on the wire.
+    """
+
+    topic: str
+    type: str
+    time: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Contents:
+    """The topics of a file with their types, and the number of messages (0: not known)."""
+
+    topics: dict[str, str] = field(default_factory=dict)
+    count: int = 0
+
+
+# Reads MCAP files of ROS 2; of damaged ones, what comes before the damage.
+
+# Whatever the library stumbles over in bytes that are no MCAP.
+_DAMAGE = (
+    McapError, OSError, struct.error, zstandard.ZstdError, ValueError, KeyError, EOFError,
+    RuntimeError, OverflowError, MemoryError,
+)  # fmt: skip
+_CDR = "cdr"
+_MOST = 1 << 30  # bytes of a record: more is taken to be damage
+
+
+def topics_of_mcap(path: Path) -> Contents:
+    """Return what is in the file, by its summary; by reading all of it where that is missing.
+
+    Raises:
+        OneBotError: it is no MCAP file, or no messages of ROS 2 are in it.
+    """
+    with _opened(path) as file:
+        summary = _summary(file)
+        if summary is not None:
+            statistics = summary.statistics
+            contents = Contents(
+                _topics(summary.channels, summary.schemas),
+                statistics.message_count if statistics else 0,
+            )
+        else:
+            contents = _counted(file)
+    if not contents.topics and contents.count:
+        raise OneBotError(f"{path} holds no messages of ROS 2 (in CDR)")
+    return contents
+
+
+def _opened(path: Path) -> IO[bytes]:
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise OneBotError(f"{path}: {error.strerror}") from error
+    start = file.read(len(MAGIC))
+    if start != MAGIC:
+        file.close()
+        what = "is empty" if not start else "is no MCAP file"
+        raise OneBotError(f"{path} {what}")
+    return file
+
+
+def _summary(file: IO[bytes]) -> Summary | None:
+    """The summary; None where the file was cut off before its end, or has none."""
+    file.seek(0)
+    try:
+        summary = SeekingReader(file, record_size_limit=_MOST).get_summary()
+    except _DAMAGE:
+        return None
+    # Written without an index of its chunks, it has to be read in order.
+    return summary if summary is not None and summary.chunk_indexes else None
+
+
+def _topics(channels: dict[int, Channel], schemas: dict[int, Schema]) -> dict[str, str]:
+    return {
+        channel.topic: _full(schemas[channel.schema_id].name)
+        for channel in channels.values()
+        if channel.message_encoding == _CDR and channel.schema_id in schemas
+    }
+
+
+def _full(name: str) -> str:
+    """``package/msg/Type``, of the short name too that some writers use."""
+    package, _, kind = name.partition("/")
+    return name if "/" in kind else f"{package}/msg/{kind}"
+
+
+def _counted(file: IO[bytes]) -> Contents:
+    topics: dict[str, str] = {}
+    count = 0
+    for schema, channel, _ in _in_order(file, lambda _: None):
+        count += 1
+        if channel.message_encoding == _CDR and schema is not None:
+            topics[channel.topic] = _full(schema.name)
+    return Contents(topics, count)
+
+
+def read_mcap(
+    path: Path, topics: Collection[str], warn: Callable[[str], None]
+) -> Iterator[BagMessage]:
+    """Yield the messages of ``topics`` in the order of their times.
+
+    Args:
+        path: the file.
+        topics: names.
+        warn: told if the file ends early; what comes before is yielded in the file's order.
+    """
+    with _opened(path) as file:
+        if _summary(file) is not None:
+            file.seek(0)
+            reader = SeekingReader(file, validate_crcs=True, record_size_limit=_MOST)
+            found = _guarded(reader.iter_messages(topics=list(topics)), path, warn)
+        else:
+            found = _in_order(file, lambda why: warn(f"{path} is damaged or cut off: {why}"))
+        for schema, channel, message in found:
+            usable = channel.message_encoding == _CDR and schema is not None
+            if usable and channel.topic in topics:
+                assert schema is not None
+                yield BagMessage(
+                    channel.topic, _full(schema.name), message.log_time, bytes(message.data)
+                )
+
+
+_Found = Iterator[tuple[Schema | None, Channel, Message]]
+
+
+def _guarded(found: _Found, path: Path, warn: Callable[[str], None]) -> _Found:
+    try:
+        yield from found
+    except _DAMAGE as error:
+        warn(f"{path} is damaged: {_reason(error)}; showing what comes before")
+
+
+def _in_order(file: IO[bytes], warn: Callable[[str], None]) -> _Found:
+    """Yield messages as they stand in the file, up to its end or the first damage."""
+    file.seek(0)
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    try:
+        for record in StreamReader(file, validate_crcs=True, record_size_limit=_MOST).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                yield schemas.get(channel.schema_id), channel, record
+    except _DAMAGE as error:
+        warn(f"{_reason(error)}; showing what comes before")
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, CRCValidationError):
+        return "a checksum is wrong"
+    return str(error) or "it ends too early"
+
+
+# Reads the SQLite files of rosbag2 (.db3), which it wrote by default before Iron.
+
+# SQLite lets anything be in any column.
+_TOPICS = """
+    SELECT name, type FROM topics
+    WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
+"""
+_MESSAGES = """
+    SELECT topics.name, topics.type, messages.timestamp, messages.data
+    FROM messages JOIN topics ON messages.topic_id = topics.id
+    WHERE topics.name IN ({})
+        AND typeof(messages.data) = 'blob' AND typeof(messages.timestamp) = 'integer'
+    ORDER BY messages.timestamp, messages.id
+"""
+
+
+def topics_of_sqlite(path: Path) -> Contents:
+    """Return what is in the file.
+
+    Raises:
+        OneBotError: it is no recording.
+    """
+    try:
+        with closing(_connect(path)) as database:
+            topics = dict(database.execute(_TOPICS))
+            (count,) = database.execute("SELECT count(*) FROM messages").fetchone()
+    except sqlite3.Error as error:
+        raise OneBotError(f"{path} is no recording of rosbag2: {error}") from error
+    return Contents(topics, int(count))
+
+
+def read_sqlite(
+    path: Path, topics: Collection[str], warn: Callable[[str], None]
+) -> Iterator[BagMessage]:
+    """Yield the messages of ``topics`` in the order of their times.
+
+    Args:
+        path: the file.
+        topics: names.
+        warn: told if the file is damaged.
+    """
+    query = _MESSAGES.format(", ".join("?" * len(topics)))
+    try:
+        with closing(_connect(path)) as database:
+            for topic, kind, stamp, data in database.execute(query, list(topics)):
+                yield BagMessage(topic, kind, stamp, data)
+    except sqlite3.Error as error:
+        warn(f"{path} is damaged: {error}; showing what comes before")
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    # Read-only, or a file that is missing would be made.
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+
+
+MCAP, SQLITE = ".mcap", ".db3"
+_Read = Callable[[Path, Collection[str], Callable[[str], None]], Iterator[BagMessage]]
+_READERS: Mapping[str, _Read] = {MCAP: read_mcap, SQLITE: read_sqlite}
+_CONTENTS: Mapping[str, Callable[[Path], Contents]] = {
+    MCAP: topics_of_mcap,
+    SQLITE: topics_of_sqlite,
+}
+
+
+class Bag:
+    """A recording that exists.
+
+    Attributes:
+        source: the file or folder.
+        topics: the type of each topic, ``package/msg/Type``.
+        count: of all messages; 0 where that is not known without reading them.
+        warnings: what is not as it should be, though it can be read; reading may add to them.
+    """
+
+    def __init__(self, source: Path) -> None:
+        """Look into the recording at ``source``.
+
+        Raises:
+            OneBotError: there is none, or none that can be read.
+        """
+        self.source = source
+        self.warnings: list[str] = []
+        self._compressed = False
+        self._files = self._find()
+        self.topics: dict[str, str] = {}
+        self.count = 0
+        for file in self._files:
+            contents = _CONTENTS[file.suffix](file)
+            self.topics |= contents.topics
+            self.count += contents.count
+
+    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        """Return the messages of ``topics``, by the time they were received.
+
+        What is damaged ends the file it is in, with a warning.
+
+        Raises:
+            OneBotError: they are not compressed as metadata.yaml says.
+        """
+        for file in self._files:
+            for message in _READERS[file.suffix](file, topics, self.warnings.append):
+                yield self._unpacked(message) if self._compressed else message
+
+    def _unpacked(self, message: BagMessage) -> BagMessage:
+        try:
+            unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
+        except zstandard.ZstdError as error:
+            raise OneBotError(
+                f"{self.source / FILE_NAME} says compression_mode: message, but a message of "
+                f"{message.topic} is not compressed by zstd: correct it to compression_mode: ''"
+            ) from error
+        return message._replace(data=unpacked)
+
+    # --- files ----------------------------------------------------------------------------------
+
+    def _find(self) -> list[Path]:
+        source = self.source
+        if source.is_dir():
+            return self._in_folder()
+        if not source.exists():
+            raise OneBotError(f"there is no recording {source}")
+        if source.suffix not in _READERS:
+            raise OneBotError(
+                f"{source} is no recording: its name must end in .mcap, .db3 or .rrd, or be that "
+                "of a folder that ros2 bag has made"
+            )
+        return [source]
+
+    def _in_folder(self) -> list[Path]:
+        """The files that metadata.yaml names, or else those that are there."""
+        there = [path for path in self.source.iterdir() if path.suffix in _READERS]
+        information = self._metadata()
+        if information is None:
+            if not there:
+                raise OneBotError(
+                    f"{self.source} is no recording: it holds neither {FILE_NAME} nor a .mcap or "
+                    ".db3 file"
+                )
+            return sorted(there, key=_by_number)
+        mode = str(information.get("compression_mode") or "").lower()
+        if mode == "file":
+            raise OneBotError(
+                f"{self.source} is compressed as whole files: unpack it by ros2 bag convert, or by "
+                "unzstd and the names in metadata.yaml"
+            )
+        self._compressed = mode == "message"
+        names = information.get("relative_file_paths") or []
+        files = [self.source / Path(str(name)).name for name in names]
+        missing = [file.name for file in files if not file.is_file()]
+        files = [file for file in files if file.is_file() and file.suffix in _READERS]
+        if not files:
+            raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
+        if missing:
+            self.warnings.append(f"{self.source} lacks {', '.join(missing)}; showing the others")
+        return files
+
+    def _metadata(self) -> Mapping[str, Any] | None:
+        path = self.source / FILE_NAME
+        try:
+            found = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]
+            found.get("relative_file_paths")
+        except OSError:
+            self.warnings.append(f"{self.source} has no {FILE_NAME}; showing the files that it has")
+            return None
+        except (yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError):
+            self.warnings.append(f"{path} is damaged; showing the files beside it")
+            return None
+        information: Mapping[str, Any] = found
+        return information
+
+
+def _by_number(path: Path) -> tuple[object, ...]:
+    """A key that puts x_9 before x_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return tuple(int(part) if part.isdigit() else part for part in parts)

@@ -1,0 +1,345 @@
+"""A short-lived, hidden node for one command, and what it can find out about the others.
+
+There is no daemon: what others there are has to be discovered first, which takes some tenths of a
+second. What a command looks for is awaited; lists are made once nothing new turns up.
+"""
+
+import argparse
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from types import FrameType
+from typing import Any, NoReturn
+
+from onebot_bringup.introspection.interfaces import message_class
+from onebot_description.description.packages import use_environment_prefix
+from onebot_description.errors import OneBotError, did_you_mean, nearest
+
+# Find other nodes in a twentieth of a second instead of, every other time, in three.
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """Create nodes within this context; a no-op where the system does not allow it."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    processors, policy = os.sched_getaffinity(0), os.sched_getscheduler(0)
+    try:
+        _set(0, {max(processors)}, os.SCHED_BATCH)
+        yield
+    finally:
+        for thread in os.listdir("/proc/self/task"):
+            _set(int(thread), processors, policy)
+
+
+def _set(thread: int, processors: set[int], policy: int) -> None:
+    with contextlib.suppress(OSError):  # it has ended, or a sandbox forbids it
+        os.sched_setaffinity(thread, processors)
+        os.sched_setscheduler(thread, policy, os.sched_param(0))
+
+
+_QUIET = 0.5  # s without any news, over two announcements: discovery is taken to be complete
+_LEAST = 0.5  # s
+_MOST = 2.0  # s
+_LOOKUP = 3.5  # s for what was asked for by name: all participants announce themselves every 3 s
+PATIENCE = 1.0  # s before a command that waits says for what
+_POLL = 0.02  # s
+
+
+class Session:
+    """A node and its executor; use it as a context.
+
+    Ctrl-C, SIGTERM and a terminal that is closed raise KeyboardInterrupt within the context.
+    """
+
+    def __init__(
+        self, ros_args: Sequence[str] = (), name: str | None = None, spin_time: float | None = None
+    ) -> None:
+        """Keep the settings; ROS starts with the context.
+
+        Args:
+            ros_args: begins with ``--ros-args``, unless empty.
+            name: of the node; by default a hidden one.
+            spin_time: seconds for discovery; by default as long as news come.
+        """
+        self._ros_args = list(ros_args)
+        self._name = name or f"_onebot_{os.getpid()}"
+        self._spin_time = spin_time
+
+    def __enter__(self) -> "Session":
+        # As the bringups do: robots of one's own, not of everybody in the building.
+        if not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
+            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        use_environment_prefix()
+        from onebot_description.node import use_quick_discovery  # brings rclpy, which takes a while
+
+        use_quick_discovery()
+        # SIGINT too: a shell starts what it puts in the background with SIGINT ignored.
+        self._old_handlers = {
+            number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:  # else it runs under nohup
+            self._old_handlers[signal.SIGHUP] = signal.signal(signal.SIGHUP, _interrupt)
+        if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
+            sys.stdout.reconfigure(line_buffering=True)  # whoever reads a pipe reads it live
+        self._start()
+        return self
+
+    def _start(self) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        try:
+            rclpy.init(args=self._ros_args, signal_handler_options=SignalHandlerOptions.NO)
+            with undisturbed():
+                self.node = rclpy.create_node(self._name, start_parameter_services=False)
+        except Exception as error:  # rclpy raises several kinds, none of them public
+            rclpy.try_shutdown()
+            first = next(iter(str(error).strip().splitlines()), type(error).__name__)
+            raise OneBotError(f"ROS does not start: {first}") from None
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self._began = time.monotonic()
+
+    def __exit__(self, *_: object) -> None:
+        import rclpy
+
+        for number, handler in self._old_handlers.items():
+            signal.signal(number, handler)
+        self._executor.shutdown(0.0)
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, until: Callable[[], Any], timeout: float | None = None) -> Any:
+        """Handle what comes in until ``until()`` is true; return its value.
+
+        Args:
+            until: called at least every 20 ms.
+            timeout: seconds after which it gives up; None for never.
+        """
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while True:
+            value = until()
+            if value:
+                return value
+            left = _POLL if deadline is None else min(_POLL, deadline - time.monotonic())
+            if left <= 0.0:
+                return value
+            self._executor.spin_once(timeout_sec=left)
+
+    def spin_until(self, moment: float) -> None:
+        """Handle what comes in until a moment of the monotonic clock."""
+        while (left := moment - time.monotonic()) > 0.0:
+            # A signal is only seen between two waits.
+            self._executor.spin_once(timeout_sec=min(left, 0.1))
+
+    def spin_forever(self) -> NoReturn:
+        """Handle what comes in until Ctrl-C."""
+        while True:
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def discover(self) -> None:
+        """Wait until all other nodes should be known."""
+        if self._spin_time is not None:
+            self.spin_until(self._began + self._spin_time)
+            return
+        if not self.look_for(self._company, "other nodes"):
+            return
+        known, since, called = self._graph(), time.monotonic(), time.monotonic()
+        while True:
+            self.spin_until(time.monotonic() + _POLL)
+            now, found = time.monotonic(), self._graph()
+            if found != known:
+                known, since = found, now
+            if now - self._began > _LEAST and now - since > _QUIET or now - called > _MOST:
+                return
+
+    def _company(self) -> bool:
+        return len(self.node.get_node_names()) > 1
+
+    def _graph(self) -> Any:
+        topics = self.node.get_topic_names_and_types()
+        return sorted(self.node.get_node_names_and_namespaces()), [
+            (name, types, self.node.count_publishers(name), self.node.count_subscribers(name))
+            for name, types in topics
+        ]
+
+    def full_name(self, name: str) -> str:
+        """Return the absolute name of a topic or service.
+
+        Raises:
+            OneBotError: no topic can have that name.
+        """
+        from rclpy.exceptions import InvalidTopicNameException
+        from rclpy.expand_topic_name import expand_topic_name
+        from rclpy.validate_full_topic_name import validate_full_topic_name
+
+        try:
+            full = expand_topic_name(name, self.node.get_name(), self.node.get_namespace())
+            validate_full_topic_name(full)
+        except (ValueError, InvalidTopicNameException) as error:
+            reason = " ".join(str(error).split("\n")[0].split())
+            raise OneBotError(f'"{name}" is no name: {reason}') from None
+        return str(full)
+
+    def topics(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
+        """Return the name and the types of all topics known by now."""
+        return _visible(self.node.get_topic_names_and_types(), hidden)
+
+    def services(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
+        """Return the name and the types of all services known by now."""
+        return _visible(self.node.get_service_names_and_types(), hidden)
+
+    def nodes(self, hidden: bool = False) -> list[str]:
+        """Return the full names of all nodes known by now, sorted; one may occur twice."""
+        found = self.node.get_node_names_and_namespaces()
+        names = [f"{space.rstrip('/')}/{name}" for name, space in found]
+        return sorted(
+            name for name in names if hidden or not name.rpartition("/")[2].startswith("_")
+        )
+
+    def find_node(self, name: str) -> str:
+        """Return the full name of a node that is up.
+
+        Raises:
+            OneBotError: it did not turn up; the message lists near names.
+        """
+        full = name if name.startswith("/") else f"/{name}"
+        if not self.look_for(lambda: full in self.nodes(hidden=True), f"the node {full}"):
+            raise OneBotError(f'node "{full}" not found{did_you_mean(full, self.nodes(), "nodes")}')
+        return full
+
+    def look_for(self, condition: Callable[[], Any], what: str) -> Any:
+        """Wait for a condition for as long as discovery can take; return its last value."""
+        found = self.spin(condition, PATIENCE)
+        if not found:
+            print(f"looking for {what} ...", file=sys.stderr)
+            found = self.spin(condition, _LOOKUP - PATIENCE)
+        return found
+
+    def await_or_say(self, condition: Callable[[], Any], notice: Callable[[], str]) -> Any:
+        """Wait for a condition without end; say on stderr for what, when it takes long."""
+        found = self.spin(condition, PATIENCE)
+        if not found:
+            print(notice(), file=sys.stderr)
+            found = self.spin(condition)
+        return found
+
+
+def _visible(found: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:
+    return sorted((name, types) for name, types in found if hidden or not is_hidden(name))
+
+
+def is_hidden(name: str) -> bool:
+    """Say if a topic or service is hidden, as ROS has it: a part of its name begins with ``_``."""
+    return any(part.startswith("_") for part in name.split("/"))
+
+
+def _interrupt(_: int, __: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def add_spin_time(parser: argparse.ArgumentParser) -> None:
+    """Add the option for how long to look around."""
+    from onebot_bringup.cli.main import not_negative
+
+    parser.add_argument(
+        "--spin-time",
+        type=not_negative,
+        metavar="SECONDS",
+        help="look around for so long (default: until nothing new turns up, at most 2 s)",
+    )
+
+
+# One call of a service, with an end to the waiting.
+
+_ANSWER = 10.0  # s
+
+
+def call(session: Session, kind: Any, name: str, request: Any, timeout: float = _ANSWER) -> Any:
+    """Call a service and return its response.
+
+    Args:
+        session: whose node asks.
+        kind: the class of the service.
+        name: its full name.
+        request: what to ask.
+        timeout: seconds for finding the service, and again for its answer.
+
+    Raises:
+        OneBotError: it is not there, or does not answer.
+    """
+    client = session.node.create_client(kind, name)
+    try:
+        if not session.spin(client.service_is_ready, timeout):
+            raise OneBotError(f"the service {name} is not available")
+        future = client.call_async(request)
+        if not session.spin(future.done, timeout):
+            raise OneBotError(f"the service {name} does not answer (waited {timeout:g} s)")
+        return future.result()
+    finally:
+        session.node.destroy_client(client)
+
+
+# What type a topic has, by the nodes that publish it or listen to it.
+
+
+def await_class(session: Session, name: str, type_name: str | None = None) -> tuple[str, Any]:
+    """Return a topic's full name and its message class, waiting until the topic is there.
+
+    Args:
+        session: looks around.
+        name: of the topic, absolute or relative.
+        type_name: of the messages; None to take what the topic has.
+
+    Raises:
+        OneBotError: the type is not installed, or the topic has several.
+    """
+    topic = session.full_name(name)
+    if type_name is not None:
+        kind = message_class(type_name)
+        # The QoS that suits the publishers shows when they do.
+        session.spin(lambda: session.node.count_publishers(topic), 1.0)
+        session.spin(lambda: False, 0.1)
+        return topic, kind
+    types = session.await_or_say(lambda: _types(session, topic), lambda: _missing(session, topic))
+    # Others may publish it too, with another QoS or even another type.
+    session.spin(lambda: False, 0.1)
+    types = _types(session, topic) or types
+    if len(types) > 1:
+        raise OneBotError(
+            f"Cannot echo topic '{topic}', as it contains more than one type: "
+            f"[{', '.join(types)}]; name the one you want"
+        )
+    return topic, message_class(types[0])
+
+
+def _types(session: Session, topic: str) -> list[str]:
+    return list(dict(session.node.get_topic_names_and_types()).get(topic, []))
+
+
+def _missing(session: Session, topic: str) -> str:
+    guess = nearest(topic, (name for name, _ in session.topics()))
+    meant = f' (did you mean "{guess}"?)' if guess else ""
+    return f"WARNING: topic [{topic}] does not appear to be published yet{meant}; waiting for it"
+
+
+def types_of(session: Session, name: str) -> tuple[str, list[str]]:
+    """Return the full name and the types of a topic that is there.
+
+    Raises:
+        OneBotError: it does not turn up; the message lists near names.
+    """
+    topic = session.full_name(name)
+    types = session.look_for(lambda: _types(session, topic), f"the topic {topic}")
+    if not types:
+        raise OneBotError(
+            f"Unknown topic '{topic}'"
+            f"{did_you_mean(topic, (known for known, _ in session.topics()), 'topics')}"
+        )
+    return topic, list(types)

@@ -1,0 +1,326 @@
+"""Brings up a robot's description: joint states, transforms and the viewer, a process each."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from onebot_bringup.launch.arguments import (
+    Argument,
+    Arguments,
+    UsageError,
+    checked_values,
+    description_arguments,
+    refuse_positional,
+    simulation_arguments,
+    split,
+    table,
+    unknown,
+)
+from onebot_bringup.launch.description_watcher import Known, signatures
+from onebot_bringup.launch.nodes import NodeFactory, output_path
+from onebot_bringup.launcher.console import wants_colour
+from onebot_bringup.launcher.interpreter import Standby
+from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.launcher.process import Node
+from onebot_description.description import Description, load_description, published_urdf
+from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
+from onebot_description.errors import OneBotError, did_you_mean
+
+# Which robot a bringup command brings up.
+
+
+class Robot(NamedTuple):
+    """What a bringup command brings up unless its arguments say otherwise.
+
+    Attributes:
+        program: the command's name.
+        summary: what it does, for ``--help``.
+        model: its URDF or xacro file.
+        joints: parameters of joint_state_publisher; empty: every joint swings within its limits.
+        view: the viewer's settings; empty: the viewer's own.
+        control: parameters of the controller of a robot that can be simulated; empty: of none.
+        takes_file: the model is the command's first word instead.
+    """
+
+    program: str
+    summary: str
+    model: str = ""
+    joints: str = ""
+    view: str = ""
+    control: str = ""
+    takes_file: bool = False
+
+
+# What a bringup command tells its user.
+
+
+def help_text(
+    robot: Robot, declared: list[Argument], of_model: Sequence[Argument], *, complete: bool
+) -> str:
+    """Return the answer to ``--show-args``, or (``complete``) to ``--help``."""
+    parts = []
+    if complete:
+        file = " FILE" if robot.takes_file else ""
+        parts.append(f"usage: {robot.program}{file} [name:=value ...] [--ros-args ...]")
+        parts.append(robot.summary)
+    parts.append(f"Arguments and their defaults:\n{table(declared)}")
+    if of_model:
+        parts.append(f"Arguments of the model:\n{table(of_model)}")
+    if complete:
+        parts.append(
+            "An argument given twice: the last one counts. --ros-args goes to every node.\n"
+            "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
+            "node failed, 2 the command line is wrong."
+        )
+    return "\n\n".join(parts)
+
+
+def summary_text(description: Description, values: Mapping[str, str]) -> str:
+    """Return what is running, where to look for it and how to stop it."""
+    moving = [joint for joint in description.joints if joint.kind != "fixed"]
+    space = f"/{values['namespace'].strip('/')}".rstrip("/")
+    lines = [
+        f'Robot "{description.robot_name}": {len(description.links)} links, '
+        f"{len(moving)} of {len(description.joints)} joints can move",
+        f"  model    {values['model']}",
+        f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
+    ]
+    if values.get("sim") == "true":
+        drive = f"{space}/velocity_controller/cmd_vel"
+        lines.append(
+            f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"
+        )
+    elif values["joint_states"] == "true":
+        lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
+    else:
+        lines.append(f"  joints   wait for {space}/joint_states")
+    if values.get("steer") == "true":
+        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
+        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
+    lines.append(f"  viewer   {_viewer_hint(values)}")
+    if values["record"]:
+        lines.append(f"  record   all topics to {values['record']}")
+    lines.append("  Ctrl-C stops everything")
+    return "\n".join(lines)
+
+
+def _viewer_hint(values: Mapping[str, str]) -> str:
+    hints = {
+        "web": "in the browser; rerun_viewer prints its address",
+        "native": "in a window of its own",
+        "none": "none",
+    }
+    saved = f"; recorded to {values['save']}" if values["save"] else ""
+    return hints[values["viewer"]] + saved
+
+
+# The variables that all nodes of a launch get.
+
+
+def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
+    """Return the variables that all nodes get, in addition to this process's own.
+
+    Args:
+        values: of the launch arguments.
+        forced: ``discovery`` was given, and so goes before the environment's setting.
+    """
+    variables = {}
+    if forced or not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = values["discovery"].upper()
+    if values["domain_id"]:
+        variables["ROS_DOMAIN_ID"] = values["domain_id"]
+    if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
+        # The launcher puts the node's name in front of each line.
+        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
+    if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
+        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
+    return variables
+
+
+# From the command line of a bringup to its processes: joint states, transforms, the viewer.
+
+
+def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
+    """Do as ``onebot_bringup.launch.bringup.bring_up`` says.
+
+    Args:
+        robot: what to bring up.
+        argv: the launch arguments.
+        standby: interpreters for its nodes.
+    """
+    arguments = split(argv)
+    given = _with_model(robot, arguments)
+    declared = description_arguments(robot.model, robot.joints, robot.view)
+    if robot.control:
+        declared += simulation_arguments(robot.control)
+    model = given.get("model", robot.model)
+    of_model = _not_hidden(xacro_arguments(model), declared)
+    if arguments.help or arguments.show:
+        print(help_text(robot, declared, of_model.arguments, complete=arguments.help))
+        return 0
+    if not model:
+        raise UsageError(f"{robot.program} needs a file, a URDF or xacro")
+    own, for_xacro = _divide(given, declared, of_model)
+    values = checked_values(declared, own)
+    _check_files(values, own)
+    before = signatures(included_files(model))
+    description = load_description(model, for_xacro)
+    urdf = published_urdf(description)
+    known = Known.of(urdf, description.files, before)
+    os.environ.update(environment(values, forced="discovery" in own))
+    with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
+        make = NodeFactory(
+            Path(folder), values, description, urdf, for_xacro, arguments.ros_args, known
+        )
+        return Launcher(
+            _nodes(make),
+            name=robot.program,
+            started_message=summary_text(description, values),
+            temporary=[Path(folder)],
+            standby=standby,
+        ).run()
+
+
+def _nodes(make: NodeFactory) -> list[Node]:
+    """Return the nodes to start, the first one first."""
+    values = make.values
+    # The recorder first, so that it misses as little of the others as can be.
+    nodes = [make.bag_recorder()] if values["record"] else []
+    if values.get("sim") == "true":
+        nodes.append(make.velocity_controller())
+    nodes.append(make.robot_state_publisher())
+    if _moves_joints(values):
+        nodes.append(make.joint_state_publisher())
+    if values["viewer"] != "none" or values["save"]:
+        nodes.append(make.rerun_viewer())
+    if make.steered:
+        nodes.append(make.steering_page())
+    if values["reload"] == "true":
+        nodes.append(make.description_watcher())
+    return nodes
+
+
+def _moves_joints(values: Mapping[str, str]) -> bool:
+    """Whether joint_state_publisher is what moves the joints."""
+    return values.get("sim") != "true" and values["joint_states"] == "true"
+
+
+def _with_model(robot: Robot, arguments: Arguments) -> dict[str, str]:
+    """Return the arguments given, the command's file among them as ``model``."""
+    if not robot.takes_file:
+        refuse_positional(arguments.positional)
+        return dict(arguments.given)
+    refuse_positional(arguments.positional[1:])
+    if arguments.positional and "model" in arguments.given:
+        raise UsageError(f"write the file or model:=, not both, for {robot.program}")
+    return {**dict(zip(["model"], arguments.positional, strict=False)), **arguments.given}
+
+
+def _not_hidden(of_model: XacroArguments, declared: list[Argument]) -> XacroArguments:
+    """Leave out what the model declares under the name of a launch argument."""
+    names = {argument.name for argument in declared}
+    visible = (argument for argument in of_model.arguments if argument.name not in names)
+    return replace(of_model, arguments=tuple(visible))
+
+
+def _divide(
+    given: Mapping[str, str], declared: list[Argument], of_model: XacroArguments
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Sort the arguments given into those of the launcher and those of the model's xacro."""
+    ours = {argument.name for argument in declared}
+    known = [*ours, *(argument.name for argument in of_model.arguments)]
+    problems = [unknown(name, known) for name in given if name not in known]
+    if problems and of_model.complete:  # else expanding it tells whether they exist
+        raise UsageError("\n".join(problems))
+    own = {name: value for name, value in given.items() if name in ours}
+    return own, {name: value for name, value in given.items() if name not in ours}
+
+
+def _check_files(values: Mapping[str, str], given: Mapping[str, str]) -> None:
+    """Complain about files that do not exist, or are wrong, before anything starts.
+
+    Args:
+        values: of the launch arguments.
+        given: those on the command line.
+    """
+    for name in ("joints", "view", "params_file"):
+        path = Path(values.get(name, ""))
+        nothing = name == "view" and values[name] == "none"
+        if values.get(name) and not nothing and not path.is_file():
+            there = [entry.name for entry in path.parent.glob("*.y*ml")]
+            raise OneBotError(
+                f"{name}:={path}: no such file{did_you_mean(path.name, there, 'there')}"
+            )
+    if values["joints"] and (_moves_joints(values) or "joints" in given):
+        _check_joints(Path(values["joints"]), values["namespace"].strip("/"))
+    _check_outputs(values)
+
+
+def _check_outputs(values: Mapping[str, str]) -> None:
+    """Complain about recordings that could not be written."""
+    for name in ("save", "record"):
+        path = output_path(values[name])
+        if values[name] and not path.parent.is_dir():
+            raise OneBotError(f"{name}:={values[name]}: the folder {path.parent} does not exist")
+    if values["save"] and output_path(values["save"]).suffix != ".rrd":
+        raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
+    if values["record"] and output_path(values["record"]).exists():
+        raise OneBotError(f"record:={values['record']} exists already: name a new folder")
+
+
+def _check_joints(file: Path, namespace: str) -> None:
+    from onebot_description.joints.config import JointsConfig
+    from onebot_description.parameters.files import read_files, silence
+    from onebot_description.parameters.reader import ConfigError
+
+    node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
+    parameters = read_files([file], node)
+    try:
+        JointsConfig.from_parameters(parameters.values)
+    except ConfigError as error:
+        raise error.located(parameters.places) from None
+    remark = silence(parameters, [file], node)
+    if remark:
+        remedy = "; write /**/joint_state_publisher: for any namespace" if namespace else ""
+        print(f"warning: {remark}{remedy}", file=sys.stderr)
+
+
+_QUESTIONS = {"-h", "--help", "-s", "--show-args"}
+
+
+def bring_up(robot: Robot, argv: Sequence[str]) -> int:
+    """Bring ``robot`` up, with the launch arguments in ``argv``, until Ctrl-C.
+
+    No node is started before the description and all arguments have been found right.
+
+    Returns:
+        The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
+
+    Raises:
+        UsageError: the command line is wrong.
+        OneBotError: a file is.
+    """
+    with Standby(_probable_modules(robot, argv)) as standby:
+        # Only now: while this is imported, the interpreters start as well.
+
+        return start(robot, argv, standby)
+
+
+def _probable_modules(robot: Robot, argv: Sequence[str]) -> list[str]:
+    """Return the modules that will be needed, if nothing is wrong; the most urgent first."""
+    if not _QUESTIONS.isdisjoint(argv):
+        return []
+    modules = ["onebot_description.robot_state_publisher"]
+    if robot.control and "sim:=false" not in argv:
+        modules.insert(0, "onebot_control.velocity_controller")
+    elif "joint_states:=false" not in argv:
+        modules.append("onebot_description.joint_state_publisher")
+    if "viewer:=none" not in argv:
+        modules.append("onebot_bringup.viewer.rerun_viewer")
+    if any(word.startswith("record:=") for word in argv):
+        modules.insert(0, "onebot_bringup.bags.bag_recorder")  # it is to miss nothing
+    return modules

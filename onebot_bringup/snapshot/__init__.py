@@ -1,1 +1,0 @@
-"""Pictures of robots: what stands in them, and how they are framed."""

@@ -1,0 +1,504 @@
+"""Where the robot can be seen: the recording, and the page or the window that shows it."""
+
+import contextlib
+import ctypes
+import http.client
+import os
+import re
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+import webbrowser
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import IO, Protocol
+from urllib.parse import quote
+
+import rerun as rr
+import rerun_cli  # type: ignore[import-untyped]
+
+from onebot_description.errors import OneBotError
+
+# Rerun's own program as a child process that can never outlive us, whatever ends us.
+
+LOOPBACK = "127.0.0.1"
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
+
+
+def program() -> Path:
+    """Return the Rerun program itself.
+
+    Not the ``rerun`` script: that is a Python shim, and killing it would leave the program behind.
+    """
+    path = Path(rerun_cli.__file__).parent / "rerun"
+    if not path.is_file():
+        raise OneBotError(f"there is no Rerun viewer at {path}; reinstall the rerun-sdk package")
+    return path
+
+
+class Child:
+    """A running Rerun program."""
+
+    def __init__(self, arguments: Sequence[str], environment: dict[str, str] | None = None) -> None:
+        """Start it; all its sockets belong to 127.0.0.1, and it dies with this process.
+
+        Call it from the main thread: Linux delivers the death signal when the *thread* that
+        started the child ends.
+        """
+        self._output: IO[bytes] = tempfile.TemporaryFile()
+        variables = {**os.environ, "RUST_LOG": "warn", "NO_COLOR": "1"}
+        variables["CI"] = "true"  # keeps Rerun from sending usage statistics
+        variables.update(environment or {})
+        self._process = subprocess.Popen(
+            [str(program()), "--bind", LOOPBACK, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=self._output,
+            stderr=subprocess.STDOUT,
+            env=variables,
+            start_new_session=True,  # Ctrl-C is for us; we end the child ourselves
+            preexec_fn=_die_with(os.getpid()),
+        )
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        """False once it has ended."""
+        return self._process.poll() is None
+
+    def last_words(self) -> str:
+        """Return the last line it wrote, or its exit code."""
+        self._output.seek(0, os.SEEK_END)
+        self._output.seek(max(0, self._output.tell() - 4000))
+        lines = self._output.read().decode(errors="replace").strip().splitlines()
+        return lines[-1].strip() if lines else f"exit code {self._process.poll()}"
+
+    def output(self) -> str:
+        """Return all it wrote."""
+        self._output.seek(0)
+        return self._output.read().decode(errors="replace")
+
+    def stop(self, patience: float = 1.5) -> None:
+        """Ask it to end, and make it after ``patience`` seconds."""
+        if self.running:
+            self._process.terminate()
+            try:
+                self._process.wait(patience)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._output.close()
+
+
+def _die_with(parent: int) -> Callable[[], None]:
+    def arrange() -> None:
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # it died before we asked
+            os._exit(1)
+
+    return arrange
+
+
+def free_port(wanted: int) -> int:
+    """Return ``wanted`` if nobody listens there on this host, else (or for 0) any free port.
+
+    Raises:
+        OneBotError: ``wanted`` is no port.
+    """
+    if not 0 <= wanted <= 65535:
+        raise OneBotError(f"{wanted} is no port: write a number from 1 to 65535, or 0 for any")
+    for port in (wanted, 0):
+        # No SO_REUSEADDR alone: a port in use must be refused, one in TIME_WAIT may be taken.
+        with contextlib.closing(socket.socket()) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((LOOPBACK, port))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    raise OneBotError("there is no free port on 127.0.0.1")
+
+
+def answers(port: int) -> bool:
+    """Return whether something accepts connections on 127.0.0.1:``port``."""
+    try:
+        with socket.create_connection((LOOPBACK, port), timeout=0.2):
+            return True
+    except OSError:
+        return False
+
+
+# Rerun's page, passed on with an order to the browser: stay on this machine.
+
+POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
+    "connect-src 'self' http://127.0.0.1:* http://localhost:* data: blob:"
+)
+_CHUNK = 1 << 16
+_FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
+_PASSED_ON = ("Content-Type", "Content-Length", "Content-Encoding", "rerun-final-length")
+
+
+class PageServer:
+    """Serves the page at 127.0.0.1:``port`` from Rerun's server at ``backend_port``."""
+
+    def __init__(self, port: int, backend_port: int, start: str) -> None:
+        """Listen and serve, in threads of its own.
+
+        Args:
+            port: where browsers come.
+            backend_port: where Rerun's server listens, on this host.
+            start: path and query that the bare address leads to.
+        """
+        handler = type("Handler", (_Handler,), {"backend": backend_port, "start": start})
+        self._server = _Server((LOOPBACK, port), handler)
+        # How often it looks whether to stop; http.server's half a second would delay every Ctrl-C.
+        threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
+
+    def stop(self) -> None:
+        """Stop listening."""
+        self._server.shutdown()
+        self._server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+
+class _Handler(BaseHTTPRequestHandler):
+    backend: int
+    start: str
+
+    def do_GET(self) -> None:  # noqa: N802  (the base class's name)
+        if self.path == "/":
+            self.send_response(302)
+            self.send_header("Location", self.start)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+            return
+        connection = http.client.HTTPConnection(LOOPBACK, self.backend, timeout=10)
+        try:
+            connection.request("GET", self.path)
+            self._pass_on(connection.getresponse())
+        except (BrokenPipeError, ConnectionResetError):
+            self.close_connection = True  # the browser went away
+        except (OSError, http.client.HTTPException):
+            self.send_error(502, "Rerun's server does not answer; it is being restarted")
+        finally:
+            connection.close()
+
+    do_HEAD = do_GET  # noqa: N815
+
+    def _pass_on(self, response: http.client.HTTPResponse) -> None:
+        headers = {name: response.getheader(name) for name in _PASSED_ON}
+        first = b""
+        if (headers["Content-Type"] or "").startswith("text/html"):
+            # The policy does not keep a browser from connecting ahead to foreign hosts.
+            first = _FOREIGN_LINK.sub(b"", response.read())
+            headers["Content-Length"] = headers["rerun-final-length"] = str(len(first))
+        self.send_response(response.status)
+        for name, value in headers.items():
+            if value is not None:
+                self.send_header(name, value)
+        self.send_header("Content-Security-Policy", POLICY)
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(first)
+            while chunk := response.read(_CHUNK):
+                self.wfile.write(chunk)
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing: requests for the page are of no interest."""
+
+
+# What the user looks at: the page in a browser, or the native window.
+
+
+def has_display() -> bool:
+    """Return whether a window could be opened here."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+class WebPage:
+    """Rerun's page, hosted on loopback: Rerun's server, and a proxy that keeps it private.
+
+    Attributes:
+        port: where it listens, on 127.0.0.1.
+        url: what to open in a browser.
+        address: where that leads to: the page, told which recording to show.
+    """
+
+    def __init__(self, port: int, recording_uri: str) -> None:
+        """Start hosting on ``port``, or another one if it is in use (0: any)."""
+        self._uri = recording_uri
+        self._backend = free_port(0)
+        self._child = self._start()
+        # persist=0: it shows this robot's view, not one remembered from another robot.
+        start = (
+            f"/?url={quote(recording_uri, safe=':/')}"
+            "&hide_welcome_screen&theme=dark&persist=0&notebook=1"
+        )
+        self.port = free_port(port)
+        self.url = f"http://{LOOPBACK}:{self.port}"
+        self.address = self.url + start
+        self._server = PageServer(self.port, self._backend, start)
+
+    def _start(self) -> Child:
+        return Child(["--serve-web", "--web-viewer-port", str(self._backend), self._uri])
+
+    @property
+    def ready(self) -> bool:
+        """True once the page can be opened."""
+        return self._child.running and answers(self._backend)
+
+    @property
+    def running(self) -> bool:
+        """False if its process has ended."""
+        return self._child.running
+
+    def restart(self) -> str:
+        """Host the page again after it died, at the same address; returns why it died."""
+        reason = self._child.last_words()
+        self._child.stop()
+        self._child = self._start()
+        return reason
+
+    def open_in_browser(self) -> None:
+        """Open it in the user's browser, in the background; some browsers block until they end."""
+        threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
+
+    def stop(self) -> None:
+        """Stop hosting."""
+        self._server.stop()
+        self._child.stop()
+
+
+class NativeWindow:
+    """Rerun's native window."""
+
+    def __init__(self, recording_uri: str) -> None:
+        """Open it.
+
+        Raises:
+            OneBotError: there is no display.
+        """
+        if not has_display():
+            raise OneBotError(
+                "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+                "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
+            )
+        port = str(free_port(0))
+        self._child = Child(["--port", port, "--hide-welcome-screen", "--connect", recording_uri])
+
+    @property
+    def running(self) -> bool:
+        """False once it was closed."""
+        return self._child.running
+
+    def last_words(self) -> str:
+        """Return the last line it wrote."""
+        return self._child.last_words()
+
+    def stop(self) -> None:
+        """Close it."""
+        self._child.stop()
+
+
+# The recording: served on loopback, written to a file, or both.
+
+# Saved blueprints (.rbl) belong to an application: never change it, or they are no longer found.
+APPLICATION = "onebot"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """An open recording; the server lives as long as ``stream`` is referenced.
+
+    Attributes:
+        stream: where to log.
+        port: of the gRPC server on 127.0.0.1, None if nothing is served.
+        file: the file written, or None.
+    """
+
+    stream: rr.RecordingStream
+    port: int | None
+    file: Path | None
+
+    @property
+    def uri(self) -> str:
+        """Where viewers connect."""
+        return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
+
+    def close(self) -> None:
+        """Write out everything and end the server."""
+        self.stream.flush(timeout_sec=2.0)
+        self.stream.disconnect()
+
+
+def open_recording(
+    port: int | None = None, save: Path | None = None, memory_limit: str = "256MB"
+) -> Recording:
+    """Open a recording that is served on 127.0.0.1:``port``, written to ``save``, or both.
+
+    Args:
+        port: wanted port, another one is taken if it is in use (0: any); None serves nothing.
+        save: a ``.rrd`` file, replaced if it exists.
+        memory_limit: what the server keeps for viewers that join later, such as "256MB"; beyond
+            it, the oldest moving data is dropped, but nothing static.
+
+    Raises:
+        OneBotError: the file cannot be written.
+    """
+    sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+    if port is not None:
+        port = free_port(port)
+        sinks.append(
+            rr.GrpcServerSink(bind_ip=LOOPBACK, port=port, server_memory_limit=memory_limit)
+        )
+    if save is not None:
+        check_writable(save)
+        # A footer would keep a record of every chunk in memory: nothing for a run of days.
+        sinks.append(rr.FileSink(save, write_footer=False))
+    if not sinks:
+        raise OneBotError("nothing to log to: serve the recording or save it")
+    stream = rr.RecordingStream(APPLICATION)
+    stream.set_sinks(*sinks)
+    return Recording(stream, port, save)
+
+
+def check_writable(path: Path) -> None:
+    """Refuse a recording file that cannot be written.
+
+    Raises:
+        OneBotError: with what is wrong.
+    """
+    if path.suffix != ".rrd":
+        raise OneBotError(f"save:={path}: a recording's name must end in .rrd")
+    if not path.parent.is_dir():
+        raise OneBotError(f"save:={path}: there is no folder {path.parent}")
+    try:
+        path.open("ab").close()
+    except OSError as error:
+        raise OneBotError(f"save:={path}: {error.strerror}") from error
+
+
+_RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying
+_REMIND_AFTER = 5.0  # seconds
+
+
+class Log(Protocol):
+    """Tells the user (an rclpy logger is one)."""
+
+    def info(self, message: str, /) -> object:
+        """Say what is going on."""
+
+    def warning(self, message: str, /) -> object:
+        """Say what is not as it should be."""
+
+
+class Display:
+    """An open recording and what shows it, until ``close``.
+
+    Attributes:
+        stream: where to log.
+    """
+
+    def __init__(
+        self,
+        viewer: str,
+        save: Path | None,
+        *,
+        grpc_port: int,
+        web_port: int,
+        memory_limit: str,
+        open_browser: bool,
+        log: Log,
+    ) -> None:
+        """Open the recording, then what shows it; call it from the main thread.
+
+        Args:
+            viewer: "web", "native" or "none".
+            save: a file to write as well.
+            grpc_port: wanted port of the recording's server, 0 for any.
+            web_port: wanted port of the page, 0 for any.
+            memory_limit: what the server keeps for late viewers, such as "256MB".
+            open_browser: open the page, if there is a display.
+            log: where to say what happens.
+
+        Raises:
+            OneBotError: a file, a port or a display that cannot be had.
+        """
+        self._log = log
+        self._open_browser = open_browser
+        self._page: WebPage | None = None
+        self._window: NativeWindow | None = None
+        self._announced = False
+        self._next_reminder = time.monotonic() + 2.0
+        self._next_restart = 0.0
+        if save is not None and save.is_file() and save.stat().st_size:
+            log.info(f"replacing the recording {save}")
+        served = None if viewer == "none" else grpc_port
+        self._recording = open_recording(served, save, memory_limit)
+        self.stream: rr.RecordingStream = self._recording.stream
+        self._say_port("grpc_port", served, self._recording.port)
+        if save is not None:
+            log.info(f"recording to {save}")
+        if viewer == "web":
+            self._page = WebPage(web_port, self._recording.uri)
+            self._say_port("web_port", web_port, self._page.port)
+        elif viewer == "native":
+            self._window = NativeWindow(self._recording.uri)
+            log.info("opening the viewer's window")
+
+    def _say_port(self, name: str, wanted: int | None, got: int | None) -> None:
+        if wanted and got != wanted:
+            self._log.warning(f"{name} {wanted} is in use; using {got} instead")
+
+    @property
+    def page_address(self) -> str:
+        """The page's whole address, once it can be opened; "" before, or if there is no page."""
+        return self._page.address if self._page is not None and self._announced else ""
+
+    def watch(self) -> None:
+        """Announce the page once it is up, host it anew if it dies; say if a window was closed.
+
+        Call it some times a second, from the main thread.
+        """
+        if self._page is not None:
+            self._watch_page(self._page)
+        if self._window is not None and not self._window.running:
+            reason = self._window.last_words()
+            self._window.stop()
+            self._window = None
+            self._log.warning(f"the viewer's window was closed ({reason})")
+
+    def _watch_page(self, page: WebPage) -> None:
+        now = time.monotonic()
+        if not page.running:
+            if now >= self._next_restart:
+                self._next_restart = now + _RESTART_AFTER
+                self._log.warning(f"the page's server died, restarting: {page.restart()}")
+        elif not self._announced and page.ready:
+            self._announced = True
+            self._log.info(f"open {page.url}")
+            if self._open_browser and has_display():
+                page.open_in_browser()
+        elif not self._announced and now >= self._next_reminder:
+            self._next_reminder = now + _REMIND_AFTER
+            self._log.info(f"waiting for the page's server on port {page.port}")
+
+    def close(self) -> None:
+        """End what shows the recording, then write it out."""
+        for shown in (self._page, self._window):
+            if shown is not None:
+                shown.stop()
+        self._recording.close()

@@ -1,0 +1,240 @@
+"""How far each joint can go, as the URDF says it, and drawn in the robot.
+
+An arc (or, for a prismatic joint, a bar) lies in the frame of the parent link, a hand in that of
+the child, so that /tf moves the hand along the arc: it is drawn once, and costs nothing after.
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.displays.joint_plot import JointStream
+from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_description.description.description import Vector
+from onebot_description.model.quaternions import from_rpy, to_matrix
+
+RANGES_ENTITY = "joint_ranges"
+_LIMITED = ("revolute", "prismatic")
+_STEP = math.radians(5.0)  # of an arc
+# On the screen, whatever the zoom (points).
+_ARC_WIDTH, _HAND_WIDTH = 1.5, 2.0
+
+Floats = NDArray[np.float64]
+Strips = list[Floats]
+
+
+@dataclass(frozen=True)
+class JointRange:
+    """A joint with limits.
+
+    Attributes:
+        name: of the joint.
+        kind: "revolute" or "prismatic".
+        parent: the link it is on.
+        child: the link that it moves.
+        xyz: its origin in the parent's frame, metres.
+        rpy: its origin's turns about x, y, z, rad.
+        axis: unit vector in its own frame.
+        lower: least position, rad or m.
+        upper: greatest position.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    xyz: Vector
+    rpy: Vector
+    axis: Vector
+    lower: float
+    upper: float
+
+
+def read_ranges(urdf: str) -> tuple[JointRange, ...]:
+    """Return the joints of ``urdf`` (well-formed XML) that have limits; odd ones are left out."""
+    found = []
+    for joint in ET.fromstring(urdf).findall("joint"):
+        if joint.get("type") in _LIMITED:
+            try:
+                found.append(_range(joint))
+            except ValueError:
+                continue  # robot_state_publisher, and ``onebot check``, explain it
+    return tuple(found)
+
+
+def _range(joint: ET.Element) -> JointRange:
+    limit = _attributes(joint, "limit")
+    lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+    axis = np.array(_vector(_attributes(joint, "axis").get("xyz", "1 0 0")))
+    length = float(np.linalg.norm(axis))
+    if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper and length > 0):
+        raise ValueError("no range")
+    x, y, z = (axis / length).tolist()
+    origin = _attributes(joint, "origin")
+    return JointRange(
+        joint.get("name", ""),
+        joint.get("type", ""),
+        _attributes(joint, "parent").get("link", ""),
+        _attributes(joint, "child").get("link", ""),
+        _vector(origin.get("xyz", "0 0 0")),
+        _vector(origin.get("rpy", "0 0 0")),
+        (x, y, z),
+        lower,
+        upper,
+    )
+
+
+def _attributes(joint: ET.Element, tag: str) -> Mapping[str, str]:
+    element = joint.find(tag)
+    return {} if element is None else element.attrib
+
+
+def _vector(text: str) -> Vector:
+    x, y, z = map(float, text.split())
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ValueError(text)
+    return x, y, z
+
+
+def scale_strips(joint: JointRange, radius: float) -> Strips:
+    """Return the arc or bar with its ends marked, (N, 3) points each, m in the parent's frame."""
+    turn, across = to_matrix(from_rpy(joint.rpy)), _across(joint.axis)
+    if joint.kind == "revolute":
+        # More than a turn would lie upon itself.
+        upper = min(joint.upper, joint.lower + 2 * math.pi)
+        count = max(2, math.ceil((upper - joint.lower) / _STEP) + 1)
+        rays = [_turned(across, joint.axis, q) for q in np.linspace(joint.lower, upper, count)]
+        strips = [radius * np.array(rays)]
+        strips += [np.outer((0.9 * radius, 1.1 * radius), ray) for ray in (rays[0], rays[-1])]
+    else:
+        ends = np.outer((joint.lower, joint.upper), joint.axis)
+        tick = 0.2 * radius * across
+        strips = [ends, *(np.array([end - tick, end + tick]) for end in ends)]
+    return [strip @ turn.T + np.array(joint.xyz) for strip in strips]
+
+
+def hand_strips(joint: JointRange, radius: float) -> Strips:
+    """Return what marks the present position, (N, 3) points, metres in the child's frame."""
+    across = _across(joint.axis)
+    if joint.kind == "revolute":  # a triangle that points at the arc from outside
+        beside = np.cross(np.array(joint.axis), across)
+        corners = [(1.0, 0.0), (1.28, 0.11), (1.28, -0.11), (1.0, 0.0)]
+        return [radius * np.array([out * across + off * beside for out, off in corners])]
+    return [np.outer((-0.3 * radius, 0.3 * radius), across)]
+
+
+def _across(axis: Vector) -> Floats:
+    """The direction of position zero: x, or z where x is along the axis, made square to it."""
+    along = np.array(axis)
+    start = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    across = start - (start @ along) * along
+    square: Floats = across / np.linalg.norm(across)
+    return square
+
+
+def _turned(vector: Floats, axis: Vector, angle: float) -> Floats:
+    """``vector``, square to ``axis``, turned about it (Rodrigues' formula)."""
+    turned: Floats = math.cos(angle) * vector + math.sin(angle) * np.cross(np.array(axis), vector)
+    return turned
+
+
+class RangeMarks:
+    """Keeps the marks in a recording equal to the joints' ranges."""
+
+    def __init__(self, recording: rr.RecordingStream, frame_of: Callable[[str], str]) -> None:
+        """Draw into ``recording``; ``frame_of`` names the TF frame of a link."""
+        self._recording = recording
+        self._frame_of = frame_of
+        self._drawn: dict[str, object] = {}
+
+    def show(
+        self,
+        joints: Iterable[JointRange],
+        radius: float,
+        colors: Mapping[str, tuple[int, int, int]],
+        home: str,
+    ) -> None:
+        """Draw the marks of ``joints``, and no other; what did not change is left alone.
+
+        Args:
+            joints: those to be seen.
+            radius: of an arc, metres.
+            colors: of joints, sRGB bytes; one without is not drawn yet.
+            home: a frame that exists.
+        """
+        wanted: dict[str, tuple[str, Strips, float, tuple[int, int, int]]] = {}
+        for joint in joints:
+            if joint.name in colors:
+                color = colors[joint.name]
+                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
+                hand = (joint.child, hand_strips(joint, radius), _HAND_WIDTH, color)
+                wanted[_entity(joint.name, "range")] = scale
+                wanted[_entity(joint.name, "hand")] = hand
+        for entity in set(self._drawn) - set(wanted):
+            # Static data can only be overwritten; a frame that is gone would be an error forever.
+            del self._drawn[entity]
+            empty = rr.LineStrips3D.cleared()
+            self._recording.log(entity, rr.CoordinateFrame(home), empty, static=True)
+        for entity, (link, strips, width, color) in wanted.items():
+            what = (link, [strip.tolist() for strip in strips], color)
+            if self._drawn.get(entity) != what:
+                self._drawn[entity] = what
+                radii: Any = [rr.Radius.ui_points(width)]
+                lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
+                frame = rr.CoordinateFrame(self._frame_of(link))
+                self._recording.log(entity, frame, lines, static=True)
+
+
+def _entity(joint: str, part: str) -> str:
+    return rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/")
+
+
+# The limits of a robot's joints on show: in the plot of positions, and in the robot.
+
+
+class JointLimits:
+    """Draws them where a view asks for it, and anew only when they change."""
+
+    def __init__(
+        self, stream: rr.RecordingStream, joints: JointStream, frame_of: Callable[[str], str]
+    ) -> None:
+        """Draw in ``stream``.
+
+        Args:
+            stream: the recording.
+            joints: the curves of the joints.
+            frame_of: gives the frame of a link.
+        """
+        self._joints = joints
+        self._frame_of = frame_of
+        self._marks = RangeMarks(stream, frame_of)
+        self._ranges: tuple[JointRange, ...] = ()
+        self._marked: tuple[object, ...] = ()  # what the marks were drawn for
+
+    def set_description(self, urdf: str) -> None:
+        """Take the limits that ``urdf`` says."""
+        self._ranges = read_ranges(urdf)
+
+    def show(self, view: ViewConfig, root: str, fitting_radius: float) -> None:
+        """Draw the limits.
+
+        Args:
+            view: says which.
+            root: the robot's root link.
+            fitting_radius: of the arcs, metres, if the view does not say; 0 while it is not known.
+        """
+        limits = {joint.name: (joint.lower, joint.upper) for joint in self._ranges}
+        self._joints.set_limits(limits if view.joint_plot.limits else {})
+        wanted, colors = view.joint_ranges, self._joints.colors
+        radius = wanted.radius or fitting_radius
+        ranges = self._ranges if wanted.visible and radius else ()
+        what = (ranges, radius, len(colors))
+        if what != self._marked:
+            self._marked = what
+            self._marks.show(ranges, radius, colors, self._frame_of(root))

@@ -1,0 +1,203 @@
+"""Reading XML that may be anything at all: every fault becomes one clear DescriptionError.
+
+Each document is scanned by expat before any other parser sees it. The scan refuses DOCTYPE, and
+with it entity bombs and external entities, refuses absurd nesting, and notes the line of every
+element.
+"""
+
+import codecs
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from onebot_description.errors import DescriptionError, did_you_mean
+
+XACRO_NAMESPACES = (
+    "http://www.ros.org/wiki/xacro",
+    "http://ros.org/wiki/xacro",
+    "http://wiki.ros.org/xacro",
+    "https://www.ros.org/wiki/xacro",
+)
+_MOST_BYTES = 50_000_000
+_DEEPEST = 100
+# Files that are taken for one another.
+_SUFFIXES = (
+    (".urdf", ".xacro", ".xml"),
+    (".yaml", ".yml"),
+    (".stl", ".dae", ".obj", ".glb", ".gltf"),
+)
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What one pass over a document tells.
+
+    Attributes:
+        lines: the line of each element's start tag, in document order, from 1.
+        has_xacro: whether the xacro namespace is declared.
+    """
+
+    lines: tuple[int, ...]
+    has_xacro: bool
+
+
+@dataclass(frozen=True)
+class Document:
+    """A parsed document and where its elements were written.
+
+    Attributes:
+        root: the root element.
+        places: ``file:line`` of each element.
+        shown: the document's name for messages.
+        base: the folder that relative paths start from; None for text that is in no file.
+        plain: whether it was read as it stands, without xacro.
+    """
+
+    root: ElementTree.Element
+    places: dict[ElementTree.Element, str]
+    shown: str
+    base: Path | None
+    plain: bool
+
+
+def shown_path(path: str | Path) -> str:
+    """Return ``path`` as messages show it: relative if it lies below the current folder."""
+    try:
+        relative = os.path.relpath(path)
+    except (OSError, ValueError):
+        return str(path)
+    return str(path) if relative.startswith(os.pardir) else relative
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return what is in the file ``path``.
+
+    Raises:
+        DescriptionError: it is missing (near names are listed), a folder, empty or unreadable.
+    """
+    shown = shown_path(path)
+    try:
+        if path.is_dir():
+            raise DescriptionError([f"{shown}: is a folder; name the file{_choices(path, '')}"])
+        if path.stat().st_size > _MOST_BYTES:
+            raise DescriptionError([f"{shown}: is larger than {_MOST_BYTES // 1_000_000} MB"])
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise DescriptionError([missing_file(path)]) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise DescriptionError([f"{shown}: cannot be read: {reason}"]) from None
+    if not data.strip():
+        raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])
+    return data
+
+
+def missing_file(path: Path) -> str:
+    """Return the message about a ``path`` that does not exist, with what does."""
+    folder = path.parent
+    if not folder.is_dir():
+        return f"{shown_path(path)}: no such file (there is no folder {shown_path(folder)})"
+    return f"{shown_path(path)}: no such file{_choices(folder, path.name)}"
+
+
+def _choices(folder: Path, name: str) -> str:
+    """What to write instead of ``name``: the files in ``folder`` of the same kinds."""
+    suffix = Path(name).suffix.lower()
+    suffixes = next((kind for kind in _SUFFIXES if suffix in kind), (suffix, *_SUFFIXES[0]))
+    try:
+        names = [entry.name for entry in folder.iterdir() if entry.suffix.lower() in suffixes]
+    except OSError:
+        return ""
+    return did_you_mean(name, names, "in that folder")
+
+
+def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
+    """Check that ``data`` is well-formed XML without DOCTYPE and note where its elements begin.
+
+    Args:
+        data: the document.
+        shown: its name for messages.
+        encoding: overrides the one the document declares.
+
+    Raises:
+        DescriptionError: it is not, with line and column.
+    """
+    parser = expat.ParserCreate(encoding, namespace_separator=" ")
+    lines: list[int] = []
+    namespaces: set[str] = set()
+    depth = 0
+
+    def place() -> str:
+        return f"{shown}:{parser.CurrentLineNumber}"
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise DescriptionError([f"{place()}: elements are nested deeper than {_DEEPEST}"])
+        lines.append(parser.CurrentLineNumber)
+
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def doctype(*_: object) -> NoReturn:
+        raise DescriptionError(
+            [f"{place()}: <!DOCTYPE> and entities are refused; write the values out, or use xacro"]
+        )
+
+    def declare(prefix: str | None, uri: str | None) -> None:
+        if "}" in (uri or ""):  # which is what the parsers after this one put behind a namespace
+            raise DescriptionError([f'{place()}: the namespace "{uri}" holds a }}'])
+        namespaces.add(uri or "")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.StartDoctypeDeclHandler = doctype
+    parser.StartNamespaceDeclHandler = declare
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, LookupError, ValueError) as error:
+        raise DescriptionError([_malformed(data, shown, error)]) from None
+    return Scan(tuple(lines), not namespaces.isdisjoint(XACRO_NAMESPACES))
+
+
+def _malformed(data: bytes, shown: str, error: Exception) -> str:
+    """The message for XML that expat does not accept."""
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    if b"\0" in data and not wide:
+        return f"{shown}: is a binary file, not URDF or xacro"
+    if not isinstance(error, expat.ExpatError):
+        return f"{shown}: its encoding cannot be read ({error}); save it as UTF-8"
+    place = f"{shown}:{error.lineno}:{error.offset + 1}"
+    try:
+        if not wide:
+            data.decode("utf-8")
+    except UnicodeDecodeError as bad:
+        line = data.count(b"\n", 0, bad.start) + 1
+        return f"{shown}:{line}: is not UTF-8 text (byte 0x{data[bad.start]:02x}); save it as UTF-8"
+    reason = expat.ErrorString(error.code)
+    if reason == "unbound prefix":
+        line_text = data.splitlines()[error.lineno - 1 : error.lineno]
+        if b"xacro:" in b"".join(line_text):
+            return (
+                f"{place}: xacro: is used but not declared; "
+                f'write <robot xmlns:xacro="{XACRO_NAMESPACES[0]}" ...>'
+            )
+    if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") and not wide:
+        return f"{place}: is not XML: URDF starts with <robot ...>"
+    return f"{place}: malformed XML: {reason}"
+
+
+def to_document(
+    data: bytes, found: Scan, shown: str, base: Path | None, encoding: str | None = None
+) -> Document:
+    """Parse ``data``, which ``scan`` has accepted, as it stands."""
+    root = ElementTree.fromstring(data, ElementTree.XMLParser(encoding=encoding))
+    places = {
+        element: f"{shown}:{line}" for element, line in zip(root.iter(), found.lines, strict=True)
+    }
+    return Document(root, places, shown, base, plain=True)

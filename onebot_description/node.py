@@ -1,0 +1,380 @@
+"""What every node's ``main`` shares: start, spin, stop cleanly, and say one clear error."""
+
+import argparse
+import math
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    ParameterUninitializedException,
+)
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from std_msgs.msg import String
+
+from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description.packages import package_share, use_environment_prefix
+from onebot_description.errors import OneBotError
+
+# SIGINT and SIGTERM as a call: at once, whatever the main thread is in.
+
+
+class StopSignals:
+    """While open, calls ``on_stop`` from a thread as soon as SIGINT or SIGTERM arrives.
+
+    A Python handler alone would run only once the executor's C++ code returns to Python. The
+    wake-up socket is written by the C-level handler, whatever the main thread is in.
+    """
+
+    def __init__(self, on_stop: Callable[[], None]) -> None:
+        """Nothing is changed until it is entered, in the main thread."""
+        self._on_stop = on_stop
+        self._arrived = self._interrupting = False
+        self._read, self._write = socket.socketpair()
+        self._write.setblocking(False)
+
+    @contextmanager
+    def interrupting(self) -> Iterator[None]:
+        """Within this context, a signal also raises KeyboardInterrupt in the main thread.
+
+        Around what may take seconds and can be given up at any point. One that came before counts.
+        """
+        self._interrupting = True
+        try:
+            if self._arrived:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._interrupting = False
+
+    def __enter__(self) -> "StopSignals":
+        """Install the handlers."""
+        self._old_fd = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
+        self._old = {
+            number: signal.signal(number, self._handle)
+            for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Put the former handlers back."""
+        signal.set_wakeup_fd(self._old_fd)
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+        self._write.close()  # ends the thread's recv
+
+    def _handle(self, *_: object) -> None:
+        self._arrived = True
+        if self._interrupting:
+            self._interrupting = False  # once is enough: cleaning up must not be interrupted
+            raise KeyboardInterrupt
+
+    def _watch(self) -> None:
+        if self._read.recv(1):
+            self._on_stop()
+
+
+# The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
+_A_YEAR = 365.0 * 24 * 3600
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+
+
+def use_quick_discovery() -> None:
+    """Announce this process often; call it before rclpy is initialised.
+
+    Fast DDS 2.14 announces a participant before it listens, so that about every other first answer
+    is lost, and the next announcement is 3 s away. On this host alone, five small packets a second
+    cost nothing. A wider discovery range, and a profile of the user's own, are left as they are.
+    """
+    if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") != "LOCALHOST":
+        return
+    if not any(os.environ.get(name) for name in _PROFILES):
+        profile = package_share("onebot_description") / "config/quick_discovery.xml"
+        os.environ[_PROFILES[0]] = str(profile)
+
+
+def run_node(
+    make_node: Callable[[], Node], args: Sequence[str] | None = None, *, events: bool = False
+) -> int:
+    """Run one node until Ctrl-C, SIGTERM or its own error.
+
+    Args:
+        make_node: builds the node; rclpy is initialised by then. It, and any callback of the node,
+            may raise OneBotError, which ends the process with one line on stderr.
+        args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
+        events: spin on rclpy's events executor, about four times cheaper a message.
+
+    Returns:
+        The exit code: 0 when stopped by a signal, 1 for a user's mistake.
+    """
+    use_environment_prefix()
+    use_quick_discovery()
+    stop: Future = Future()
+    with StopSignals(lambda: _finish(stop)) as signals:
+        try:
+            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        except Exception as error:  # rclpy raises several kinds, none of them public
+            return complain(f"bad ROS arguments: {_first_line(error)}")
+        try:
+            return _spin(make_node, stop, signals, events)
+        finally:
+            rclpy.try_shutdown()
+
+
+def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
+    node: Node | None = None
+    executor: Executor | None = None
+    try:
+        with signals.interrupting():
+            node = make_node()
+        executor = _make_executor(events)
+        executor.add_node(node)
+        _spin_until(stop, executor)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except OneBotError as error:
+        return complain(str(error))
+    except InvalidParameterTypeException as error:
+        return complain(_wrong_type(error))
+    except ParameterUninitializedException as error:
+        return complain(f"{error}; set it with -p name:=value or --params-file")
+    finally:
+        if executor is not None and node is not None:
+            executor.remove_node(node)
+        if node is not None:
+            node.destroy_node()
+        if executor is not None:
+            executor.shutdown()
+    return 0
+
+
+def _make_executor(events: bool) -> Executor:
+    if events:
+        from rclpy.experimental.events_executor import EventsExecutor
+
+        return EventsExecutor()
+    return SingleThreadedExecutor()
+
+
+def _spin_until(stop: Future, executor: Executor) -> None:
+    if not isinstance(executor, SingleThreadedExecutor):
+        executor.spin_until_future_complete(stop, _A_YEAR)
+        return
+    # That would hang one more callback on the future with each message, and never take one off.
+    stop.add_done_callback(lambda _: executor.create_task(lambda: None))
+    while not stop.done():
+        executor.spin_once()
+
+
+def _finish(stop: Future) -> None:
+    if not stop.done():
+        stop.set_result(None)
+
+
+def _wrong_type(error: InvalidParameterTypeException) -> str:
+    """Say what to write, because ROS parameters are strictly typed (10 is no double)."""
+    text = str(error)
+    remedy = "write the number with a decimal point, as in 10.0" if "DOUBLE" in text else ""
+    return f"{text}; {remedy}" if remedy else text
+
+
+def _first_line(error: BaseException) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__
+
+
+def complain(message: str) -> int:
+    """Print a user's mistake as one error; return the exit code for it."""
+    print(f"error: {message}", file=sys.stderr, flush=True)
+    return 1
+
+
+# What the command line says that rcl does not tell: the parameter files, the names set with -p.
+
+
+class RosArguments(NamedTuple):
+    """The parts of a command line that are about parameters.
+
+    Attributes:
+        files: of ``--params-file``, in order.
+        names: of the parameters set by ``-p``, as (node or "", parameter).
+        others: the arguments that are not for ROS, without the program's name.
+    """
+
+    files: tuple[Path, ...] = ()
+    names: tuple[tuple[str, str], ...] = ()
+    others: tuple[str, ...] = ()
+
+
+def ros_arguments(arguments: Sequence[str]) -> RosArguments:
+    """Find the parameter files and names in ``arguments``, which are as in sys.argv."""
+    files: list[Path] = []
+    names: list[tuple[str, str]] = []
+    others: list[str] = []
+    inside, words = False, iter(arguments[1:])
+    for word in words:
+        if word == "--ros-args":
+            inside = True
+        elif inside and word == "--":
+            inside = False
+        elif inside and word == "--params-file":
+            files.extend(Path(name) for name in [next(words, "")] if name)
+        elif inside and word in ("-p", "--param"):
+            left, assigned, _ = next(words, "").partition(":=")
+            node, _, name = left.rpartition(":")
+            if assigned:
+                names.append((node, name))
+        elif not inside:
+            others.append(word)
+    return RosArguments(tuple(files), tuple(names), tuple(others))
+
+
+# ``main`` of the nodes that take a description as FILE and check their parameter files first.
+
+
+def run_described_node(
+    name: str,
+    explanation: str | None,
+    make_node: Callable[[str | None, RosArguments], Node],
+    check_files: Callable[[Sequence[Path]], object],
+    args: Sequence[str] | None,
+    *,
+    default_file: Callable[[], Path] | None = None,
+    events: bool = False,
+) -> int:
+    """Run a node whose command line is ``[FILE] [--ros-args ...]``.
+
+    Args:
+        name: of the program, for its help.
+        explanation: its help; the module's docstring.
+        make_node: called with FILE, or None, and the command line's parameter files and names.
+        check_files: called with the parameter files before rcl sees them. rcl would refuse a
+            broken one too, but say neither where nor what to write.
+        args: arguments as in sys.argv; None for sys.argv itself.
+        default_file: gives the parameter file to use where the command line names none.
+        events: as ``run_node``'s.
+
+    Returns:
+        The exit code.
+    """
+    arguments = list(sys.argv if args is None else args)
+    chosen = _parser(name, explanation).parse_args(ros_arguments(arguments).others)
+    try:
+        if default_file is not None and not ros_arguments(arguments).files:
+            # First, for whatever is on the command line to come first.
+            file = ["--ros-args", "--params-file", str(default_file()), "--"]
+            arguments = [*arguments[:1], *file, *arguments[1:]]
+        ros = ros_arguments(arguments)
+        check_files(ros.files)
+    except OneBotError as error:
+        return complain(str(error))
+    return run_node(lambda: make_node(chosen.description, ros), arguments, events=events)
+
+
+def _parser(name: str, explanation: str | None) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=name,
+        description=explanation,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("description", nargs="?", metavar="FILE", help="URDF or xacro file")
+    return parser
+
+
+# How topics are heard and offered (quality of service), where ROS's default is not what is meant.
+
+# Late comers get the last message: the description, a page's address, static transforms.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# Static transforms as they are heard: of many publishers, each with a last message of its own.
+STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# Best effort matches every publisher, and never makes one wait for us.
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+# The robot's description as nodes get it: by parameter, or by topic.
+
+NAME = "robot_description"  # of the topic and of the parameter
+_PATIENCE = 2.0  # seconds without a description before saying so
+
+
+def is_path(text: str) -> bool:
+    """Return whether a parameter robot_description is the path of a file, and not the URDF."""
+    return bool(text) and "<" not in text
+
+
+def described_by(text: str) -> Description:
+    """Return what a parameter robot_description describes: it is a URDF, or the path of a file.
+
+    Raises:
+        DescriptionError: the description cannot be used.
+    """
+    return load_description(text) if is_path(text) else parse_description(text, NAME)
+
+
+class DescriptionTopic:
+    """Listens to the topic robot_description, and says so while nothing comes."""
+
+    def __init__(
+        self, node: Node, heard: Callable[[str], None], content: Callable[[], bool]
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: that listens.
+            heard: called with each URDF that comes.
+            content: whether the node has a description it can use.
+        """
+        self._node, self._content = node, content
+        node.create_subscription(String, NAME, lambda message: heard(message.data), LATCHED)
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._impatience = node.create_timer(_PATIENCE, self._say_waiting, clock=steady)
+
+    def _say_waiting(self) -> None:
+        self._impatience.cancel()
+        if not self._content():
+            topic = self._node.resolve_topic_name(NAME)
+            self._node.get_logger().warning(
+                f"waiting for the robot description on {topic}; is robot_state_publisher running?"
+            )
+
+
+# Saying the same thing only so often.
+
+
+class Throttled:
+    """Passes on what it is told, but what is of one kind only so often."""
+
+    def __init__(self, say: Callable[[str], object], every: float = 5.0) -> None:
+        """Pass on to ``say``, such as a logger's ``warning``, at most once in ``every`` seconds."""
+        self._say, self._every = say, every
+        self._said: dict[str, float] = {}
+
+    def __call__(self, kind: str, text: str, *, every: float | None = None) -> None:
+        """Say ``text``, unless something of its kind was said just before.
+
+        Args:
+            kind: what counts as the same thing.
+            text: what to say.
+            every: seconds, in place of the constructor's; infinite to say it once.
+        """
+        now = time.monotonic()
+        wait = self._every if every is None else every
+        if now - self._said.get(kind, -math.inf) >= wait:
+            self._said[kind] = now
+            self._say(text)

@@ -1,0 +1,1 @@
+"""Parameters of YAML files and ROS nodes, as checked values."""

@@ -1,0 +1,407 @@
+"""Reading ROS 2 parameter YAML as rcl does, but remembering the line of every parameter.
+
+rcl reads the file only once, when the process starts, and its errors name neither the parameter nor
+the remedy. Reading it again, while the node runs, is ours.
+"""
+
+import functools
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml  # type: ignore[import-untyped, unused-ignore]
+
+from onebot_description.errors import listing
+from onebot_description.joints.config import DEFAULTS, GROUPS, unknown_parameters
+from onebot_description.parameters.reader import ConfigError, Problem
+
+_MARK = "ros__parameters"
+_TRUE = {"y", "Y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"}
+_FALSE = {"n", "N", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF"}
+_INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
+_DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
+# libyaml's, which rcl uses as well; not in every build of PyYAML.
+_FastLoader = getattr(yaml, "CSafeLoader", None)
+_INT64 = range(-(2**63), 2**63)
+
+
+@dataclass
+class Parameters:
+    """Parameters of one node.
+
+    Attributes:
+        values: dotted name to value.
+        places: dotted name to where it was written, such as ``joints.yaml:7``.
+        shared: names written in a section for several nodes (one with a wildcard).
+        sections: the node names that the file has sections for.
+    """
+
+    values: dict[str, Any] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
+    shared: set[str] = field(default_factory=set)
+    sections: list[str] = field(default_factory=list)
+
+    def update(self, later: "Parameters") -> None:
+        """Add another file's, which come first where both name a parameter."""
+        self.values.update(later.values)
+        self.places.update(later.places)
+        self.shared = (self.shared - later.values.keys()) | later.shared
+        self.sections += later.sections
+
+
+def read_parameters(text: str, name: str, node: str) -> Parameters:
+    """Read the parameters a file holds for one node.
+
+    Args:
+        text: the YAML.
+        name: of the file, for errors and places.
+        node: full name of the node, such as ``/joint_state_publisher``.
+
+    Raises:
+        ConfigError: the YAML is broken, or not ROS 2 parameter YAML.
+    """
+    found = Parameters()
+    for section, parameters in _sections(text, name).items():
+        found.sections.append(section)
+        if section_matches(section, node):
+            found.update(parameters)
+    return found
+
+
+@functools.lru_cache(maxsize=8)
+def _sections(text: str, name: str) -> dict[str, Parameters]:
+    """Return what a file says, by section; it is asked for each of several nodes."""
+    return _File(name).read(text)
+
+
+def section_matches(section: str, node: str) -> bool:
+    """Whether a file's section name is for ``node``; ``*`` is one name, ``**`` any number."""
+    pattern = "/" + section.strip("/")
+    expression = re.escape(pattern).replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"/\w+")
+    return re.fullmatch(expression, node) is not None
+
+
+class _File:
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def read(self, text: str) -> dict[str, Parameters]:
+        root = self._compose(text)
+        sections: dict[str, Parameters] = {}
+        if isinstance(root, yaml.MappingNode):
+            self._sections(root, "", sections)
+        elif root is not None:
+            self._fail(root, "no map of node names")
+        return sections
+
+    def _compose(self, text: str) -> yaml.Node | None:
+        try:
+            if _FastLoader is not None:
+                try:
+                    return self._composed(text, _FastLoader)
+                except yaml.YAMLError:
+                    pass  # the other one tells more of what is wrong
+            return self._composed(text, yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            reason = " ".join(part for part in (error.context, error.problem) if part)
+            raise self._error(mark, f"no YAML: {reason}") from None
+        except yaml.YAMLError as error:
+            raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
+
+    def _composed(self, text: str, loader: Any) -> yaml.Node | None:
+        for event in yaml.parse(text, Loader=loader):
+            if isinstance(event, yaml.AliasEvent):
+                self._fail(event, f"ROS parameters know no aliases such as *{event.anchor}")
+        return yaml.compose(text, Loader=loader)
+
+    def _sections(self, node: yaml.Node, path: str, found: dict[str, Parameters]) -> None:
+        """Gather the parameters of each section; those of one name are put together."""
+        for key, value in self._pairs(node):
+            if key.value == _MARK:
+                shared = "*" in path
+                parameters = Parameters()
+                self._parameters(value, "", parameters)
+                parameters.shared = set(parameters.values) if shared else set()
+                found.setdefault(path or "/", Parameters()).update(parameters)
+            elif isinstance(value, yaml.MappingNode):
+                self._sections(value, f"{path}/{key.value.strip('/')}", found)
+            else:
+                self._fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
+
+    def _parameters(self, node: yaml.Node, prefix: str, found: Parameters) -> None:
+        for key, value in self._pairs(node):
+            name = prefix + key.value
+            if isinstance(value, yaml.MappingNode):
+                self._parameters(value, name + ".", found)
+                continue
+            result = self._value(name, value)
+            if result is not None:
+                found.values[name] = result
+                found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
+
+    def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+        if not isinstance(node, yaml.MappingNode):
+            self._fail(node, f'"{node.value}" stands where a map belongs')
+        seen: dict[str, int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self._fail(key, "a name must be a plain word")
+            if key.value in seen:
+                self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
+            seen[key.value] = key.start_mark.line + 1
+        return list(node.value)
+
+    def _value(self, name: str, node: yaml.Node) -> Any:
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(name, node)
+        values = [
+            self._scalar(name, item)
+            if isinstance(item, yaml.ScalarNode)
+            else self._fail(item, f"{name}: a list holds plain values only")
+            for item in node.value
+        ]
+        kinds = {type(value) for value in values}
+        if len(kinds) > 1:
+            remedy = (
+                "write all its numbers with a decimal point, as in 1.0"
+                if kinds == {int, float}
+                else "put quotes around its texts"
+            )
+            self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
+        # rcl cannot tell what kind an empty list is of, and takes it as not given.
+        return values or None
+
+    def _scalar(self, name: str, node: yaml.ScalarNode) -> bool | int | float | str:
+        text: str = node.value
+        if node.style:  # quoted, or a block of text
+            return text
+        if not text:
+            self._fail(node, f"{name}: has no value")
+        return plain_value(text)
+
+    def _error(self, mark: Any, text: str) -> ConfigError:
+        place = f"{self._name}:{mark.line + 1}" if mark else self._name
+        return ConfigError([Problem("", f"{place}: {text}")])
+
+    def _fail(self, at: Any, text: str) -> Any:
+        raise self._error(at.start_mark, text)
+
+
+def plain_value(text: str) -> bool | int | float | str:
+    """Return what rcl takes an unquoted word for: a bool, an integer, a double or a string."""
+    if text in _TRUE or text in _FALSE:
+        return text in _TRUE
+    readings: tuple[Callable[[str], int | float | None], ...] = (_integer, _double)
+    for reading in readings:
+        value = reading(text)
+        if value is not None:
+            return value
+    return text
+
+
+def _integer(text: str) -> int | None:
+    if not _INTEGER.fullmatch(text):
+        return None
+    digits = text.lstrip("+-").lower()
+    octal = len(digits) > 1 and digits[0] == "0" and digits[1] != "x"
+    try:
+        value = int(text, 8 if octal else 0)
+    except ValueError:  # such as 09
+        return None
+    return value if value in _INT64 else None
+
+
+def _double(text: str) -> float | None:
+    word = _NOT_FINITE.fullmatch(text)
+    if word:
+        return float(word[1] + word[2])
+    return float(text) if _DOUBLE.fullmatch(text) else None
+
+
+# The parameter files of one node, read as one.
+
+
+def read_files(files: Iterable[Path], node: str) -> Parameters:
+    """Read what ``files`` say to ``node``; later files come first.
+
+    Unknown parameters in a section shared by several nodes are taken to be for another one.
+
+    Raises:
+        ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
+    """
+    found = Parameters()
+    for file in files:
+        found.update(read_parameters(_text(file), str(file), node))
+    for name in unknown_parameters(found.shared):
+        del found.values[name], found.places[name]
+    return found
+
+
+def silence(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
+    """Return a remark if the files have sections, but none for ``node``."""
+    sections = parameters.sections
+    if not sections or any(section_matches(section, node) for section in sections):
+        return None
+    names = ", ".join(str(file) for file in files)
+    return f"{names} says nothing to {node}, only to {listing(sections)}"
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
+
+
+# Parameter files that count while the node runs, not only when it starts.
+
+# They say where to look, and setting them while the node runs is to look elsewhere.
+_SOURCES = ("config_file", "robot_description")
+
+
+class LiveParameters:
+    """What the parameter files say to one node, now and when they are next saved.
+
+    Saving makes every parameter as the files say: what they do not name goes back to its default,
+    also if it was set while the node ran. Only what the command line has set stays.
+    """
+
+    def __init__(self, files: Sequence[Path], node: str) -> None:
+        """Read ``files`` for ``node``, its full name; later files come first.
+
+        Raises:
+            ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
+        """
+        self._files = tuple(files)
+        self._extra: tuple[Path, ...] = ()
+        self._node = node
+        self._pinned: dict[str, Any] = {}
+        self.file = self.read()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All the files."""
+        return (*self._files, *self._extra)
+
+    @property
+    def names(self) -> str:
+        """The files in words."""
+        return ", ".join(str(file) for file in self.files)
+
+    @property
+    def remark(self) -> str | None:
+        """A warning if the files say nothing to this node."""
+        return silence(self.file, self.files, self._node)
+
+    def add(self, config_file: str) -> None:
+        """Take the file of the parameter ``config_file`` as the last of the files.
+
+        Raises:
+            ConfigError: as above; then nothing has changed.
+        """
+        before = self._extra
+        self._extra = (Path(config_file),) if config_file else ()
+        try:
+            self.file = self.read()
+        except Exception:
+            self._extra = before
+            raise
+
+    def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
+        """Remember the parameters of these ``names`` that the command line decided."""
+        written = self.file.values
+        self._pinned = {
+            name: values[name]
+            for name in names
+            if name in values and name not in _SOURCES and values[name] != written.get(name)
+        }
+
+    def read(self) -> Parameters:
+        """Read the files as they are now.
+
+        Raises:
+            ConfigError: as above.
+        """
+        return read_files(self.files, self._node)
+
+    def changes(self, file: Parameters, current: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what to set, None to unset, for ``current`` to be as ``file`` says."""
+        wanted = {**DEFAULTS, **file.values, **self._pinned}
+        changes = {
+            name: value
+            for name, value in wanted.items()
+            if name not in current or not _same(current[name], value)
+        }
+        gone = [name for name in current if name.split(".")[0] in GROUPS and name not in wanted]
+        return {**changes, **dict.fromkeys(gone)}
+
+    def overruled(self, file: Parameters) -> list[str]:
+        """Names that were edited in ``file`` in vain, as the command line decides them."""
+        edited = (n for n in self._pinned if file.values.get(n) != self.file.values.get(n))
+        return list(edited)
+
+    def places(self, values: Mapping[str, Any]) -> dict[str, str]:
+        """Return where those of ``values`` were written that the files decided."""
+        written = self.file.values
+        places = self.file.places
+        return {key: at for key, at in places.items() if _same(values.get(key), written[key])}
+
+
+def _same(one: Any, other: Any) -> bool:
+    return type(one) is type(other) and bool(one == other)
+
+
+# Noticing that files were saved, at the price of a few stat calls.
+
+Signature = tuple[int, int, int] | None
+
+
+class FileWatch:
+    """Tells when any of some files has been saved and has come to rest.
+
+    It looks at the files by name, so that an editor may write a new file and rename it over the old
+    one. A file counts as saved once two looks in a row find it the same, because an editor may also
+    empty it and then fill it.
+    """
+
+    def __init__(self, files: Iterable[Path]) -> None:
+        """Watch ``files`` from their present state on; none need exist."""
+        self._known = {file: _signature(file) for file in files}
+        self._last = dict(self._known)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files watched."""
+        return tuple(self._known)
+
+    def watch(self, files: Iterable[Path]) -> None:
+        """Watch these files instead; those already watched keep their state."""
+        wanted = list(files)
+        self._known = {file: self._known.get(file, _signature(file)) for file in wanted}
+        self._last = {file: self._last.get(file, self._known[file]) for file in wanted}
+
+    def saved(self) -> list[Path]:
+        """Return the files saved since the last call; a file that is gone is not saved."""
+        saved = []
+        for file, last in self._last.items():
+            now = _signature(file)
+            if now == last and now != self._known[file]:
+                self._known[file] = now
+                if now is not None:
+                    saved.append(file)
+            self._last[file] = now
+        return saved
+
+
+def _signature(file: Path) -> Signature:
+    try:
+        status = os.stat(file)
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino

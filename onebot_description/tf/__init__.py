@@ -1,1 +1,0 @@
-"""Transforms as ROS messages: ``TFMessage`` is in ``onebot_description.tf.tf_message``."""
