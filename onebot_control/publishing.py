@@ -18,10 +18,10 @@ from onebot_control.wire import (
     TransformTemplate,
     TwistTemplate,
     clock,
+    pack_stamp,
 )
 from onebot_description.model import quaternions
 from onebot_description.node import LATCHED
-from onebot_description.wire.cdr import pack_stamp
 from onebot_description.wire.messages import time_message
 from onebot_description.wire.tf_message import TFMessage
 

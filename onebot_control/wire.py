@@ -23,7 +23,7 @@ Stamps are bytes, too (see ``pack_stamp``), because all messages of a cycle have
 import struct
 from collections.abc import Sequence
 
-from onebot_description.wire.cdr import ENCAPSULATION, pack_string
+from onebot_description.wire.cdr import ENCAPSULATION, NANO
 
 _STAMP = 8  # bytes
 _U32 = struct.Struct("<I")
@@ -33,6 +33,11 @@ _DIMENSIONS = 6  # of a pose or a twist
 PoseValues = Sequence[float]
 # Linear x y z in m/s, then angular x y z in rad/s.
 TwistValues = Sequence[float]
+
+
+def pack_stamp(stamp_ns: int) -> bytes:
+    """Return a builtin_interfaces/Time as it lies on the wire."""
+    return struct.pack("<iI", *divmod(stamp_ns, NANO))
 
 
 class OdometryTemplate:
@@ -139,7 +144,8 @@ def _names(offset: int, *texts: str) -> bytes:
     """Strings ``offset`` bytes into the body, with what is needed for a number to follow."""
     written = b""
     for text in texts:
-        written += pack_string(text)
+        encoded = text.encode() + b"\x00"
+        written += _U32.pack(len(encoded)) + encoded
         written += bytes(-(offset + len(written)) % 4)
     return written
 

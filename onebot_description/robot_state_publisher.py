@@ -37,7 +37,6 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -50,8 +49,7 @@ from onebot_description.description import (
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import LATCHED, Throttled, ros_arguments, run_node
-from onebot_description.wire.cdr import NANO, WireError
-from onebot_description.wire.messages import joint_state_arrays, to_message
+from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
 
@@ -76,7 +74,7 @@ class RobotStatePublisher(Node):
             description = _parse(self.get_parameter("robot_description").value)
         # The validated text of a live change, so that it need not be parsed twice.
         self._accepted = description
-        self._take_up_description()
+        self._apply_description()
         self._apply(self._values())
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._changed)
@@ -124,7 +122,7 @@ class RobotStatePublisher(Node):
         return {name: self.get_parameter(name).value for name in names}
 
     def _apply(self, values: dict[str, object]) -> None:
-        """Serve the robot with these parameters from now on."""
+        """Convert with these parameters from now on."""
         frequency = float(values["publish_frequency"])  # type: ignore[arg-type]
         self._converter = StateConverter(
             self._model,
@@ -135,8 +133,8 @@ class RobotStatePublisher(Node):
         )
         self._tf_static.publish(self._converter.static_transforms(self._now_ns()))
 
-    def _take_up_description(self) -> None:
-        """Make the accepted description the one that is served."""
+    def _apply_description(self) -> None:
+        """Publish the accepted description, and convert by it from now on."""
         self._model = RobotModel.from_description(self._accepted)
         for warning in self._accepted.warnings:
             self.get_logger().warning(warning)
@@ -154,30 +152,15 @@ class RobotStatePublisher(Node):
     def _changed(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}
         if "robot_description" in names:
-            self._take_up_description()
+            self._apply_description()
             self.get_logger().info(f'now publishing robot "{self._accepted.robot_name}"')
         if names & {"robot_description", *self._values()}:
             self._apply(self._values())
 
     def _on_joint_state(self, data: bytes) -> None:
-        try:
-            message = self._converter.convert_bytes(data, time.time_ns())
-        except WireError:
-            self._on_unusual(data)
-            return
+        message = self._converter.convert_bytes(data, time.time_ns())
         if message is not None:
             self._tf.publish(message)
-
-    def _on_unusual(self, data: bytes) -> None:
-        """Take bytes the fast way does not know through ordinary messages, to the same result."""
-        try:
-            state = deserialize_message(data, JointState)
-        except Exception as error:  # Fast CDR's errors reach Python in several types
-            self._warn("bytes", f"joint state that cannot be read is ignored: {error}")
-            return
-        result = self._converter.convert(joint_state_arrays(state), time.time_ns())
-        if result is not None:
-            self._tf.publish(to_message(result))
 
     def _clock_jumped(self, _jump: TimeJump) -> None:
         self._warn("clock", "the clock was set back; publishing the joints' transforms afresh")

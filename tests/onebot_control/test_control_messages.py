@@ -27,8 +27,9 @@ from onebot_control.wire import (
     TransformTemplate,
     TwistTemplate,
     clock,
+    pack_stamp,
 )
-from onebot_description.wire.cdr import NANO, pack_stamp
+from onebot_description.wire.cdr import NANO
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import IdealPlant, ideal_drive
 from tests.ros_support import Peer
