@@ -33,7 +33,6 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -47,8 +46,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import LATCHED, Throttled, ros_arguments, run_node
 from onebot_description.parameters.reader import declare, parameter, read
-from onebot_description.wire.cdr import NANO, WireError
-from onebot_description.wire.messages import joint_state_arrays, to_message
+from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
 
@@ -87,7 +85,7 @@ class RobotStatePublisher(Node):
             description = _parse(self._settings.robot_description)
         # The validated text of a live change, so that it need not be parsed twice.
         self._accepted = description
-        self._take_up_description()
+        self._apply_description()
         self._apply()
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._changed)
@@ -102,7 +100,7 @@ class RobotStatePublisher(Node):
         )
 
     def _apply(self) -> None:
-        """Serve the robot with the parameters as they are now."""
+        """Convert with the parameters as they are now."""
         frequency = self._settings.publish_frequency
         self._converter = StateConverter(
             self._model,
@@ -113,8 +111,8 @@ class RobotStatePublisher(Node):
         )
         self._tf_static.publish(self._converter.static_transforms(self._now_ns()))
 
-    def _take_up_description(self) -> None:
-        """Make the accepted description the one that is served."""
+    def _apply_description(self) -> None:
+        """Publish the accepted description, and convert by it from now on."""
         self._model = RobotModel.from_description(self._accepted)
         for warning in self._accepted.warnings:
             self.get_logger().warning(warning)
@@ -135,30 +133,15 @@ class RobotStatePublisher(Node):
         self._values |= changes
         self._settings = read(StateParameters, self._values)
         if "robot_description" in changes:
-            self._take_up_description()
+            self._apply_description()
             self.get_logger().info(f'now publishing robot "{self._accepted.robot_name}"')
         if changes:
             self._apply()
 
     def _on_joint_state(self, data: bytes) -> None:
-        try:
-            message = self._converter.convert_bytes(data, time.time_ns())
-        except WireError:
-            self._on_unusual(data)
-            return
+        message = self._converter.convert_bytes(data, time.time_ns())
         if message is not None:
             self._tf.publish(message)
-
-    def _on_unusual(self, data: bytes) -> None:
-        """Take bytes the fast way does not know through ordinary messages, to the same result."""
-        try:
-            state = deserialize_message(data, JointState)
-        except Exception as error:  # Fast CDR's errors reach Python in several types
-            self._warn("bytes", f"joint state that cannot be read is ignored: {error}")
-            return
-        result = self._converter.convert(joint_state_arrays(state), time.time_ns())
-        if result is not None:
-            self._tf.publish(to_message(result))
 
     def _clock_jumped(self, _jump: TimeJump) -> None:
         self._warn("clock", "the clock was set back; publishing the joints' transforms afresh")

@@ -58,7 +58,7 @@ def package_names() -> list[str]:
 
 def _checkout_prefix() -> Path | None:
     """A prefix of links to the checkout this module was imported from; None when installed."""
-    checkout = Path(__file__).resolve().parent.parent
+    checkout = Path(__file__).resolve().parents[2]
     if not all((checkout / name / "package.xml").is_file() for name in PACKAGES):
         return None
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

@@ -26,6 +26,14 @@ def test_packages_are_found_with_no_variable_set(monkeypatch):
     assert {"mrm_description", "onebot_description", "std_msgs"} <= set(package_names())
 
 
+def test_a_checkout_is_found_ahead_of_its_installed_copy(monkeypatch):
+    """An edit in the checkout takes effect at once; the environment may hold older copies."""
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    checkout = Path(__file__).parents[2]
+    for name in ("mrm_description", "onebot_description", "onebot_control", "onebot_bringup"):
+        assert package_share(name) == checkout / name
+
+
 def test_sourced_workspace_stays_first(monkeypatch, tmp_path):
     """What the user sourced goes before the environment, however often this is called."""
     index = tmp_path / "share/ament_index/resource_index/packages"
