@@ -279,7 +279,7 @@ def _check_joints(file: Path, namespace: str) -> None:
     from onebot_description.parameters.reader import ConfigError
 
     node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
-    parameters = read_files([file], node)
+    parameters = read_files([file], node, JointsConfig)
     try:
         JointsConfig.from_parameters(parameters.values)
     except ConfigError as error:
