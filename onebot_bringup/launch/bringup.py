@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,13 +20,13 @@ from onebot_bringup.launch.arguments import (
     table,
     unknown,
 )
+from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.errors import OneBotError, did_you_mean
 
 if TYPE_CHECKING:
-    from onebot_bringup.launch.nodes import NodeFactory
     from onebot_description.description import Description
     from onebot_description.description.xacro import XacroArguments
 
@@ -79,12 +80,10 @@ def _probable_modules(command: Bringup, argv: Sequence[str]) -> list[str]:
 
 def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
     # Only now: while this is imported, the preloaded interpreters import as well.
-    import tempfile
-
-    from onebot_bringup.launch.description_watcher import Known, signatures
-    from onebot_bringup.launch.nodes import NodeFactory
+    from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description, published_urdf
     from onebot_description.description.xacro import included_files, xacro_arguments
+    from onebot_description.file_watch import file_states
 
     arguments = split(argv)
     given = _with_model(command, arguments)
@@ -101,7 +100,7 @@ def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
     _check_files(values, own)
-    before = signatures(included_files(model))
+    before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     urdf = published_urdf(description)
     known = Known.of(urdf, description.files, before)
@@ -117,7 +116,7 @@ def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
         )
 
 
-def _nodes(make: "NodeFactory") -> list[NodeProcess]:
+def _nodes(make: NodeFactory) -> list[NodeProcess]:
     """Return the nodes to start, the first one first."""
     values = make.values
     # The recorder first, so that it misses as little of the others as can be.
@@ -210,7 +209,7 @@ def _check_joints(file: Path, namespace: str) -> None:
     from onebot_description.parameters.reader import ConfigError
 
     node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
-    parameters = read_files([file], node)
+    parameters = read_files([file], node, JointsConfig)
     try:
         JointsConfig.from_parameters(parameters.values)
     except ConfigError as error:

@@ -1,14 +1,19 @@
 """The nodes of a description bringup, as processes to start."""
 
+from __future__ import annotations
+
 import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
-from onebot_description.description import Description, JointSpec
+
+if TYPE_CHECKING:
+    from onebot_bringup.launch.description_watcher import Known
+    from onebot_description.description import Description, JointSpec
 
 # ROS parameter files for nodes: what is too long, or too delicate, for a command line.
 
@@ -113,7 +118,7 @@ class RosNodes:
             files: further parameter files; ``parameters`` go before them.
             renamed: its module calls it otherwise. Not for a module with several nodes, which
                 would all get the name.
-            nice: as ``Node.nice``.
+            nice: as ``NodeProcess.nice``.
         """
         namespace = self.namespace.strip("/")
         file = write_parameters(self.folder, name, parameters, namespace)

@@ -283,12 +283,15 @@ class Preloaded:
                     stdin=subprocess.PIPE,
                 )
 
+    def waits_for(self, module: str) -> bool:
+        """Return whether an interpreter has been started for ``module`` and still runs."""
+        return module in self._waiting and not self._waiting[module].ended.done()
+
     def take(self, node: NodeProcess) -> RunningProcess | None:
         """Return the process that runs ``node`` from now on; None if none was preloaded for it."""
-        process = self._waiting.get(node.module)
-        if process is None or process.ended.done():
+        if not self.waits_for(node.module):
             return None
-        del self._waiting[node.module]
+        process = self._waiting.pop(node.module)
         variables = {**os.environ, **node.environment}
         changed = {k: v for k, v in variables.items() if self._environment.get(k) != v}
         order = {"arguments": node.arguments, "environment": changed}
