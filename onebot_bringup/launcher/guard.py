@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-_TERMINATE_FOR = 4.0  # seconds from SIGTERM to SIGKILL: nothing is left after 5 s
+TERMINATE_FOR = 4.0  # seconds from SIGTERM to SIGKILL: nothing is left after 5 s
 _POLL = 0.05  # seconds
 _DEAD = frozenset("ZX")  # states in /proc
 
@@ -43,12 +43,9 @@ class Guard:
         except OSError:
             self._process = None
 
-    def add_own_group(self) -> None:
-        """Register the group of the calling process: a child of the launcher, before its program.
-
-        The child does it rather than the launcher, which may be killed at any moment.
-        """
-        self._write_line(f"+{os.getpid()}")
+    def add(self, group: int) -> None:
+        """End the process group ``group`` if the launcher is killed."""
+        self._write_line(f"+{group}")
 
     def discard(self, group: int) -> None:
         """Forget ``group``: it is gone."""
@@ -128,7 +125,7 @@ def main() -> None:
 
 def end(groups: set[int]) -> None:
     """Stop all processes of ``groups``: SIGTERM, and SIGKILL for what is left after a while."""
-    deadline = time.monotonic() + _TERMINATE_FOR
+    deadline = time.monotonic() + TERMINATE_FOR
     for group in groups:
         signal_group(group, signal.SIGTERM)
     while any(group_alive(group) for group in groups):

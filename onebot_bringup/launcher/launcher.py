@@ -4,10 +4,11 @@ import asyncio
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from onebot_bringup.launcher.console import Console
 from onebot_bringup.launcher.guard import Guard
@@ -88,7 +89,7 @@ class Launcher:
 
     def __exit__(self, *_: object) -> None:
         """Leave no process behind."""
-        self._loop.run_until_complete(self._preloaded.close())
+        self._complete(self._preloaded.close())
         self._loop.close()
         self._guard.close()
 
@@ -98,7 +99,15 @@ class Launcher:
         Args:
             modules: the most urgent first.
         """
-        self._loop.run_until_complete(self._preloaded.start(modules))
+        self._complete(self._preloaded.start(modules))
+
+    def _complete(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do what takes a moment; Ctrl-C waits until it is done."""
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._loop.run_until_complete(work)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
     def run(
         self,
@@ -161,8 +170,10 @@ class Launcher:
         for process in self._running:
             process.signal_all(signal.SIGKILL)
         await asyncio.gather(*[self._forget(process) for process in list(self._running)])
-        for task in asyncio.all_tasks() - {asyncio.current_task()}:
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
             task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         if not self._stopping.is_set():
             self._info("no node is left to run")
         await self._console.flush(timeout=0.3)

@@ -20,6 +20,7 @@ OnExit = Literal["shutdown", "restart", "ignore"]
 _INTERPRETER = "onebot_bringup.launcher.interpreter"
 _BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is OpenBLAS's own
 _LONGEST_LINE = 65536  # bytes; a longer one is shown in pieces
+_LONGEST_NUMBER = 32  # bytes
 _LAST_OUTPUT = 0.25  # seconds to wait for it; another process may hold the pipe for ever
 _POLL = 0.05  # seconds; nothing reports the end of a process that is no child
 
@@ -193,7 +194,9 @@ class RunningProcess(asyncio.SubprocessProtocol):
     def interrupt(self) -> None:
         """Ask the node itself to stop; it then stops what it started, in its own order."""
         if not self.ended.done():
-            self._transport.send_signal(signal.SIGINT)
+            # Not asyncio's send_signal(), which may take the exit code away from who waits for it.
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.group, signal.SIGINT)
 
     def signal_all(self, number: int) -> None:
         """Send a signal to the node and all that it started."""
@@ -236,22 +239,37 @@ async def spawn(
     Raises:
         OSError: the program cannot be run.
     """
-    _, process = await asyncio.get_running_loop().subprocess_exec(
-        RunningProcess,
-        *command,
-        stdin=stdin,
-        env=environment,
-        start_new_session=True,
-        preexec_fn=partial(_set_up_child, guard, hold_interrupt),
-    )
+    read, write = os.pipe()
+    try:
+        _, process = await asyncio.get_running_loop().subprocess_exec(
+            RunningProcess,
+            *command,
+            stdin=stdin,
+            env=environment,
+            start_new_session=True,
+            preexec_fn=partial(_set_up_child, guard, write, hold_interrupt),
+        )
+    except OSError:
+        os.set_blocking(read, False)
+        with contextlib.suppress(BlockingIOError):  # there was no child
+            guard.discard(int(os.read(read, _LONGEST_NUMBER)))
+        raise
+    finally:
+        os.close(read)
+        os.close(write)
     return process
 
 
-def _set_up_child(guard: Guard, hold_interrupt: bool) -> None:
-    """Prepare a child between fork and exec."""
+def _set_up_child(guard: Guard, write: int, hold_interrupt: bool) -> None:
+    """Prepare a child between fork and exec.
+
+    It registers with the guard itself, because the launcher may be killed at any moment; and gives
+    ``write`` its number, should its program not exist.
+    """
     if hold_interrupt:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    guard.add_own_group()
+    guard.add(os.getpid())
+    os.write(write, str(os.getpid()).encode())
 
 
 class Preloaded:
