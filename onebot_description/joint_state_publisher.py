@@ -56,6 +56,7 @@ from sensor_msgs.msg import JointState
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import DescriptionError, OneBotError, listing
+from onebot_description.file_watch import FileWatch
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, Plan
 from onebot_description.node import (
@@ -66,7 +67,7 @@ from onebot_description.node import (
     is_path,
     run_described_node,
 )
-from onebot_description.parameters.files import FileWatch, LiveParameters, read_files
+from onebot_description.parameters.files import LiveParameters, read_files
 from onebot_description.parameters.reader import (
     ConfigError,
     Problem,

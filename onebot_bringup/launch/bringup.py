@@ -20,7 +20,7 @@ from onebot_bringup.launch.arguments import (
     table,
     unknown,
 )
-from onebot_bringup.launch.description_watcher import Known, signatures
+from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.interpreter import Standby
@@ -29,6 +29,7 @@ from onebot_bringup.launcher.process import Node
 from onebot_description.description import Description, load_description, published_urdf
 from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.file_watch import file_states
 
 # Which robot a bringup command brings up.
 
@@ -167,7 +168,7 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
     _check_files(values, own)
-    before = signatures(included_files(model))
+    before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     urdf = published_urdf(description)
     known = Known.of(urdf, description.files, before)
