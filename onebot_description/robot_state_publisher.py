@@ -45,7 +45,6 @@ from onebot_description.description import (
     Description,
     load_description,
     parse_description,
-    published_urdf,
 )
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
@@ -93,7 +92,7 @@ class RobotStatePublisher(Node):
     def _declare(self, description: Description | None) -> None:
         self.declare_parameter(
             "robot_description",
-            "" if description is None else published_urdf(description),
+            "" if description is None else description.urdf,
             ParameterDescriptor(
                 type=ParameterType.PARAMETER_STRING, description="The robot's URDF."
             ),
@@ -140,7 +139,7 @@ class RobotStatePublisher(Node):
         self._model = RobotModel.from_description(self._accepted)
         for warning in self._accepted.warnings:
             self.get_logger().warning(warning)
-        self._description.publish(String(data=published_urdf(self._accepted)))
+        self._description.publish(String(data=self._accepted.urdf))
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         for parameter in parameters:

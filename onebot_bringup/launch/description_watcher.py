@@ -24,7 +24,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_description.description import load_description, published_urdf
+from onebot_description.description import load_description
 from onebot_description.description.xacro import included_files
 from onebot_description.errors import OneBotError
 
@@ -145,7 +145,7 @@ class DescriptionUpdate(Node):
             self._watch((*self._files, *included_files(self._model)))
             return
         self._watch(description.files)
-        self._send(published_urdf(description))
+        self._send(description.urdf)
 
     def _watch(self, files: tuple[Path, ...]) -> None:
         files = tuple(dict.fromkeys(files))
