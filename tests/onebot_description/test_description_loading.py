@@ -108,7 +108,7 @@ def test_what_others_publish_is_read_as_far_as_it_can_be() -> None:
     assert description.joints == () and description.links[0].visuals == ()
     assert len(description.links[0].collisions) == 1
     [warning] = description.warnings
-    assert warning.startswith('robot_description:5: link "a" <visual> <box>: size="1 2" holds 2')
+    assert warning.startswith('robot_description:5: link "a" <visual> <geometry> <box>: size="1 2"')
     assert warning.endswith("; not drawn")
 
 
