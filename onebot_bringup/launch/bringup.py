@@ -20,7 +20,7 @@ from onebot_bringup.launch.arguments import (
     table,
     unknown,
 )
-from onebot_bringup.launch.description_watcher import Known, signatures
+from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.interpreter import Standby
@@ -29,6 +29,7 @@ from onebot_bringup.launcher.process import Node
 from onebot_description.description import Description, load_description
 from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.file_watch import file_states
 
 # Which robot a bringup command brings up.
 
@@ -168,7 +169,7 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
     _check_files(values, own)
-    before = signatures(included_files(model))
+    before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
@@ -276,7 +277,7 @@ def _check_joints(file: Path, namespace: str) -> None:
     from onebot_description.parameters.reader import ConfigError
 
     node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
-    parameters = read_files([file], node)
+    parameters = read_files([file], node, JointsConfig)
     try:
         JointsConfig.from_parameters(parameters.values)
     except ConfigError as error:

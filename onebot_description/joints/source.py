@@ -140,7 +140,7 @@ class _Planner:
 
     def _sequence(self, index: int, zero: float) -> Keyframes | None:
         sequence, name = self._config.sequence, self._joints[index].name
-        if sequence is None:
+        if not sequence.complete:
             return None
         named = [self._config.poses[pose].get(name) for pose in sequence.poses]
         known = [position for position in named if position is not None]

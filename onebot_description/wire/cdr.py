@@ -11,7 +11,6 @@ own deserialisation, which knows every encoding.
 """
 
 import struct
-from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -193,82 +192,38 @@ def decode_tf(data: bytes) -> TfArrays:
     return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
 
 
-class TfTemplate:
-    """A TFMessage of fixed frames, of which only the stamp and the numbers change.
+class Writer:
+    """Writes one CDR message from its start.
 
     Attributes:
-        parents: parent frame of each transform, N of them.
-        children: child frame of each.
-        stamps_at: (N,) where the stamps lie in the message, in bytes.
-        values_at: (N,) where the seven numbers begin.
+        data: what is written so far, from the encapsulation on.
+        mask: as long as ``data``: 255 where something is written, 0 where bytes are left out or
+            pad.
     """
 
-    def __init__(self, parents: Sequence[str], children: Sequence[str]) -> None:
-        """Write the bytes that never change and remember where the others lie."""
-        self.parents, self.children = tuple(parents), tuple(children)
-        body = bytearray(_U32.pack(len(self.children)))
-        stamps, values = [], []
-        for parent, child in zip(self.parents, self.children, strict=True):
-            body += bytes(-len(body) % 4)
-            stamps.append(len(body))
-            body += bytes(_STAMP.size)
-            for name in (parent, child):
-                body += bytes(-len(body) % 4)
-                body += pack_string(name)
-            body += bytes(-len(body) % 8)
-            values.append(len(body))
-            body += bytes(8 * DOUBLES_PER_TRANSFORM)
-        # Four spare bytes before the encapsulation bring the body, and so every double, to its own
-        # alignment; four more than needed behind it let the whole be viewed as doubles.
-        room = np.zeros((2 * _BODY + len(body) + 7) // 8 * 8, np.uint8)
-        room[_BODY : 2 * _BODY + len(body)] = np.frombuffer(ENCAPSULATION + bytes(body), np.uint8)
-        self._message = room[_BODY : 2 * _BODY + len(body)]
-        self._words, self._doubles = room.view("<u4"), room.view("<f8")
-        self.stamps_at = _BODY + np.array(stamps, np.intp)
-        self.values_at = _BODY + np.array(values, np.intp)
-        self._stamps = _slots(stamps, 4, 2)
-        self._values = _slots(values, 8, DOUBLES_PER_TRANSFORM)
+    def __init__(self) -> None:
+        """Write the encapsulation."""
+        self.data, self.mask = bytearray(), bytearray()
+        self._put(ENCAPSULATION)
 
-    def fill(self, stamp: bytes, values: Floats) -> bytes:
-        """Return the serialized message.
+    def u32(self, number: int) -> None:
+        """Write an unsigned 32-bit number."""
+        self.leave_out(0, 4)
+        self._put(_U32.pack(number))
 
-        Args:
-            stamp: eight bytes, seconds and nanoseconds as on the wire (see ``pack_stamp``).
-            values: (N, 7): translation x y z in metres, rotation x y z w.
-        """
-        self._words[self._stamps] = np.frombuffer(stamp, "<u4")
-        self._doubles[self._values] = values
-        return self._message.tobytes()
+    def string(self, text: str) -> None:
+        """Write a string."""
+        encoded = text.encode()
+        self.u32(len(encoded) + 1)
+        self._put(encoded + b"\x00")
 
-    @property
-    def address(self) -> int:
-        """Where the message lies in memory, as long as this object lives."""
-        return int(self._message.ctypes.data)
+    def leave_out(self, size: int, alignment: int) -> int:
+        """Leave out ``size`` bytes at a multiple of ``alignment``; return where they begin."""
+        pad = -(len(self.data) - _BODY) % alignment
+        self.data += bytes(pad + size)
+        self.mask += bytes(pad + size)
+        return len(self.data) - size
 
-    @property
-    def size(self) -> int:
-        """Of the message, in bytes."""
-        return len(self._message)
-
-
-def pack_stamp(stamp_ns: int) -> bytes:
-    """Return a builtin_interfaces/Time as it lies on the wire."""
-    return _STAMP.pack(*divmod(stamp_ns, NANO))
-
-
-def unpack_stamp(stamp: bytes) -> int:
-    """Return the nanoseconds of a builtin_interfaces/Time as it lies on the wire."""
-    seconds, nanoseconds = _STAMP.unpack(stamp)
-    return int(seconds * NANO + nanoseconds)
-
-
-def pack_string(text: str) -> bytes:
-    """Return a string as it lies on the wire: at a multiple of 4 from the body's start."""
-    encoded = text.encode()
-    return _U32.pack(len(encoded) + 1) + encoded + b"\x00"
-
-
-def _slots(offsets: list[int], size: int, count: int) -> NDArray[np.intp]:
-    """(N, count) indices, into the room as ``size``-byte items, of what lies at ``offsets``."""
-    first = (np.array(offsets, np.intp) + 2 * _BODY) // size
-    return first[:, None] + np.arange(count)
+    def _put(self, data: bytes) -> None:
+        self.data += data
+        self.mask += b"\xff" * len(data)

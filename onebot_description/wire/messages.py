@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import array
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -22,14 +22,9 @@ from onebot_description.wire.cdr import (
     TfArrays,
     WireError,
     nanoseconds,
-    unpack_stamp,
 )
 from onebot_description.wire.repeated import JointStateReader, TfReader
 from onebot_description.wire.tf_message import TFMessage
-
-if TYPE_CHECKING:
-    from onebot_description.wire.state_converter import Transforms
-
 
 # CDR bytes to numbers, for what drives: Odometry, Twist and TwistStamped.
 
@@ -134,10 +129,18 @@ def joint_state_arrays(message: JointState) -> JointStateArrays:
     )
 
 
-def to_message(transforms: Transforms) -> TFMessage:
-    """Return transforms as a TFMessage of ordinary objects."""
-    stamp = time_message(unpack_stamp(transforms.stamp))
-    template = transforms.plan.template
+def transforms_message(
+    stamp_ns: int, parents: Sequence[str], children: Sequence[str], values: Floats
+) -> TFMessage:
+    """Return transforms as a TFMessage.
+
+    Args:
+        stamp_ns: of all of them.
+        parents: parent frame of each, N of them.
+        children: child frame of each.
+        values: (N, 7): translation x y z in metres, rotation x y z w.
+    """
+    stamp = time_message(stamp_ns)
     return TFMessage(
         transforms=[
             TransformStamped(
@@ -149,7 +152,7 @@ def to_message(transforms: Transforms) -> TFMessage:
                 ),
             )
             for parent, child, (x, y, z, qx, qy, qz, qw) in zip(
-                template.parents, template.children, transforms.values.tolist(), strict=True
+                parents, children, values.tolist(), strict=True
             )
         ]
     )

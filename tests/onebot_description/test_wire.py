@@ -6,17 +6,14 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from hypothesis import given
 from hypothesis import strategies as st
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import (
-    TfTemplate,
     WireError,
     decode_joint_state,
     decode_tf,
-    pack_stamp,
-    unpack_stamp,
 )
 from onebot_description.wire.tf_message import TFMessage
 
@@ -61,17 +58,6 @@ def _stamped(stamp, edge):
 
 
 @given(stamps, st.lists(edges, max_size=5))
-def test_template_writes_what_rclpy_reads(stamp, edges):
-    """A filled template deserialises to the TFMessage of ordinary objects, bit by bit."""
-    template = TfTemplate([edge[0] for edge in edges], [edge[1] for edge in edges])
-    numbers = np.array([edge[2] for edge in edges]).reshape(-1, 7)
-    packed = pack_stamp(stamp[0] * 10**9 + stamp[1])
-    message = deserialize_message(template.fill(packed, numbers), TFMessage)
-    expected = TFMessage(transforms=[_stamped(stamp, edge) for edge in edges])
-    assert repr(message) == repr(expected)  # repr, since NaN differs from itself
-
-
-@given(stamps, st.lists(edges, max_size=5))
 def test_tf_reads_as_rclpy_wrote_it(stamp, edges):
     """Frames, stamps and numbers of a TFMessage survive."""
     data = serialize_message(TFMessage(transforms=[_stamped(stamp, edge) for edge in edges]))
@@ -99,10 +85,3 @@ def test_big_endian_is_left_to_rclpy():
     """The encapsulation of big-endian CDR is not read as if it were little-endian."""
     with pytest.raises(WireError):
         decode_joint_state(b"\0\0\0\0" + bytes(40))
-
-
-@given(stamps)
-def test_stamps_survive(stamp):
-    """pack_stamp and unpack_stamp are inverse."""
-    nanoseconds = stamp[0] * 10**9 + stamp[1]
-    assert unpack_stamp(pack_stamp(nanoseconds)) == nanoseconds
