@@ -1,11 +1,11 @@
-"""Reading ROS 2 parameter YAML as rcl does, but remembering the line of every parameter.
+"""ROS 2 parameter files: read as rcl reads them, with the line of every parameter, and watched.
 
-rcl reads the file only once, when the process starts, and its errors name neither the parameter nor
-the remedy. Reading it again, while the node runs, is ours.
+rcl reads a file only once, when the process starts, and its errors name neither the parameter nor
+the remedy. Reading it again, while the node runs, is ours. What the parameters may be is the
+business of the dataclass that describes them, see ``reader``.
 """
 
 import functools
-import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,8 +15,13 @@ from typing import Any
 import yaml  # type: ignore[import-untyped, unused-ignore]
 
 from onebot_description.errors import listing
-from onebot_description.joints.config import DEFAULTS, GROUPS, unknown_parameters
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import (
+    ConfigError,
+    Problem,
+    defaults,
+    is_parameter,
+    unknown_parameters,
+)
 
 _MARK = "ros__parameters"
 _TRUE = {"y", "Y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"}
@@ -31,26 +36,24 @@ _INT64 = range(-(2**63), 2**63)
 
 @dataclass
 class Parameters:
-    """Parameters of one node.
+    """Parameters that files hold for one node."""
 
-    Attributes:
-        values: dotted name to value.
-        places: dotted name to where it was written, such as ``joints.yaml:7``.
-        shared: names written in a section for several nodes (one with a wildcard).
-        sections: the node names that the file has sections for.
-    """
-
-    values: dict[str, Any] = field(default_factory=dict)
-    places: dict[str, str] = field(default_factory=dict)
-    shared: set[str] = field(default_factory=set)
-    sections: list[str] = field(default_factory=list)
+    values: dict[str, Any] = field(default_factory=dict)  # by dotted name
+    places: dict[str, str] = field(default_factory=dict)  # where each was written: joints.yaml:7
+    shared: set[str] = field(default_factory=set)  # names in a section for several nodes
+    sections: list[str] = field(default_factory=list)  # node names that the files have
 
     def update(self, later: "Parameters") -> None:
-        """Add another file's, which come first where both name a parameter."""
+        """Add another file's, which override where both name a parameter."""
         self.values.update(later.values)
         self.places.update(later.places)
         self.shared = (self.shared - later.values.keys()) | later.shared
         self.sections += later.sections
+
+    def drop_shared(self, unknown: Callable[[Iterable[str]], list[Problem]]) -> None:
+        """Drop what ``unknown`` finds in sections of several nodes: it is meant for another."""
+        for problem in unknown(self.shared):
+            del self.values[problem.key], self.places[problem.key]
 
 
 def read_parameters(text: str, name: str, node: str) -> Parameters:
@@ -123,7 +126,7 @@ class _File:
         """Gather the parameters of each section; those of one name are put together."""
         for key, value in self._pairs(node):
             if key.value == _MARK:
-                shared = "*" in path
+                shared = path.rpartition("/")[2] in ("*", "**")
                 parameters = Parameters()
                 self._parameters(value, "", parameters)
                 parameters.shared = set(parameters.values) if shared else set()
@@ -223,22 +226,26 @@ def _double(text: str) -> float | None:
     return float(text) if _DOUBLE.fullmatch(text) else None
 
 
-# The parameter files of one node, read as one.
+# The parameter files of one node, read as one --------------------------------------------------
 
 
-def read_files(files: Iterable[Path], node: str) -> Parameters:
-    """Read what ``files`` say to ``node``; later files come first.
+def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
+    """Read the parameters that ``files`` hold for ``node``; later files override.
 
     Unknown parameters in a section shared by several nodes are taken to be for another one.
+
+    Args:
+        files: parameter files.
+        node: full name of the node.
+        kind: the dataclass of its parameters.
 
     Raises:
         ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
     """
     found = Parameters()
     for file in files:
-        found.update(read_parameters(_text(file), str(file), node))
-    for name in unknown_parameters(found.shared):
-        del found.values[name], found.places[name]
+        found.update(read_parameters(read_text(file), str(file), node))
+    found.drop_shared(lambda names: unknown_parameters(kind, names))
     return found
 
 
@@ -251,7 +258,8 @@ def silence(parameters: Parameters, files: Iterable[Path], node: str) -> str | N
     return f"{names} says nothing to {node}, only to {listing(sections)}"
 
 
-def _text(file: Path) -> str:
+def read_text(file: Path) -> str:
+    """Return a file's text; one that cannot be read is a ConfigError."""
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -259,28 +267,33 @@ def _text(file: Path) -> str:
         raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
 
 
-# Parameter files that count while the node runs, not only when it starts.
+# Parameter files that count while the node runs, not only when it starts ------------------------
 
-# They say where to look, and setting them while the node runs is to look elsewhere.
+# They name files, so that setting them while the node runs is to read others.
 _SOURCES = ("config_file", "robot_description")
 
 
 class LiveParameters:
-    """What the parameter files say to one node, now and when they are next saved.
+    """The parameters that files hold for one node, now and when they are next saved.
 
-    Saving makes every parameter as the files say: what they do not name goes back to its default,
-    also if it was set while the node ran. Only what the command line has set stays.
+    Saving makes every parameter as the files have it: what they do not name goes back to its
+    default, also if it was set while the node ran. Only what the command line has set stays.
     """
 
-    def __init__(self, files: Sequence[Path], node: str) -> None:
-        """Read ``files`` for ``node``, its full name; later files come first.
+    def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
+        """Read the files.
+
+        Args:
+            files: later ones override.
+            node: full name of the node.
+            kind: the dataclass of its parameters.
 
         Raises:
             ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
         """
         self._files = tuple(files)
         self._extra: tuple[Path, ...] = ()
-        self._node = node
+        self._node, self._kind = node, kind
         self._pinned: dict[str, Any] = {}
         self.file = self.read()
 
@@ -328,17 +341,22 @@ class LiveParameters:
         Raises:
             ConfigError: as above.
         """
-        return read_files(self.files, self._node)
+        return read_files(self.files, self._node, self._kind)
 
     def changes(self, file: Parameters, current: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what to set, None to unset, for ``current`` to be as ``file`` says."""
-        wanted = {**DEFAULTS, **file.values, **self._pinned}
+        """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
+        usual = {n: value for n, value in defaults(self._kind).items() if n not in _SOURCES}
+        wanted = {**usual, **file.values, **self._pinned}
         changes = {
             name: value
             for name, value in wanted.items()
             if name not in current or not _same(current[name], value)
         }
-        gone = [name for name in current if name.split(".")[0] in GROUPS and name not in wanted]
+        gone = [
+            name
+            for name in current
+            if name not in wanted and name not in _SOURCES and is_parameter(self._kind, name)
+        ]
         return {**changes, **dict.fromkeys(gone)}
 
     def overruled(self, file: Parameters) -> list[str]:
@@ -355,53 +373,3 @@ class LiveParameters:
 
 def _same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and bool(one == other)
-
-
-# Noticing that files were saved, at the price of a few stat calls.
-
-Signature = tuple[int, int, int] | None
-
-
-class FileWatch:
-    """Tells when any of some files has been saved and has come to rest.
-
-    It looks at the files by name, so that an editor may write a new file and rename it over the old
-    one. A file counts as saved once two looks in a row find it the same, because an editor may also
-    empty it and then fill it.
-    """
-
-    def __init__(self, files: Iterable[Path]) -> None:
-        """Watch ``files`` from their present state on; none need exist."""
-        self._known = {file: _signature(file) for file in files}
-        self._last = dict(self._known)
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files watched."""
-        return tuple(self._known)
-
-    def watch(self, files: Iterable[Path]) -> None:
-        """Watch these files instead; those already watched keep their state."""
-        wanted = list(files)
-        self._known = {file: self._known.get(file, _signature(file)) for file in wanted}
-        self._last = {file: self._last.get(file, self._known[file]) for file in wanted}
-
-    def saved(self) -> list[Path]:
-        """Return the files saved since the last call; a file that is gone is not saved."""
-        saved = []
-        for file, last in self._last.items():
-            now = _signature(file)
-            if now == last and now != self._known[file]:
-                self._known[file] = now
-                if now is not None:
-                    saved.append(file)
-            self._last[file] = now
-        return saved
-
-
-def _signature(file: Path) -> Signature:
-    try:
-        status = os.stat(file)
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size, status.st_ino

@@ -150,7 +150,7 @@ def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
     recording = open_recording(save=tmp_path / "x.rrd")
     live = LiveView(recording.stream, view)
     live.set_description(ARM)
-    with pytest.raises(OneBotError, match="not XML"):
+    with pytest.raises(OneBotError, match="malformed XML"):
         live.set_description(ARM[:-5])
     assert live.robot is not None and live.robot.name == "arm"
     recording.close()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.files import (
     plain_value,
     read_files,
@@ -137,7 +138,7 @@ def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: 
     one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
     one.write_text("/**:\n  ros__parameters: {rate: 5, publish_frequency: 1.0}\n")
     two.write_text("/jsp:\n  ros__parameters: {rate: 6, rates: 7}\n")
-    found = read_files([one, two], "/jsp")
+    found = read_files([one, two], "/jsp", JointsConfig)
     assert found.values == {"rate": 6, "rates": 7}
     assert found.places["rate"] == f"{two}:2"
 
@@ -147,7 +148,7 @@ def test_files_that_say_nothing_to_the_node_are_told(tmp_path: Path) -> None:
     file = tmp_path / "one.yaml"
     file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")
     node = "/joint_state_publisher"
-    remark = silence(read_files([file], node), [file], node)
+    remark = silence(read_files([file], node, JointsConfig), [file], node)
     assert remark is not None
     assert "says nothing to /joint_state_publisher, only to /joint_state_publishr" in remark
 
@@ -155,4 +156,4 @@ def test_files_that_say_nothing_to_the_node_are_told(tmp_path: Path) -> None:
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
     """By name."""
     with pytest.raises(ConfigError, match="nothing.yaml: cannot be read: No such file"):
-        read_files([tmp_path / "nothing.yaml"], "/jsp")
+        read_files([tmp_path / "nothing.yaml"], "/jsp", JointsConfig)
