@@ -8,6 +8,7 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
+from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_control.parameters import default_control_file
 from onebot_control.velocity_controller import VelocityController
@@ -105,3 +106,10 @@ def test_steering_page(start: Callable[..., Node]) -> None:
     assert float_range(found["rate"]) == (5.0, 100.0)
     (port,) = found["port"].integer_range
     assert (port.from_value, port.to_value) == (0, 65535)
+
+
+def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:
+    """All are read when it starts."""
+    found = described(start(BagRecorder, folder=tmp_path / "run"))
+    assert set(found) == {"folder", "topics", "compression"}
+    assert all(one.read_only for one in found.values())
