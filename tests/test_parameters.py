@@ -8,13 +8,19 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
+from onebot_bringup.bags.bag_recorder import BagRecorder
+from onebot_bringup.steering.steering_page import SteeringPage
+from onebot_control.parameters import default_control_file
+from onebot_control.velocity_controller import VelocityController
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.node import RosArguments
 from onebot_description.robot_state_publisher import RobotStatePublisher
+from tests.ros_support import ros_args
 
 # rclpy's own, of every node.
 OTHERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
 MRM = Path("mrm_description/urdf/mrm.xacro")
 
 
@@ -24,8 +30,7 @@ def start(ros_domain: int) -> Iterator[Callable[..., Node]]:
     nodes: list[Node] = []
 
     def make(build: Callable[[], Node], **parameters: Any) -> Node:
-        words = [word for n, v in parameters.items() for word in ("-p", f"{n}:={v}")]
-        rclpy.init(args=["--ros-args", *words])
+        rclpy.init(args=ros_args(**parameters))
         nodes.append(build())
         return nodes[0]
 
@@ -74,3 +79,37 @@ def test_joint_state_publisher(start: Callable[..., Node]) -> None:
     new = rclpy.parameter.Parameter(f"zeros.{joint}", value=0.1)
     assert node.set_parameters([new])[0].successful
     assert "rests" in described(node)[f"zeros.{joint}"].description
+
+
+def test_velocity_controller(start: Callable[..., Node]) -> None:
+    """What is read at the start only is read-only; no range where NaN is "no limit"."""
+    arguments = RosArguments((default_control_file(),))
+    node = start(lambda: VelocityController(str(ONEBOT), arguments), x=1)
+    found = described(node)
+    read_only = {name for name, one in found.items() if one.read_only}
+    names = {"left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"}
+    assert read_only == {*names, "update_rate"}
+    assert float_range(found["publish_rate"]) == (0.0, 10_000.0)
+    (window,) = found["velocity_rolling_window_size"].integer_range
+    assert window.from_value == 1
+    assert not found["linear.x.max_velocity"].floating_point_range
+    assert "NaN: no limit" in found["linear.x.max_velocity"].additional_constraints
+    assert "one of auto, Twist" in found["cmd_vel_type"].additional_constraints
+    assert node.get_parameter("left_wheel_names").value == ["left_wheel_joint"]
+    assert node.get_parameter("x").value == 1
+
+
+def test_steering_page(start: Callable[..., Node]) -> None:
+    """All are read when it starts; a rate of 20 is as good as 20.0."""
+    found = described(start(SteeringPage, port=0, open_browser="false", rate=20))
+    assert all(one.read_only for one in found.values())
+    assert float_range(found["rate"]) == (5.0, 100.0)
+    (port,) = found["port"].integer_range
+    assert (port.from_value, port.to_value) == (0, 65535)
+
+
+def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:
+    """All are read when it starts."""
+    found = described(start(BagRecorder, folder=tmp_path / "run"))
+    assert set(found) == {"folder", "topics", "compression"}
+    assert all(one.read_only for one in found.values())

@@ -81,7 +81,7 @@ def _probable_modules(command: Bringup, argv: Sequence[str]) -> list[str]:
 def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
     # Only now: while this is imported, the preloaded interpreters import as well.
     from onebot_bringup.launch.description_watcher import Known
-    from onebot_description.description import load_description, published_urdf
+    from onebot_description.description import load_description
     from onebot_description.description.xacro import included_files, xacro_arguments
     from onebot_description.file_watch import file_states
 
@@ -93,7 +93,8 @@ def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
     model = given.get("model", command.model)
     of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:
-        print(help_text(command, declared, of_model.arguments, complete=arguments.help))
+        ours = [Argument(*argument) for argument in of_model.arguments]
+        print(help_text(command, declared, ours, complete=arguments.help))
         return 0
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
@@ -102,13 +103,10 @@ def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
     _check_files(values, own)
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
-    urdf = published_urdf(description)
-    known = Known.of(urdf, description.files, before)
+    known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        make = NodeFactory(
-            Path(folder), values, description, urdf, for_xacro, arguments.ros_args, known
-        )
+        make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
         return launcher.run(
             _nodes(make),
             started_message=summary_text(description, values),

@@ -100,7 +100,7 @@ class DescriptionUpdates:
             self._load()
 
     def _load(self) -> None:
-        from onebot_description.description import load_description, published_urdf
+        from onebot_description.description import load_description
         from onebot_description.description.xacro import included_files
 
         try:
@@ -111,7 +111,7 @@ class DescriptionUpdates:
             self._watch.watch((*self._watch.files, *included_files(self._model)))
             return
         self._watch.watch(description.files)
-        self._send(published_urdf(description))
+        self._send(description.urdf)
 
     def _send(self, urdf: str) -> None:
         from rcl_interfaces.srv import SetParameters
