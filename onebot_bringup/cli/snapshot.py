@@ -36,9 +36,9 @@ from onebot_description.joints.limits import zero_position
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED, SENSOR, STATIC_TF
-from onebot_description.wire.cdr import TfArrays
 from onebot_description.wire.messages import (
     BAD_MESSAGE,
+    TfArrays,
     deserialize_message,
     one_joint_state,
     tf_arrays,

@@ -12,7 +12,7 @@ from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_description.errors import OneBotError
-from onebot_description.wire.cdr import TfArrays
+from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.viewer_support import (
     ARM,
     BLUE,

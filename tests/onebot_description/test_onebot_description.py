@@ -21,7 +21,7 @@ from onebot_description.description import Description, load_description, read_d
 from onebot_description.description.description import Cylinder, Mesh, Sphere
 from onebot_description.description.packages import package_share
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.wire.cdr import TfArrays
+from onebot_description.wire.messages import TfArrays
 from tests.support_rendering import colored, pixels, require_renderer
 
 SHARE = package_share("onebot_description")
