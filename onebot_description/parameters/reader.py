@@ -43,6 +43,9 @@ Values = Mapping[str, Any]
 REQUIRED = MISSING
 """The default of a parameter that must be given."""
 
+MAX_PORT = 65535
+"""The greatest number of a TCP port."""
+
 _RULE = "onebot parameter"  # of a field's metadata
 # Parameters that rclpy declares on every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
