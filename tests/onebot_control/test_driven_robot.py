@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from onebot_control.drive import Drive, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
@@ -21,7 +21,7 @@ from tests.onebot_control.control_support import (
 LIMITS = {"linear_x_max_acceleration": 0.5, "angular_z_max_acceleration": 1.0}
 
 
-def run(drive: Drive, linear: float, angular: float, cycles: int) -> Snapshot:
+def run(drive: DrivenRobot, linear: float, angular: float, cycles: int) -> Snapshot:
     """Command the same in each cycle."""
     for _ in range(cycles):
         drive.accept(linear, angular)
@@ -91,7 +91,7 @@ def test_broadcaster_chooses_orders_and_adds() -> None:
 
 def test_simulated_robot_drives_as_told() -> None:
     """In PyBullet: 0.2 m/s for 5 s with gentle limits ends where it should, by odom and truth."""
-    drive = Drive.of(robot(), config(x=1.0, y=2.0, yaw=0.0, **LIMITS))
+    drive = DrivenRobot.of(robot(), config(x=1.0, y=2.0, yaw=0.0, **LIMITS))
     snapshot = run(drive, 0.2, 0.0, 500)
     # It takes 0.4 s to speed up, which costs half of 0.2 m/s times 0.4 s (and one step's grid).
     expected = 0.2 * 5.0 - 0.2 * 0.2 * 1.0
@@ -105,7 +105,7 @@ def test_same_commands_give_the_same_bits() -> None:
     """Two runs of one sequence agree in every bit of state, odometry and truth."""
 
     def once() -> list[bytes]:
-        drive = Drive.of(robot(), config(**LIMITS))
+        drive = DrivenRobot.of(robot(), config(**LIMITS))
         log = []
         for cycle in range(200):
             if cycle % 7 == 0:
@@ -122,7 +122,7 @@ def test_same_commands_give_the_same_bits() -> None:
 
 def test_replaced_robot_stands_where_the_old_one_stood() -> None:
     """Another description is taken up in place: truth and odometry stay."""
-    drive = Drive.of(robot(), config(**LIMITS))
+    drive = DrivenRobot.of(robot(), config(**LIMITS))
     before = run(drive, 0.3, 0.5, 200).odometry
     truth = drive.true_pose
     shape = '<sphere radius="0.07"/>'
@@ -141,7 +141,7 @@ def test_onebot_drives_by_its_own_control_yaml() -> None:
     file = default_control_file()
     values = read_control_files([file], "/", "velocity_controller").values
     model = package_share("onebot_description") / "urdf" / "onebot.urdf.xacro"
-    drive = Drive.of(load_description(model), ControlConfig.from_parameters(values))
+    drive = DrivenRobot.of(load_description(model), ControlConfig.from_parameters(values))
     assert len(drive.broadcaster.names) == 4
     snapshot = run(drive, 0.2, 0.3, 500)
     way = 0.2 * 5.0
