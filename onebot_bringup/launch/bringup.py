@@ -178,7 +178,7 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
             Path(folder), values, description, urdf, for_xacro, arguments.ros_args, known
         )
         return Launcher(
-            _nodes(make),
+            nodes_to_start(make),
             name=robot.program,
             started_message=summary_text(description, values),
             temporary=[Path(folder)],
@@ -186,7 +186,7 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
         ).run()
 
 
-def _nodes(make: NodeFactory) -> list[Node]:
+def nodes_to_start(make: NodeFactory) -> list[Node]:
     """Return the nodes to start, the first one first."""
     values = make.values
     # The recorder first, so that it misses as little of the others as can be.

@@ -48,11 +48,12 @@ def test_soft_limits_that_leave_no_range_are_refused() -> None:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_limits_are_needed(kind: str) -> None:
+@pytest.mark.parametrize("missing", [("lower",), ("upper",), ("lower", "upper")])
+def test_limits_are_needed(kind: str, missing: tuple[str, ...]) -> None:
     """The message is that of the standard node."""
     text = f'Limits must be specified for joint "j12" of type "{kind}"'
     with pytest.raises(ConfigError, match=text):
-        joint_limits([joint("j12", kind, lower=None, upper=None)], {})
+        joint_limits([joint("j12", kind, **dict.fromkeys(missing))], {})
 
 
 def test_no_joints_have_no_limits() -> None:
@@ -62,8 +63,87 @@ def test_no_joints_have_no_limits() -> None:
 
 @pytest.mark.parametrize(
     ("lower", "upper", "zero"),
-    [(-1.0, 1.0, 0.0), (0.0, 1.0, 0.0), (1.0, 2.0, 1.5), (-3.0, -1.0, -2.0)],
+    [(-1.0, 1.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 2.0, 1.5), (-3.0, -1.0, -2.0)],
 )
 def test_joints_rest_at_zero_or_mid_range(lower: float, upper: float, zero: float) -> None:
     """The middle only if 0 is out of range."""
     assert zero_position(lower, upper) == zero
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_limits_may_leave_a_single_position(kind: str) -> None:
+    """Soft and hard limits that meet are no contradiction; a hair beyond they are."""
+    one = joint("a", kind)
+    limits = joint_limits([one], {"a": (1.0, 5.0)})
+    assert (limits.lower.tolist(), limits.upper.tolist()) == ([1.0], [1.0])
+    limits = joint_limits([one], {"a": (-5.0, -1.0)})
+    assert (limits.lower.tolist(), limits.upper.tolist()) == ([-1.0], [-1.0])
+    with pytest.raises(ConfigError, match=r"limits \[-1, 1\] and soft limits \[1.5, 5\]"):
+        joint_limits([one], {"a": (1.5, 5.0)})
+
+
+def test_one_sided_soft_limits_leave_the_other_side() -> None:
+    """Each side for itself, and each joint for itself."""
+    soft = {"a": (-0.5, math.inf), "b": (-math.inf, 0.5)}
+    limits = joint_limits([joint("a"), joint("b"), joint("c")], soft)
+    assert limits.lower.tolist() == [-0.5, -1.0, -1.0]
+    assert limits.upper.tolist() == [1.0, 0.5, 1.0]
+
+
+def test_a_continuous_joint_has_speed_alone() -> None:
+    """Soft limits, and what a limit says, do not end its turning."""
+    one = joint("a", "continuous", lower=-1.0, upper=1.0)
+    limits = joint_limits([one], {"a": (-0.5, 0.5)})
+    assert (limits.lower.tolist(), limits.upper.tolist()) == ([-math.inf], [math.inf])
+    assert limits.velocity.tolist() == [0.5]
+
+
+def test_speed_limits() -> None:
+    """None is no limit, zero is one, and below zero there is none."""
+    joints = [
+        joint(name, velocity=value) for name, value in zip("abc", (None, 0.0, -1.0), strict=True)
+    ]
+    assert joint_limits(joints, {}).velocity.tolist() == [math.inf, 0.0, 0.0]
+
+
+def test_every_joint_without_limits_is_reported() -> None:
+    """At once, also where only one end is missing."""
+    joints = [joint("a", lower=None), joint("b"), joint("c", upper=None)]
+    with pytest.raises(ConfigError) as caught:
+        joint_limits(joints, {})
+    assert [name in str(caught.value) for name in ('"a"', '"b"', '"c"')] == [True, False, True]
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", ""])
+def test_soft_limits_are_finite(text: str) -> None:
+    """Either of them."""
+    for name, written in (("soft_lower_limit", "-0.5"), ("soft_upper_limit", "0.25")):
+        with pytest.raises(ConfigError, match=f'{name}="{text}" of its safety_controller is no'):
+            soft_limits(URDF.replace(f'"{written}"', f'"{text}"'))
+
+
+def test_copied_limits_are_independent() -> None:
+    """Narrowing the copy changes nothing else."""
+    limits = joint_limits([joint("a")], {})
+    copy = limits.copy()
+    assert (copy.lower[0], copy.upper[0], copy.velocity[0]) == (-1.0, 1.0, 0.5)
+    copy.lower[0], copy.upper[0], copy.velocity[0] = 0.0, 0.0, 0.0
+    assert (limits.lower[0], limits.upper[0], limits.velocity[0]) == (-1.0, 1.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "zero"),
+    [(-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-math.inf, math.inf, 0.0), (1e-9, 1.0, 0.5 + 5e-10)],
+)
+def test_zero_at_the_edge_is_in_range(lower: float, upper: float, zero: float) -> None:
+    """Beyond it the middle is taken."""
+    assert zero_position(lower, upper) == pytest.approx(zero, abs=1e-15)
+
+
+def test_soft_limits_that_leave_one_position_are_accepted() -> None:
+    """The joint stands there; every joint that has none left is named."""
+    limits = joint_limits([joint("a")], {"a": (0.5, 0.5)})
+    assert (limits.lower[0], limits.upper[0]) == (0.5, 0.5)
+    with pytest.raises(ConfigError) as caught:
+        joint_limits([joint("a"), joint("b"), joint("c")], {"a": (0.5, 0.4), "c": (2.0, 9.0)})
+    assert [line.split('"')[1] for line in str(caught.value).splitlines()] == ["a", "c"]
