@@ -40,7 +40,6 @@ from onebot_description.description import (
     Description,
     load_description,
     parse_description,
-    published_urdf,
 )
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
@@ -75,7 +74,7 @@ class RobotStatePublisher(Node):
         """
         super().__init__("robot_state_publisher")
         self._warn = Throttled(self.get_logger().warning)
-        given = {} if description is None else {"robot_description": published_urdf(description)}
+        given = {} if description is None else {"robot_description": description.urdf}
         self._values = declare(self, StateParameters, fixed=given)
         self._settings = read(StateParameters, self._values)
         self._tf = self.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
@@ -116,7 +115,7 @@ class RobotStatePublisher(Node):
         self._model = RobotModel.from_description(self._accepted)
         for warning in self._accepted.warnings:
             self.get_logger().warning(warning)
-        self._description.publish(String(data=published_urdf(self._accepted)))
+        self._description.publish(String(data=self._accepted.urdf))
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         changes = {one.name: one.value for one in parameters if one.name in self._values}

@@ -8,6 +8,8 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
+from onebot_control.parameters import default_control_file
+from onebot_control.velocity_controller import VelocityController
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.node import RosArguments
@@ -15,6 +17,7 @@ from onebot_description.robot_state_publisher import RobotStatePublisher
 
 # rclpy's own, of every node.
 OTHERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
 MRM = Path("mrm_description/urdf/mrm.xacro")
 
 
@@ -74,3 +77,21 @@ def test_joint_state_publisher(start: Callable[..., Node]) -> None:
     new = rclpy.parameter.Parameter(f"zeros.{joint}", value=0.1)
     assert node.set_parameters([new])[0].successful
     assert "rests" in described(node)[f"zeros.{joint}"].description
+
+
+def test_velocity_controller(start: Callable[..., Node]) -> None:
+    """What is read at the start only is read-only; no range where NaN is "no limit"."""
+    arguments = RosArguments((default_control_file(),))
+    node = start(lambda: VelocityController(str(ONEBOT), arguments), x=1)
+    found = described(node)
+    read_only = {name for name, one in found.items() if one.read_only}
+    names = {"left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"}
+    assert read_only == {*names, "update_rate"}
+    assert float_range(found["publish_rate"]) == (0.0, 10_000.0)
+    (window,) = found["velocity_rolling_window_size"].integer_range
+    assert window.from_value == 1
+    assert not found["linear.x.max_velocity"].floating_point_range
+    assert "NaN: no limit" in found["linear.x.max_velocity"].additional_constraints
+    assert "one of auto, Twist" in found["cmd_vel_type"].additional_constraints
+    assert node.get_parameter("left_wheel_names").value == ["left_wheel_joint"]
+    assert node.get_parameter("x").value == 1

@@ -17,7 +17,7 @@ from onebot_bringup.viewer.displays.tf import TIMELINE
 from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.topics import wanted_topics
 from onebot_bringup.viewer.view_config import ViewConfig, load_view, view_for
-from onebot_description.description.description import Robot, read_robot
+from onebot_description.description import Description, read_description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.wire.messages import (
     BAD_MESSAGE,
@@ -90,11 +90,11 @@ class RobotTopics:
         return {full: name for full, name in wanted.items() if full in self._types}
 
 
-def robot_of(bag: Bag, names: RobotTopics) -> Robot | None:
+def robot_of(bag: Bag, names: RobotTopics) -> Description | None:
     """Return the robot by its first description, if that can be read."""
     for message in bag.messages(names.descriptions[:1]):
         with suppress(OneBotError, ValueError):  # it is complained of when it is shown
-            return read_robot(text_of(message))
+            return read_description(text_of(message), DESCRIPTION)
     return None
 
 
@@ -215,7 +215,7 @@ class BagFeed:
             if number > 1:
                 self._warn(f"{number} messages of {topic} were left out")
         robot = self._live.robot
-        return Shown(robot.name if robot is not None else "", count, seconds)
+        return Shown(robot.robot_name if robot is not None else "", count, seconds)
 
     def _tick(self) -> None:
         sentences = self._live.tick(self._stamp(0))
@@ -343,10 +343,10 @@ def log_bag(
     elif not names.descriptions:
         warn(f"{bag.source} holds no {DESCRIPTION}: showing the frames without the robot")
     robot = robot_of(bag, names)
-    view = view or (view_for(robot.name) if robot is not None else None)
+    view = view or (view_for(robot.robot_name) if robot is not None else None)
     if robot is not None and not frame_prefix:
         frames = frames_of(bag, names)
-        frame_prefix = frame_prefix_of(robot.root, robot.links, frames, names.space)
+        frame_prefix = frame_prefix_of(robot.root_link, robot.link_names, frames, names.space)
     config, blueprint = ViewConfig(), None
     if view is not None and view.suffix == ".rbl":
         blueprint = view

@@ -29,16 +29,16 @@ from onebot_bringup.viewer.display_server import open_recording, program
 from onebot_bringup.viewer.displays.tf import FrameTree
 from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view, view_for
-from onebot_description.description import Description
-from onebot_description.description.description import Robot, Vector, read_robot
+from onebot_description.description import Description, read_description
+from onebot_description.description.description import Triple
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.joints.limits import zero_position
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED, SENSOR, STATIC_TF
-from onebot_description.wire.cdr import TfArrays
 from onebot_description.wire.messages import (
     BAD_MESSAGE,
+    TfArrays,
     deserialize_message,
     one_joint_state,
     tf_arrays,
@@ -48,7 +48,7 @@ from onebot_description.wire.tf_message import TFMessage
 # A camera as it is written on a command line: ``x,y,z`` or ``x,y,z:tx,ty,tz``.
 
 
-def parse_camera(text: str) -> tuple[Vector, Vector | None]:
+def parse_camera(text: str) -> tuple[Triple, Triple | None]:
     """Return eye and target, metres in the fixed frame; no target if only the eye is given.
 
     Raises:
@@ -61,7 +61,7 @@ def parse_camera(text: str) -> tuple[Vector, Vector | None]:
     return found
 
 
-def _vector(text: str, whole: str) -> Vector:
+def _vector(text: str, whole: str) -> Triple:
     try:
         x, y, z = (float(word) for word in text.split(","))
     except ValueError:
@@ -311,7 +311,7 @@ class HeardRobot:
             OneBotError: there is no robot, it is broken, or links have no place; says which.
         """
         robot = self._description()
-        view = choose_view(asked_view, robot.name)
+        view = choose_view(asked_view, robot.robot_name)
         wanted = view.config.fixed_frame
         self._await_frames(robot, wanted)
         config, problems = view.config, []
@@ -347,14 +347,14 @@ class HeardRobot:
         live.finish(_NOW_NS)
         return problems
 
-    def _description(self) -> Robot:
+    def _description(self) -> Description:
         topic = self._session.full_name("robot_description")
         if not self._session.look_for(lambda: self._urdf, f"a robot on {topic}"):
             raise OneBotError(
                 f"no robot is running: nothing on {topic}{self._elsewhere()}; start one "
                 "(onebot_bringup), or name its URDF or xacro file"
             )
-        return read_robot(self._urdf)
+        return read_description(self._urdf, "robot_description")
 
     def _elsewhere(self) -> str:
         """Say where descriptions are published, if in other namespaces."""
@@ -369,7 +369,7 @@ class HeardRobot:
         space = there[0].rpartition("/")[0] or "/"
         return f" (there: {listing(there)}; --ros-args -r __ns:={space} goes there)"
 
-    def _await_frames(self, robot: Robot, fixed_frame: str) -> None:
+    def _await_frames(self, robot: Description, fixed_frame: str) -> None:
         def placed() -> bool:
             return not self._missing(robot) and (not fixed_frame or self._known(fixed_frame))
 
@@ -381,13 +381,13 @@ class HeardRobot:
         if missing:
             raise OneBotError(self._hint(robot, missing))
 
-    def _missing(self, robot: Robot) -> list[str]:
+    def _missing(self, robot: Description) -> list[str]:
         """Frames of links that nothing connects with the frame of the root link."""
-        top = self._frames.top(self._prefix + robot.root)
-        frames = [self._prefix + link for link in robot.links]
+        top = self._frames.top(self._prefix + robot.root_link)
+        frames = [self._prefix + link for link in robot.link_names]
         return [frame for frame in frames if self._frames.top(frame) != top]
 
-    def _hint(self, robot: Robot, missing: list[str]) -> str:
+    def _hint(self, robot: Description, missing: list[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
         if not self._frames.edges:
             return (
@@ -395,11 +395,11 @@ class HeardRobot:
                 "or the simulation is paused"
             )
         prefixes = {
-            name[: -len(robot.root)]
+            name[: -len(robot.root_link)]
             for name in self._frames.names
-            if name.endswith(robot.root) and name != self._prefix + robot.root
+            if name.endswith(robot.root_link) and name != self._prefix + robot.root_link
         }
-        if prefixes and len(missing) >= len(robot.links) - 1:
+        if prefixes and len(missing) >= len(robot.link_names) - 1:
             return f"{text}; try --frame-prefix {listing(prefixes)}"
         if not self._joints:
             joints = self._session.full_name("joint_states")
@@ -478,7 +478,7 @@ def record_pose(
         What could not be drawn, a sentence each.
     """
     model = RobotModel.from_description(description)
-    if view.fixed_frame not in description.links:
+    if view.fixed_frame not in description.link_names:
         view = replace(view, fixed_frame="")
     recording = open_recording(save=rrd)
     try:

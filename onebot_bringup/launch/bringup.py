@@ -26,7 +26,7 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.interpreter import Standby
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.process import Node
-from onebot_description.description import Description, load_description, published_urdf
+from onebot_description.description import Description, load_description
 from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.file_watch import file_states
@@ -161,7 +161,8 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
     model = given.get("model", robot.model)
     of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:
-        print(help_text(robot, declared, of_model.arguments, complete=arguments.help))
+        ours = [Argument(*argument) for argument in of_model.arguments]
+        print(help_text(robot, declared, ours, complete=arguments.help))
         return 0
     if not model:
         raise UsageError(f"{robot.program} needs a file, a URDF or xacro")
@@ -170,13 +171,10 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
     _check_files(values, own)
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
-    urdf = published_urdf(description)
-    known = Known.of(urdf, description.files, before)
+    known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        make = NodeFactory(
-            Path(folder), values, description, urdf, for_xacro, arguments.ros_args, known
-        )
+        make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
         return Launcher(
             nodes_to_start(make),
             name=robot.program,

@@ -24,7 +24,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_description.description import load_description, published_urdf
+from onebot_description.description import load_description
 from onebot_description.description.xacro import included_files
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import FileState, FileWatch, file_states
@@ -116,7 +116,7 @@ class DescriptionUpdate(Node):
             self._watch.watch((*self._watch.files, *included_files(self._model)))
             return
         self._watch.watch(description.files)
-        self._send(published_urdf(description))
+        self._send(description.urdf)
 
     def _send(self, urdf: str) -> None:
         digest = digest_of(urdf)

@@ -1,5 +1,6 @@
 """The viewer's layout: the robot on its grid, curves beside it, quiet panels."""
 
+import contextlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,12 +21,13 @@ from onebot_description.description.description import (
     Box,
     Capsule,
     Cylinder,
+    Description,
     Geometry,
     Sphere,
-    Vector,
+    Triple,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.model.quaternions import to_matrix
+from onebot_description.model.quaternions import from_rpy, to_matrix
 
 # How large the robot is, so that the first view shows all of it.
 
@@ -41,8 +43,8 @@ def corners(geometry: Geometry) -> Floats:
     low, high = _extent(geometry)
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     local = np.where(grid == 1, high, low)
-    turned = np.asarray(local @ to_matrix(np.asarray(geometry.rotation)).T, np.float64)
-    moved: Floats = turned + np.array(geometry.translation)
+    turned = np.asarray(local @ to_matrix(from_rpy(geometry.origin.rpy)).T, np.float64)
+    moved: Floats = turned + np.array(geometry.origin.xyz)
     return moved
 
 
@@ -62,30 +64,28 @@ def _extent(geometry: Geometry) -> tuple[Floats, Floats]:
     return -half, half
 
 
-def robot_bounds(geometries: tuple[Geometry, ...], poses: Mapping[str, Floats]) -> Floats | None:
+def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Floats | None:
     """Return the (2, 3) box around all visuals, metres, in the fixed frame.
 
     Args:
-        geometries: what is drawn.
+        description: the robot.
         poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
     """
     points = []
-    for geometry in geometries:
-        if geometry.kind != "visual" or geometry.link not in poses:
+    for link in description.links:
+        if link.name not in poses:
             continue
-        try:
-            local = corners(geometry)
-        except OneBotError:
-            continue  # said when it was drawn
-        pose = poses[geometry.link]
-        points.append(local @ pose[:3, :3].T + pose[:3, 3])
+        pose = poses[link.name]
+        for geometry in link.visuals:
+            with contextlib.suppress(OneBotError):  # reported when it was drawn
+                points.append(corners(geometry) @ pose[:3, :3].T + pose[:3, 3])
     if not points:
         return None
     cloud = np.concatenate(points)
     return np.array([cloud.min(axis=0), cloud.max(axis=0)])
 
 
-def fitting_eye(bounds: Floats) -> tuple[Vector, Vector]:
+def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:
     """Return eye and target, metres, from which the whole box is seen, from front left above."""
     center = bounds.mean(axis=0)
     radius = max(float(np.linalg.norm(bounds[1] - bounds[0])) / 2, 0.01)
@@ -95,7 +95,7 @@ def fitting_eye(bounds: Floats) -> tuple[Vector, Vector]:
     return _vector(eye), _vector(center)
 
 
-def _vector(values: Floats) -> Vector:
+def _vector(values: Floats) -> Triple:
     x, y, z = (round(float(value), 4) for value in values)
     return x, y, z
 
@@ -106,8 +106,8 @@ ROBOT_VIEW = "Robot"
 def make_blueprint(
     view: ViewConfig,
     fixed_frame: str,
-    eye: Vector | None = None,
-    target: Vector | None = None,
+    eye: Triple | None = None,
+    target: Triple | None = None,
     grid_spacing: float = 1.0,
     follow: str | None = None,
 ) -> rrb.Blueprint:
@@ -130,8 +130,8 @@ def make_blueprint(
 def _robot_view(
     view: ViewConfig,
     fixed_frame: str,
-    eye: Vector | None,
-    target: Vector | None,
+    eye: Triple | None,
+    target: Triple | None,
     grid_spacing: float,
     follow: str | None,
 ) -> rrb.Spatial3DView:

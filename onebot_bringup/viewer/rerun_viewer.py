@@ -386,8 +386,8 @@ class RerunViewer(Node):
             self.get_logger().warning(problem)
         robot = self._live.robot
         assert robot is not None
-        self.get_logger().info(f'showing "{robot.name}" ({len(robot.links)} links)')
-        self._view.take_view_of(robot.name)
+        self.get_logger().info(f'showing "{robot.robot_name}" ({len(robot.links)} links)')
+        self._view.take_view_of(robot.robot_name)
 
     def _on_tf_static(self, data: bytes) -> None:
         try:

@@ -27,7 +27,7 @@ from onebot_bringup.viewer.view_config import (
     TrailView,
     ViewConfig,
 )
-from onebot_description.description.description import Robot, read_robot
+from onebot_description.description import Description, read_description
 from onebot_description.errors import did_you_mean, listing
 from onebot_description.wire.messages import OdometrySample, TwistSample
 
@@ -98,36 +98,36 @@ class Standing:
         self._missing: list[str] = []
         self._missing_of: tuple[object, ...] = ()  # what that was found out for
 
-    def fixed_frame(self, robot: Robot, wanted: str) -> str:
+    def fixed_frame(self, robot: Description, wanted: str) -> str:
         """Return the frame to show ``robot`` in: ``wanted``, or else the one above its root."""
-        return self.known_as(robot, wanted) or self._frames.top(self._frame_of(robot.root))
+        return self.known_as(robot, wanted) or self._frames.top(self._frame_of(robot.root_link))
 
-    def known_as(self, robot: Robot, wanted: str) -> str:
+    def known_as(self, robot: Description, wanted: str) -> str:
         """Return the name by which a frame is known, also with the prefix; "" if it is not."""
         if not wanted:
             return ""
-        heard, links = self._frames.names, robot.links
+        heard, links = self._frames.names, robot.link_names
         if wanted in heard or wanted in map(self._frame_of, links):
             return wanted
         prefixed = self._frame_of(wanted)
         return prefixed if prefixed in heard or wanted in links else ""
 
-    def missing(self, robot: Robot, fixed_frame: str) -> list[str]:
+    def missing(self, robot: Description, fixed_frame: str) -> list[str]:
         """Return the frames of links that nothing connects with ``fixed_frame``."""
         what = (self._frames.version, robot, fixed_frame)
         if what != self._missing_of:
             top = self._frames.top(fixed_frame)
-            frames = map(self._frame_of, robot.links)
+            frames = map(self._frame_of, robot.link_names)
             self._missing = [frame for frame in frames if self._frames.top(frame) != top]
             self._missing_of = what
         return self._missing
 
-    def is_whole(self, robot: Robot, wanted: str) -> bool:
+    def is_whole(self, robot: Description, wanted: str) -> bool:
         """Whether every link is there, and ``robot`` is shown in the frame ``wanted``, if any."""
         as_wanted = not wanted or bool(self.known_as(robot, wanted))
         return as_wanted and not self.missing(robot, self.fixed_frame(robot, wanted))
 
-    def problems(self, robot: Robot, wanted: str) -> list[str]:
+    def problems(self, robot: Description, wanted: str) -> list[str]:
         """Return what is not as it should be, a sentence each."""
         found = []
         fixed_frame = self.fixed_frame(robot, wanted)
@@ -163,14 +163,14 @@ class ShownFrames:
         self._retired: set[str] = set()
         self._retired_at = clock()
 
-    def retire(self, before: Robot | None, now: Robot) -> None:
+    def retire(self, before: Description | None, now: Description) -> None:
         """Hide the frames of links that are no more."""
         frame_of = self._scene.frame_of
-        old = set() if before is None else set(map(frame_of, before.links))
-        self._retired = old - set(map(frame_of, now.links))
+        old = set() if before is None else set(map(frame_of, before.link_names))
+        self._retired = old - set(map(frame_of, now.link_names))
         self._retired_at = self._clock()
         self._transforms.forget(self._retired)
-        self._scene.hide_frames(self._retired, frame_of(now.root))
+        self._scene.hide_frames(self._retired, frame_of(now.root_link))
 
     def show(self) -> None:
         """Draw new frames, but not those that only a straggling message still names."""
@@ -234,7 +234,7 @@ class Layout:
         """Send the next layout whatever it is."""
         self._sent = None
 
-    def update(self, robot: Robot, fit: Fit, *, send: bool = True) -> bool:
+    def update(self, robot: Description, fit: Fit, *, send: bool = True) -> bool:
         """Make the layout for ``robot`` anew if it has to change; True if it did.
 
         Never otherwise: it would undo what the user has arranged and turned meanwhile.
@@ -256,11 +256,11 @@ class Layout:
             self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
         return True
 
-    def _made(self, robot: Robot, fit: Fit) -> rrb.Blueprint:
-        links = {self._scene.frame_of(link): link for link in robot.links}
+    def _made(self, robot: Description, fit: Fit) -> rrb.Blueprint:
+        links = {self._scene.frame_of(link): link for link in robot.link_names}
         poses = self._frames.poses(links, fit.fixed_frame)
         by_link = {links[frame]: pose for frame, pose in poses.items()}
-        bounds = robot_bounds(robot.geometries, by_link)
+        bounds = robot_bounds(robot, by_link)
         eye = target = None
         spacing = 1.0
         if bounds is not None:
@@ -268,26 +268,26 @@ class Layout:
             self.size = float(np.linalg.norm(bounds[1] - bounds[0]))
             spacing = 1.0 if self.size > 1.0 else 0.1
         follow = fit.view.camera.follow
-        entity = self._scene.entity_of(follow) if follow in robot.links else None
+        entity = self._scene.entity_of(follow) if follow in robot.link_names else None
         return make_blueprint(
             _worth_showing(fit, robot), fit.fixed_frame, eye, target, spacing, entity
         )
 
-    def fitting_length(self, robot: Robot) -> float:
+    def fitting_length(self, robot: Description) -> float:
         """Return how long axes should be, metres; 0 before the robot's size is known.
 
         Long enough to come out of a few big links, short enough for many small ones.
         """
-        crowd = len(robot.links) ** 0.7
+        crowd = len(robot.link_names) ** 0.7
         return round(0.55 * self.size / crowd, 3) if crowd else 0.0
 
 
-def _worth_showing(fit: Fit, robot: Robot) -> ViewConfig:
+def _worth_showing(fit: Fit, robot: Description) -> ViewConfig:
     """The view without plots that would stay empty."""
     plot = fit.view.joint_plot
     plot = replace(
         plot,
-        positions=plot.positions and robot.moves,
+        positions=plot.positions and any(joint.kind != "fixed" for joint in robot.joints),
         velocities=plot.velocities and fit.velocities,
     )
     return replace(fit.view, joint_plot=plot)
@@ -327,7 +327,7 @@ class LiveView:
         self._own_layout = True
         self._clock = clock
         self._changed = clock()
-        self._robot: Robot | None = None
+        self._robot: Description | None = None
         self._complaints = Complaints(clock)
         self.frames = FrameTree()
         axes = self._view.axes
@@ -379,20 +379,20 @@ class LiveView:
         if self._robot is None:
             return []
         self._changed = self._clock()
-        axes, home = view.axes, self._scene.frame_of(self._robot.root)
+        axes, home = view.axes, self._scene.frame_of(self._robot.root_link)
         self._scene.set_axes(axes.names, axes.frames, home)
         self._show_limits()
         return self._wrong_names(self._robot)
 
-    def _wrong_names(self, robot: Robot) -> list[str]:
+    def _wrong_names(self, robot: Description) -> list[str]:
         follow = self._view.camera.follow
-        if not follow or follow in robot.links:
+        if not follow or follow in robot.link_names:
             return []
-        known = did_you_mean(follow, robot.links, "links")
+        known = did_you_mean(follow, robot.link_names, "links")
         return [f'camera.follow: the robot has no link "{follow}"{known}']
 
     @property
-    def robot(self) -> Robot | None:
+    def robot(self) -> Description | None:
         """The robot shown now."""
         return self._robot
 
@@ -416,13 +416,13 @@ class LiveView:
         Raises:
             DescriptionError: it is no URDF; the robot shown before stays.
         """
-        robot = read_robot(urdf)
+        robot = read_description(urdf, "robot_description")
         problems = self._scene.set_robot(robot)
         problems += self._wrong_names(robot)
-        self._limits.set_description(urdf)
+        self._limits.set_description(robot)
         self._shown_frames.retire(self._robot, robot)
-        if self._robot is None or robot.name != self._robot.name:
-            self._stream.send_recording_name(robot.name)
+        if self._robot is None or robot.robot_name != self._robot.robot_name:
+            self._stream.send_recording_name(robot.robot_name)
         self._robot = robot
         self._changed = self._clock()
         self._complaints.forget()
@@ -432,7 +432,7 @@ class LiveView:
     def _show_limits(self) -> None:
         assert self._robot is not None
         radius = self._layout.fitting_length(self._robot)
-        self._limits.show(self._view, self._robot.root, radius)
+        self._limits.show(self._view, self._robot.root_link, radius)
 
     def add_transforms(self, transforms: Transforms, *, static: bool = False) -> None:
         """Take in a message of /tf, or of /tf_static."""
@@ -486,7 +486,7 @@ class LiveView:
         self._joints.flush()
         self._drive.flush(self.fixed_frame)
 
-    def _lay_out(self, robot: Robot, complete: bool) -> None:
+    def _lay_out(self, robot: Description, complete: bool) -> None:
         """Send the layout once all frames are known, or do not come."""
         if not complete and self._clock() - self._changed < _PATIENCE:
             return

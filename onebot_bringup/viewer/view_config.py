@@ -33,7 +33,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from onebot_description.description.description import Vector
+from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError, did_you_mean
 
@@ -93,7 +93,7 @@ def topic(value: object, where: str) -> str:
     return value
 
 
-def vector(value: Any, where: str) -> Vector | None:
+def vector(value: Any, where: str) -> Triple | None:
     """Check three metres, or nothing."""
     if value is None or value == []:
         return None
@@ -172,8 +172,8 @@ class GridView:
 class CameraView:
     """Eye and target in the fixed frame, metres (None: chosen to fit); link to follow, or ""."""
 
-    eye: Vector | None = None
-    target: Vector | None = None
+    eye: Triple | None = None
+    target: Triple | None = None
     follow: str = ""
 
 

@@ -13,21 +13,18 @@ import ctypes
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from onebot_description.description.description import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import quaternions
 from onebot_description.wire.library import load_library
 
-if TYPE_CHECKING:
-    from onebot_description.description import Description, JointSpec
-
 Floats = NDArray[np.float64]
 
-MOVING_KINDS = ("revolute", "continuous", "prismatic")
 _POSE = 7  # numbers of a transform: translation x y z, rotation x y z w
 
 
@@ -102,15 +99,16 @@ class JointArrays:
         self.address = ctypes.addressof(self._structure)
 
     @classmethod
-    def of(cls, joints: Sequence["JointSpec"]) -> "JointArrays":
+    def of(cls, joints: Sequence[Joint]) -> "JointArrays":
         """Return the arrays of a description's joints."""
         count = len(joints)
-        rotation = quaternions.from_rpy(np.array([j.rpy for j in joints], float).reshape(count, 3))
+        rpy = np.array([joint.origin.rpy for joint in joints], float).reshape(count, 3)
+        rotation = quaternions.from_rpy(rpy)
         axis = np.array([joint.axis for joint in joints], float).reshape(count, 3)
         slides = np.array([joint.kind == "prismatic" for joint in joints], bool)
         turns = np.array([joint.kind in ("revolute", "continuous") for joint in joints], bool)
         pure = np.concatenate((axis, np.zeros((count, 1))), axis=1)
-        translation = np.array([joint.xyz for joint in joints], float).reshape(count, 3)
+        translation = np.array([joint.origin.xyz for joint in joints], float).reshape(count, 3)
         return cls(
             [joint.parent for joint in joints],
             [joint.child for joint in joints],
@@ -218,12 +216,12 @@ class RobotModel:
         velocity: (M,), speed limits in radians or metres a second; infinite where there is none.
     """
 
-    def __init__(self, description: "Description") -> None:
+    def __init__(self, description: Description) -> None:
         """Turn a checked description into arrays."""
         self.name = description.robot_name
         self.root_link = description.root_link
-        self.links = description.links
-        moving = [joint for joint in description.joints if joint.kind in MOVING_KINDS]
+        self.links = description.link_names
+        moving = description.moving_joints
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
         self.joints = tuple(joint.name for joint in moving)
         self.moving, self.fixed = JointArrays.of(moving), JointArrays.of(fixed)
@@ -234,7 +232,7 @@ class RobotModel:
         self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
 
     @classmethod
-    def from_description(cls, description: "Description") -> "RobotModel":
+    def from_description(cls, description: Description) -> "RobotModel":
         """Return the model of a checked description (see ``load_description``)."""
         return cls(description)
 
@@ -333,7 +331,7 @@ class RobotModel:
         return q
 
 
-def _limits(joints: Sequence["JointSpec"], limit: str, none: float) -> Floats:
+def _limits(joints: Sequence[Joint], limit: str, none: float) -> Floats:
     """One limit of each joint, ``none`` where there is none; continuous joints know only speed."""
     values = [
         None if joint.kind == "continuous" and limit != "velocity" else getattr(joint, limit)

@@ -50,6 +50,11 @@ class Parameters:
         self.shared = (self.shared - later.values.keys()) | later.shared
         self.sections += later.sections
 
+    def drop_shared(self, unknown: Callable[[Iterable[str]], list[Problem]]) -> None:
+        """Drop what ``unknown`` finds in sections of several nodes: it is meant for another."""
+        for problem in unknown(self.shared):
+            del self.values[problem.key], self.places[problem.key]
+
 
 def read_parameters(text: str, name: str, node: str) -> Parameters:
     """Read the parameters a file holds for one node.
@@ -240,8 +245,7 @@ def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
     found = Parameters()
     for file in files:
         found.update(read_parameters(read_text(file), str(file), node))
-    for problem in unknown_parameters(kind, found.shared):
-        del found.values[problem.key], found.places[problem.key]
+    found.drop_shared(lambda names: unknown_parameters(kind, names))
     return found
 
 

@@ -431,7 +431,7 @@ def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
     """
     problems = []
     for name in names:
-        if _of_every_node(name):
+        if is_of_every_node(name):
             continue
         try:
             _locate(_group(kind), name)
@@ -440,7 +440,8 @@ def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
     return problems
 
 
-def _of_every_node(name: str) -> bool:
+def is_of_every_node(name: str) -> bool:
+    """Whether rclpy declares the parameter ``name`` on every node."""
     return name in _OF_EVERY_NODE or name.startswith(_OF_EVERY_NODE_PREFIXES)
 
 
@@ -527,7 +528,7 @@ class _Reading:
         """Sort ``flat`` by the fields they belong to."""
         tree: dict[str, Any] = {}
         for name, value in flat.items():
-            if _of_every_node(name):
+            if is_of_every_node(name):
                 continue
             try:
                 path, shape = _locate_field(_group(kind), name)
@@ -661,7 +662,8 @@ def declare(
     for name, default in first.items():
         _declare(node, name, default, descriptor(kind, name), ignore_override=name in (fixed or {}))
     found = {name: plain(node.get_parameter(name).value) for name in first}
-    return {name: value for name, value in found.items() if value is not None}
+    ours = {name: value for name, value in found.items() if is_parameter(kind, name)}
+    return {name: value for name, value in ours.items() if value is not None}
 
 
 def _declare(

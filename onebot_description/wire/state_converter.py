@@ -25,11 +25,11 @@ from onebot_description.wire.cdr import (
     DOUBLES_PER_TRANSFORM,
     STAMP,
     Floats,
-    JointStateArrays,
     Writer,
 )
 from onebot_description.wire.library import load_library
 from onebot_description.wire.messages import (
+    JointStateArrays,
     deserialize_message,
     joint_state_arrays,
     transforms_message,

@@ -10,7 +10,6 @@ import pytest
 
 from onebot_bringup.launch.bringup import environment
 from onebot_bringup.launch.description_watcher import digest_of
-from onebot_description.description import load_description, published_urdf
 from tests.onebot_bringup.bringup_support import MARK, Transforms, marked, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
 from tests.support import wait_for
@@ -106,19 +105,6 @@ def test_ros_arguments_reach_the_nodes(start: Start, transforms: Transforms) -> 
     running = start("--ros-args", "-r", "joint_states:=arm_states")
     wait_for_robot(running, transforms, "tip")
     stop(running)
-
-
-def test_relative_meshes_get_a_path_that_holds_anywhere(arm: Path) -> None:
-    """The text on robot_description has no folder that a relative path could start from."""
-    urdf = published_urdf(load_description(arm))
-    assert str(arm.parent / "tip.stl") in urdf
-
-
-def test_a_description_without_relative_paths_is_published_as_it_is(arm: Path) -> None:
-    """Nothing is changed without need; package:// stays as it is."""
-    arm.write_text(ARM.replace("tip.stl", str(arm.parent / "tip.stl")))
-    description = load_description(arm)
-    assert published_urdf(description) == description.urdf
 
 
 def test_digests_tell_texts_apart() -> None:

@@ -65,7 +65,7 @@ def make(arm: Path) -> Make:
         nodes.mkdir(exist_ok=True)
         values = checked_values(declared, given)
         arguments = {"height": "2.0"}
-        return NodeFactory(nodes, values, description, "<urdf/>", arguments, ros_args, known)
+        return NodeFactory(nodes, values, description, arguments, ros_args, known)
 
     return factory
 
@@ -170,7 +170,7 @@ def test_every_node_gets_the_common_arguments(make: Make) -> None:
 def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
     """As text, with all that the launch arguments say of transforms."""
     assert parameters(make(False).robot_state_publisher()) == {
-        "robot_description": "<urdf/>",
+        "robot_description": make.description.urdf,
         "frame_prefix": "",
         "publish_frequency": 0.0,
         "ignore_timestamp": False,
@@ -202,7 +202,7 @@ def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> No
         "x": 1.0,
         "y": -2.5,
         "yaw": 0.5,
-        "robot_description": "<urdf/>",
+        "robot_description": make.description.urdf,
         "tf_frame_prefix_enable": True,
         "tf_frame_prefix": "r/",
         "update_rate": 200,

@@ -7,7 +7,7 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.tf import FrameTree, TransformStream
 from onebot_bringup.viewer.robot_view import ShownFrames
 from onebot_bringup.viewer.scene import Scene
-from onebot_description.description.description import read_robot
+from onebot_description.description import parse_description
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
@@ -121,7 +121,7 @@ def shown(tmp_path: Path) -> _Shown:
     """Frames of both links of the first robot are shown, and then it is replaced."""
     shown = _Shown(tmp_path / "x.rrd")
     shown.receive("old")
-    old, new = (read_robot(ROBOT.format(link, link)) for link in ("old", "new"))
+    old, new = (parse_description(ROBOT.format(link, link)) for link in ("old", "new"))
     shown.frames.retire(None, old)
     shown.receive("old")
     shown.frames.retire(old, new)
@@ -156,7 +156,7 @@ def test_whoever_names_it_later_means_it(shown: _Shown) -> None:
 def test_another_robot_within_the_second_is_waited_for_anew(shown: _Shown) -> None:
     """What it has no more is hidden, and what was hidden before may be there again."""
     shown.now += 0.9
-    old, new = (read_robot(ROBOT.format(link, link)) for link in ("old", "new"))
+    old, new = (parse_description(ROBOT.format(link, link)) for link in ("old", "new"))
     shown.receive("new")
     shown.frames.retire(new, old)
     shown.now += 0.9

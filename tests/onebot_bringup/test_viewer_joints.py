@@ -14,14 +14,14 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_limits import (
     RangeMarks,
     hand_strips,
-    read_ranges,
+    limited_joints,
     scale_strips,
 )
 from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
 from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.description import load_description
+from onebot_description.description import load_description, read_description
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import ARM, START_NS, transforms
 from tests.support_rendering import colored, pixels, require_renderer
@@ -36,22 +36,25 @@ TURNING = ARM.replace('type="prismatic"', 'type="revolute"').replace('"0 1 0"', 
 
 
 def _joint(body: str, kind="revolute"):
-    return read_ranges(
-        f'<robot name="r"><joint name="j" type="{kind}"><parent link="a"/><child link="b"/>'
-        f"{body}</joint></robot>"
+    body = body.replace("<limit", '<limit effort="1" velocity="1"')
+    return limited_joints(
+        read_description(
+            f'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="{kind}">'
+            f'<parent link="a"/><child link="b"/>{body}</joint></robot>',
+            "robot_description",
+        )
     )
 
 
 def test_ranges_are_those_of_the_urdf():
     """MRM's joint: its limits, axis and place; OneBot's wheels have none."""
-    mrm = load_description("mrm_description/urdf/mrm.xacro").urdf
-    [joint] = read_ranges(mrm)
+    [joint] = limited_joints(load_description("mrm_description/urdf/mrm.xacro"))
     assert (joint.name, joint.kind) == ("base_link__link_01", "revolute")
     assert (joint.parent, joint.child) == ("base_link", "link1")
     assert (joint.lower, joint.upper) == (-3.14, 3.14)
-    assert joint.xyz == (0.0, 0.0, 0.5) and joint.axis == (0.0, 0.0, 1.0)
-    onebot = load_description("onebot_description/urdf/onebot.urdf.xacro").urdf
-    assert read_ranges(onebot) == ()
+    assert joint.origin.xyz == (0.0, 0.0, 0.5) and joint.axis == (0.0, 0.0, 1.0)
+    onebot = load_description("onebot_description/urdf/onebot.urdf.xacro")
+    assert limited_joints(onebot) == ()
 
 
 @pytest.mark.parametrize(
@@ -111,7 +114,7 @@ def _moved(joint, points, position):
         points = points @ rotation_matrix(position, joint.axis)[:3, :3].T
     else:
         points = points + position * np.array(joint.axis)
-    return points @ euler_matrix(*joint.rpy)[:3, :3].T + np.array(joint.xyz)
+    return points @ euler_matrix(*joint.origin.rpy)[:3, :3].T + np.array(joint.origin.xyz)
 
 
 @settings(max_examples=50)
@@ -188,7 +191,7 @@ def test_a_whole_turn_is_a_closed_circle(span):
 def test_what_a_joint_leaves_out_has_urdf_s_default():
     """The axis is x, the origin the parent's, a limit 0; the axis gets unit length."""
     [joint] = _joint('<limit upper="1"/>')
-    assert (joint.xyz, joint.rpy, joint.axis) == ((0, 0, 0), (0, 0, 0), (1, 0, 0))
+    assert (joint.origin.xyz, joint.origin.rpy, joint.axis) == ((0, 0, 0), (0, 0, 0), (1, 0, 0))
     assert (joint.lower, joint.upper) == (0.0, 1.0)
     [joint] = _joint('<limit lower="-1"/><axis xyz="0 -3 4"/>', "prismatic")
     assert joint.axis == pytest.approx((0.0, -0.6, 0.8)) and joint.upper == 0.0

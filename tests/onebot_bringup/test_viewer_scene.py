@@ -12,7 +12,7 @@ from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import LiveView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_description.errors import OneBotError
-from onebot_description.wire.cdr import TfArrays
+from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.viewer_support import (
     ARM,
     BLUE,
@@ -150,7 +150,7 @@ def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
     recording = open_recording(save=tmp_path / "x.rrd")
     live = LiveView(recording.stream, view)
     live.set_description(ARM)
-    with pytest.raises(OneBotError, match="not XML"):
+    with pytest.raises(OneBotError, match="malformed XML"):
         live.set_description(ARM[:-5])
     assert live.robot is not None and live.robot.name == "arm"
     recording.close()

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from onebot_description.wire.cdr import TfArrays
+from onebot_description.wire.messages import TfArrays
 
 ORANGE = (255, 107, 10)
 BLUE = (26, 76, 230)

@@ -4,15 +4,9 @@ import math
 
 import pytest
 
-from onebot_description.joints.limits import joint_limits, movable, soft_limits, zero_position
+from onebot_description.joints.limits import joint_limits, movable, zero_position
 from onebot_description.parameters.reader import ConfigError
 from tests.onebot_description.joints_support import joint
-
-URDF = """<robot name="r">
-  <joint name="a"><safety_controller soft_lower_limit="-0.5" soft_upper_limit="0.5"/></joint>
-  <joint name="b"><safety_controller k_velocity="1" soft_upper_limit="0.25"/></joint>
-  <joint name="c"/>
-</robot>"""
 
 
 def test_only_joints_with_one_position_move() -> None:
@@ -22,29 +16,21 @@ def test_only_joints_with_one_position_move() -> None:
     assert [j.name for j in movable(joints)] == ["prismatic", "continuous", "revolute"]
 
 
-def test_soft_limits_are_read() -> None:
-    """What is not given does not limit."""
-    assert soft_limits(URDF) == {"a": (-0.5, 0.5), "b": (-math.inf, 0.25)}
-
-
-def test_a_soft_limit_that_is_no_number_is_refused() -> None:
-    """The message names joint and attribute."""
-    with pytest.raises(ConfigError, match='joint "a": soft_lower_limit="x"'):
-        soft_limits(URDF.replace("-0.5", "x"))
-
-
-def test_the_smaller_limit_counts() -> None:
-    """Soft limits narrow hard ones and never widen them."""
-    limits = joint_limits([joint("a"), joint("b")], {"a": (-0.5, 5.0)})
-    assert limits.lower.tolist() == [-0.5, -1.0]
-    assert limits.upper.tolist() == [1.0, 1.0]
-    assert limits.velocity.tolist() == [0.5, 0.5]
+def test_soft_limits_narrow_hard_ones_where_asked() -> None:
+    """They never widen them, and one that is not given does not limit."""
+    joints = [joint("a", soft_lower=-0.5, soft_upper=5.0), joint("b"), joint("c", soft_upper=0.25)]
+    limits = joint_limits(joints, soft=True)
+    assert limits.lower.tolist() == [-0.5, -1.0, -1.0]
+    assert limits.upper.tolist() == [1.0, 1.0, 0.25]
+    assert limits.velocity.tolist() == [0.5, 0.5, 0.5]
+    hard = joint_limits(joints, soft=False)
+    assert hard.lower.tolist() == [-1.0] * 3 and hard.upper.tolist() == [1.0] * 3
 
 
 def test_soft_limits_that_leave_no_range_are_refused() -> None:
-    """The message says how to go on."""
+    """The message says what to change."""
     with pytest.raises(ConfigError, match="use_smallest_joint_limits to false"):
-        joint_limits([joint("a")], {"a": (2.0, 3.0)})
+        joint_limits([joint("a", soft_lower=2.0, soft_upper=3.0)], soft=True)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
@@ -53,12 +39,12 @@ def test_limits_are_needed(kind: str, missing: tuple[str, ...]) -> None:
     """The message is that of the standard node."""
     text = f'Limits must be specified for joint "j12" of type "{kind}"'
     with pytest.raises(ConfigError, match=text):
-        joint_limits([joint("j12", kind, **dict.fromkeys(missing))], {})
+        joint_limits([joint("j12", kind, **dict.fromkeys(missing))], soft=True)
 
 
 def test_no_joints_have_no_limits() -> None:
     """An empty robot gives empty arrays."""
-    assert joint_limits([], {}).lower.shape == (0,)
+    assert joint_limits([], soft=True).lower.shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -73,27 +59,27 @@ def test_joints_rest_at_zero_or_mid_range(lower: float, upper: float, zero: floa
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_limits_may_leave_a_single_position(kind: str) -> None:
     """Soft and hard limits that meet are no contradiction; a hair beyond they are."""
-    one = joint("a", kind)
-    limits = joint_limits([one], {"a": (1.0, 5.0)})
+    limits = joint_limits([joint("a", kind, soft_lower=1.0, soft_upper=5.0)], soft=True)
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([1.0], [1.0])
-    limits = joint_limits([one], {"a": (-5.0, -1.0)})
+    limits = joint_limits([joint("a", kind, soft_lower=-5.0, soft_upper=-1.0)], soft=True)
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([-1.0], [-1.0])
     with pytest.raises(ConfigError, match=r"limits \[-1, 1\] and soft limits \[1.5, 5\]"):
-        joint_limits([one], {"a": (1.5, 5.0)})
+        joint_limits([joint("a", kind, soft_lower=1.5, soft_upper=5.0)], soft=True)
 
 
 def test_one_sided_soft_limits_leave_the_other_side() -> None:
     """Each side for itself, and each joint for itself."""
-    soft = {"a": (-0.5, math.inf), "b": (-math.inf, 0.5)}
-    limits = joint_limits([joint("a"), joint("b"), joint("c")], soft)
+    joints = [joint("a", soft_lower=-0.5), joint("b", soft_upper=0.5), joint("c")]
+    limits = joint_limits(joints, soft=True)
     assert limits.lower.tolist() == [-0.5, -1.0, -1.0]
     assert limits.upper.tolist() == [1.0, 0.5, 1.0]
 
 
 def test_a_continuous_joint_has_speed_alone() -> None:
     """Soft limits, and what a limit says, do not end its turning."""
-    one = joint("a", "continuous", lower=-1.0, upper=1.0)
-    limits = joint_limits([one], {"a": (-0.5, 0.5)})
+    soft = {"soft_lower": -0.5, "soft_upper": 0.5}
+    one = joint("a", "continuous", lower=-1.0, upper=1.0, **soft)
+    limits = joint_limits([one], soft=True)
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([-math.inf], [math.inf])
     assert limits.velocity.tolist() == [0.5]
 
@@ -103,28 +89,20 @@ def test_speed_limits() -> None:
     joints = [
         joint(name, velocity=value) for name, value in zip("abc", (None, 0.0, -1.0), strict=True)
     ]
-    assert joint_limits(joints, {}).velocity.tolist() == [math.inf, 0.0, 0.0]
+    assert joint_limits(joints, soft=True).velocity.tolist() == [math.inf, 0.0, 0.0]
 
 
 def test_every_joint_without_limits_is_reported() -> None:
     """At once, also where only one end is missing."""
     joints = [joint("a", lower=None), joint("b"), joint("c", upper=None)]
     with pytest.raises(ConfigError) as caught:
-        joint_limits(joints, {})
+        joint_limits(joints, soft=True)
     assert [name in str(caught.value) for name in ('"a"', '"b"', '"c"')] == [True, False, True]
-
-
-@pytest.mark.parametrize("text", ["nan", "inf", "-inf", ""])
-def test_soft_limits_are_finite(text: str) -> None:
-    """Either of them."""
-    for name, written in (("soft_lower_limit", "-0.5"), ("soft_upper_limit", "0.25")):
-        with pytest.raises(ConfigError, match=f'{name}="{text}" of its safety_controller is no'):
-            soft_limits(URDF.replace(f'"{written}"', f'"{text}"'))
 
 
 def test_copied_limits_are_independent() -> None:
     """Narrowing the copy changes nothing else."""
-    limits = joint_limits([joint("a")], {})
+    limits = joint_limits([joint("a")], soft=True)
     copy = limits.copy()
     assert (copy.lower[0], copy.upper[0], copy.velocity[0]) == (-1.0, 1.0, 0.5)
     copy.lower[0], copy.upper[0], copy.velocity[0] = 0.0, 0.0, 0.0
@@ -142,8 +120,15 @@ def test_zero_at_the_edge_is_in_range(lower: float, upper: float, zero: float) -
 
 def test_soft_limits_that_leave_one_position_are_accepted() -> None:
     """The joint stands there; every joint that has none left is named."""
-    limits = joint_limits([joint("a")], {"a": (0.5, 0.5)})
+    limits = joint_limits([joint("a", soft_lower=0.5, soft_upper=0.5)], soft=True)
     assert (limits.lower[0], limits.upper[0]) == (0.5, 0.5)
     with pytest.raises(ConfigError) as caught:
-        joint_limits([joint("a"), joint("b"), joint("c")], {"a": (0.5, 0.4), "c": (2.0, 9.0)})
+        joint_limits(
+            [
+                joint("a", soft_lower=0.5, soft_upper=0.4),
+                joint("b"),
+                joint("c", soft_lower=2.0, soft_upper=9.0),
+            ],
+            soft=True,
+        )
     assert [line.split('"')[1] for line in str(caught.value).splitlines()] == ["a", "c"]

@@ -321,7 +321,7 @@ _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))
 
 
 class Transforms(Protocol):
-    """A TFMessage as arrays (``onebot_description.wire.cdr.TfArrays`` is one)."""
+    """A TFMessage as arrays (``onebot_description.wire.messages.TfArrays`` is one)."""
 
     @property
     def parents(self) -> list[str]: ...  # noqa: D102
