@@ -1,4 +1,4 @@
-"""ROS 2 parameter files: read as rcl reads them, with the line of every parameter, and watched.
+"""YAML files of parameters, with the line of each: ROS 2 parameter files as rcl reads them, others.
 
 rcl reads a file only once, when the process starts, and its errors name neither the parameter nor
 the remedy. Reading it again, while the node runs, is ours. What the parameters may be is the
@@ -88,9 +88,53 @@ def section_matches(section: str, node: str) -> bool:
     return re.fullmatch(expression, node) is not None
 
 
-class _File:
+class _Yaml:
+    """A YAML text, whose errors name file and line."""
+
     def __init__(self, name: str) -> None:
         self._name = name
+
+    def _compose(self, text: str) -> yaml.Node | None:
+        """Return the text's tree; None if it is empty."""
+        try:
+            if _FastLoader is not None:
+                try:
+                    return self._composed(text, _FastLoader)
+                except yaml.YAMLError:
+                    pass  # the other one's errors are clearer
+            return self._composed(text, yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            reason = " ".join(part for part in (error.context, error.problem) if part)
+            raise self._error(mark, f"no YAML: {reason}") from None
+        except yaml.YAMLError as error:
+            raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
+
+    def _composed(self, text: str, loader: Any) -> yaml.Node | None:
+        return yaml.compose(text, Loader=loader)
+
+    def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+        if not isinstance(node, yaml.MappingNode):
+            self._fail(node, f'"{node.value}" stands where a map belongs')
+        seen: dict[str, int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self._fail(key, "a name must be a plain word")
+            if key.value in seen:
+                self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
+            seen[key.value] = key.start_mark.line + 1
+        return list(node.value)
+
+    def _error(self, mark: Any, text: str) -> ConfigError:
+        place = f"{self._name}:{mark.line + 1}" if mark else self._name
+        return ConfigError([Problem("", f"{place}: {text}")])
+
+    def _fail(self, at: Any, text: str) -> Any:
+        raise self._error(at.start_mark, text)
+
+
+class _File(_Yaml):
+    """A ROS 2 parameter file."""
 
     def read(self, text: str) -> dict[str, Parameters]:
         root = self._compose(text)
@@ -100,21 +144,6 @@ class _File:
         elif root is not None:
             self._fail(root, "no map of node names")
         return sections
-
-    def _compose(self, text: str) -> yaml.Node | None:
-        try:
-            if _FastLoader is not None:
-                try:
-                    return self._composed(text, _FastLoader)
-                except yaml.YAMLError:
-                    pass  # the other one tells more of what is wrong
-            return self._composed(text, yaml.SafeLoader)
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            reason = " ".join(part for part in (error.context, error.problem) if part)
-            raise self._error(mark, f"no YAML: {reason}") from None
-        except yaml.YAMLError as error:
-            raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
 
     def _composed(self, text: str, loader: Any) -> yaml.Node | None:
         for event in yaml.parse(text, Loader=loader):
@@ -147,18 +176,6 @@ class _File:
                 found.values[name] = result
                 found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
 
-    def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
-        if not isinstance(node, yaml.MappingNode):
-            self._fail(node, f'"{node.value}" stands where a map belongs')
-        seen: dict[str, int] = {}
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                self._fail(key, "a name must be a plain word")
-            if key.value in seen:
-                self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
-            seen[key.value] = key.start_mark.line + 1
-        return list(node.value)
-
     def _value(self, name: str, node: yaml.Node) -> Any:
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(name, node)
@@ -186,13 +203,6 @@ class _File:
         if not text:
             self._fail(node, f"{name}: has no value")
         return plain_value(text)
-
-    def _error(self, mark: Any, text: str) -> ConfigError:
-        place = f"{self._name}:{mark.line + 1}" if mark else self._name
-        return ConfigError([Problem("", f"{place}: {text}")])
-
-    def _fail(self, at: Any, text: str) -> Any:
-        raise self._error(at.start_mark, text)
 
 
 def plain_value(text: str) -> bool | int | float | str:
@@ -224,6 +234,53 @@ def _double(text: str) -> float | None:
     if word:
         return float(word[1] + word[2])
     return float(text) if _DOUBLE.fullmatch(text) else None
+
+
+# Other YAML files: a map, of no node -------------------------------------------------------------
+
+
+def read_map(text: str, name: str) -> Parameters:
+    """Read a YAML file that is a map, such as a saved view, with the line of every entry.
+
+    Unlike a parameter file, it may have aliases, values that are null, and lists of anything.
+
+    Args:
+        text: the YAML.
+        name: of the file, for errors and places.
+
+    Returns:
+        The values, by dotted names; an empty map is a value.
+
+    Raises:
+        ConfigError: the YAML is broken, or no map.
+    """
+    return _Map(name).read(text)
+
+
+class _Map(_Yaml):
+    def read(self, text: str) -> Parameters:
+        self._loader, found = yaml.SafeLoader(""), Parameters()
+        root = self._compose(text)
+        if root is not None:
+            self._entries(root, "", found)
+        return found
+
+    def _entries(self, node: yaml.Node, prefix: str, found: Parameters) -> None:
+        for key, value in self._pairs(node):
+            name = prefix + key.value
+            if key.tag != "tag:yaml.org,2002:str":
+                self._fail(key, f'a name must be a text; write "{key.value}" in quotes')
+            if isinstance(value, yaml.MappingNode) and value.value:
+                self._entries(value, f"{name}.", found)
+                continue
+            found.values[name] = self._content(value)
+            found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
+
+    def _content(self, node: yaml.Node) -> Any:
+        try:
+            return self._loader.construct_object(node, deep=True)
+        except (yaml.YAMLError, ValueError) as error:
+            return self._fail(node, f"no YAML: {' '.join(str(error).split())}")
 
 
 # The parameter files of one node, read as one --------------------------------------------------

@@ -43,6 +43,9 @@ Values = Mapping[str, Any]
 REQUIRED = MISSING
 """The default of a parameter that must be given."""
 
+MAX_PORT = 65535
+"""The greatest number of a TCP port."""
+
 _RULE = "onebot parameter"  # of a field's metadata
 # Parameters that rclpy declares on every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -123,14 +126,13 @@ class Rule:
     @property
     def range(self) -> str:
         """The range in words, such as "above 0 and up to 1000"; empty for none."""
-        words = []
         if self.above is not None:
-            words.append(f"above {self.above:g}")
+            most = "" if self.at_most is None else f" and up to {self.at_most:g}"
+            return f"above {self.above:g}{most}"
         if self.at_least is not None:
-            words.append(f"from {self.at_least:g}")
-        if self.at_most is not None:
-            words.append(f"up to {self.at_most:g}")
-        return " and ".join(words) if self.above is not None else " ".join(words)
+            most = "" if self.at_most is None else f" to {self.at_most:g}"
+            return f"from {self.at_least:g}{most}"
+        return "" if self.at_most is None else f"up to {self.at_most:g}"
 
     def beyond(self, value: float) -> str:
         """Return on which side ``value`` is out of range; empty if it is within."""
@@ -579,7 +581,10 @@ class _Reading:
     def _missing(self, field: _Field, key: str) -> None:
         rule = field.shape.rule if isinstance(field.shape, _Leaf) else Rule()
         what = f", {rule.description}" if rule.description else ""
-        self.problems.append(Problem(key, f"has no {field.name}{what}"))
+        if key:  # the group's, because only what is written has a line
+            self.problems.append(Problem(key, f"has no {field.name}{what}"))
+        else:
+            self.problems.append(Problem(field.name, f"is missing{what}"))
 
     def _check(self, found: Iterable[Problem], prefix: str) -> None:
         """Take the problems that follow from no other."""

@@ -27,7 +27,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/speed_limiter.py": _control("speed_limiter"),
     "onebot_control/odometry.py": _control("kinematics", "odometry"),
     "onebot_control/diff_drive.py": _control("diff_drive"),
-    "onebot_control/drive.py": _control("drive", "fleet", "joint_state_broadcaster"),
+    "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
     "onebot_control/control_loop.py": _control("pacing", "control_loop"),
     "onebot_control/wheel_geometry.py": _control("geometry"),
     "onebot_control/poses.py": _control("frames", "simulation_values"),
@@ -71,7 +71,7 @@ EQUIVALENT = (
         "a deadline that nothing comes near",
     ),
     Equivalent(
-        "onebot_control/drive.py",
+        "onebot_control/driven_robot.py",
         "Drive.accept",
         "def accept(self, linear: float, angular: float, age: float = -1.0) -> str | None:",
         "an age below 0 counts as 0",

@@ -169,8 +169,9 @@ def test_every_node_gets_the_common_arguments(make: Make) -> None:
 
 def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
     """As text, with all that the launch arguments say of transforms."""
-    assert parameters(make(False).robot_state_publisher()) == {
-        "robot_description": make.description.urdf,
+    nodes = make(False)
+    assert parameters(nodes.robot_state_publisher()) == {
+        "robot_description": nodes.description.urdf,
         "frame_prefix": "",
         "publish_frequency": 0.0,
         "ignore_timestamp": False,
@@ -197,12 +198,13 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
 def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
     """Its own parameters override those of the file, which it reads from anywhere."""
     given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
-    node = make(**given).velocity_controller()
+    nodes = make(**given)
+    node = nodes.velocity_controller()
     assert parameters(node) == {
         "x": 1.0,
         "y": -2.5,
         "yaw": 0.5,
-        "robot_description": make.description.urdf,
+        "robot_description": nodes.description.urdf,
         "tf_frame_prefix_enable": True,
         "tf_frame_prefix": "r/",
         "update_rate": 200,

@@ -152,7 +152,7 @@ def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
     live.set_description(ARM)
     with pytest.raises(OneBotError, match="malformed XML"):
         live.set_description(ARM[:-5])
-    assert live.robot is not None and live.robot.name == "arm"
+    assert live.robot is not None and live.robot.robot_name == "arm"
     recording.close()
 
 

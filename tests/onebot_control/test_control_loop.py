@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from onebot_control.control_loop import ControlLoop
-from onebot_control.drive import Snapshot
+from onebot_control.driven_robot import Snapshot
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import IdealPlant, ideal_drive
 from tests.support import wait_for
@@ -53,17 +53,17 @@ def test_as_fast_as_possible_still_answers() -> None:
     """At a factor of 0 jobs are done between cycles."""
     with Run(simulated=True, factor=0.0) as run:
         for _ in range(20):
-            assert run.loop.call(lambda: run.loop.drive.ticks) >= 0
+            assert run.loop.call(lambda: run.loop.robot.ticks) >= 0
 
 
 def test_pause_and_step() -> None:
     """Paused, the robot's time stands still; each step is one cycle."""
     with Run(simulated=True) as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
-        ticks = run.loop.call(lambda: run.loop.drive.ticks)
+        ticks = run.loop.call(lambda: run.loop.robot.ticks)
         run.loop.call(run.loop.step)
         run.loop.call(run.loop.step)
-        assert run.loop.call(lambda: run.loop.drive.ticks) == ticks + 2
+        assert run.loop.call(lambda: run.loop.robot.ticks) == ticks + 2
         run.loop.call(lambda: setattr(run.loop, "paused", False))
         with pytest.raises(OneBotError, match="pause it first"):
             run.loop.call(run.loop.step)
@@ -73,9 +73,9 @@ def test_paused_on_the_systems_time_keeps_publishing() -> None:
     """Listeners get the standing robot with stamps of now."""
     with Run() as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
-        count, ticks = len(run.published), run.loop.drive.ticks
+        count, ticks = len(run.published), run.loop.robot.ticks
         wait_for(lambda: len(run.published) > count + 5, "messages while paused")
-        assert run.loop.drive.ticks == ticks
+        assert run.loop.robot.ticks == ticks
         stamps = [stamp for _, stamp in run.published]
         assert stamps == sorted(set(stamps))
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onebot_control.drive import Fleet
+from onebot_control.driven_robot import Fleet
 from onebot_control.poses import PlanarPose
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import config, robot

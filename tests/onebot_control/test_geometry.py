@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onebot_control.drive import geometry_of
+from onebot_control.driven_robot import geometry_of
 from onebot_control.wheel_geometry import (
     check_wheel_names,
     wheel_geometry,

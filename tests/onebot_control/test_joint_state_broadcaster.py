@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from onebot_control.drive import JointStateBroadcaster
+from onebot_control.driven_robot import JointStateBroadcaster
 from onebot_control.parameters import BroadcasterConfig
 from onebot_control.simulation import JointStates
 from onebot_description.parameters.reader import ConfigError

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from onebot_control.drive import Fleet
+from onebot_control.driven_robot import Fleet
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.simulation import Member, World
 from onebot_control.simulation.engine import engine
@@ -199,17 +199,17 @@ def test_a_fleet_drives_as_commanded_each_on_its_own():
     starts = [PlanarPose(), PlanarPose(2.0, 0.0, 1.5)]
     with Fleet(small_robot(), config(linear_x_max_acceleration=0.5), starts) as fleet:
         for _ in range(150):
-            fleet.drives[1].accept(0.2, 0.4)
+            fleet.robots[1].accept(0.2, 0.4)
             snapshots = fleet.cycle()
         resting, driving = snapshots
         assert resting.odometry == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         assert driving.twist == pytest.approx((0.2, 0.4), abs=1e-3)
-        drive = fleet.drives[1]
+        drive = fleet.robots[1]
         believed, true = drive.origin.then(drive.snapshot().odometry), drive.true_pose
         assert believed[:2] == pytest.approx(true[:2], abs=5e-3)
         assert drive.ticks == 150
-        fleet.drives[1].reset()
-        assert fleet.drives[1].true_pose == pytest.approx(starts[1], abs=1e-9)
+        fleet.robots[1].reset()
+        assert fleet.robots[1].true_pose == pytest.approx(starts[1], abs=1e-9)
 
 
 def test_fast_wheels_cost_no_more_than_slow_ones():

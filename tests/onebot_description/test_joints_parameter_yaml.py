@@ -10,6 +10,7 @@ from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.files import (
     plain_value,
     read_files,
+    read_map,
     read_parameters,
     section_matches,
     silence,
@@ -125,6 +126,38 @@ def test_mistakes_name_file_and_line(text: str, words: str) -> None:
     """And say what is wrong."""
     with pytest.raises(ConfigError) as caught:
         read_parameters(text, "file.yaml", "/jsp")
+    assert words in str(caught.value)
+
+
+def test_other_yaml_files_are_maps_with_lines_too() -> None:
+    """Aliases, nothing at all and mixed lists are right there; an empty map is a value."""
+    text = "a: &b\n  c: [1, 2.5, x]\n  d:\ne: *b\nf: {}\n"
+    found = read_map(text, "view.yaml")
+    assert found.values == {
+        "a.c": [1, 2.5, "x"],
+        "a.d": None,
+        "e.c": [1, 2.5, "x"],
+        "e.d": None,
+        "f": {},
+    }
+    assert (found.places["a.c"], found.places["f"]) == ("view.yaml:2", "view.yaml:5")
+    assert read_map("# nothing\n", "view.yaml").values == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: 1\nb: [", "view.yaml:2: no YAML"),
+        ("a: 1\na: 2\n", 'view.yaml:2: "a" is here twice, first on line 1'),
+        ("1: 2\n", 'view.yaml:1: a name must be a text; write "1" in quotes'),
+        ("just words", "view.yaml:1: "),
+        ("a: !!float x\n", "view.yaml:1: "),
+    ],
+)
+def test_other_yaml_files_can_be_broken(text: str, words: str) -> None:
+    """The error names file and line."""
+    with pytest.raises(ConfigError) as caught:
+        read_map(text, "view.yaml")
     assert words in str(caught.value)
 
 

@@ -109,14 +109,14 @@ def test_values_are_converted() -> None:
         ({"rate": math.nan}, "rate: nan is not finite"),
         ({"rate": None}, "rate: has no value; write a number"),
         ({"rate": {"a": 1}}, "rate.a: is one value, not a map"),
-        ({"count": 2.0}, "count: 2.0 is a number; write a whole number from 1 up to 9"),
+        ({"count": 2.0}, "count: 2.0 is a number; write a whole number from 1 to 9"),
         ({"count": 0}, "count: 0 is below 1"),
         ({"name": ""}, "name: is empty; write a text"),
         ({"name": 5}, 'name: 5 is a number; write a text, such as "5"'),
         ({"mode": "fst"}, 'mode: no "fst" (did you mean "fast"?'),
         ({"on": 1}, "on: 1 is a number; write true or false"),
         ({"color": [1, 2]}, "color: 2 whole numbers; write 3: sRGB bytes"),
-        ({"color": [1, 2, 256]}, "color: 256 is above 255; write a number from 0 up to 255"),
+        ({"color": [1, 2, 256]}, "color: 256 is above 255; write a number from 0 to 255"),
         ({"frames": "odom"}, 'frames: "odom" is a text; write a list of texts, such as [first'),
         ({"frames": ["a", "b", "a"]}, 'frames: "a" is there twice'),
         ({"frames": [1]}, "frames: 1 is a number; write a list of texts"),
@@ -175,7 +175,7 @@ def test_plain_dataclasses_require_every_field() -> None:
     text = refused({"mass": 1.0, "spokes": 5.5, "camera": {}}, Plain)
     assert text.splitlines() == [
         "spokes: 5.5 is a number; write a whole number",
-        "has no center",
+        "center: is missing",
     ]
 
 

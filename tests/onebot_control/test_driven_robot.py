@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onebot_control.drive import Drive, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_control.simulation import JointStates
@@ -25,7 +25,7 @@ from tests.onebot_control.control_support import (
 LIMITS = {"linear_x_max_acceleration": 0.5, "angular_z_max_acceleration": 1.0}
 
 
-def run(drive: Drive, linear: float, angular: float, cycles: int) -> Snapshot:
+def run(drive: DrivenRobot, linear: float, angular: float, cycles: int) -> Snapshot:
     """Command the same in each cycle."""
     for _ in range(cycles):
         drive.accept(linear, angular)
@@ -91,9 +91,9 @@ def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: s
     """At the start it is an error; of a robot that drives, all stays as it was."""
     wrong = {"linear_x_max_velocity": 0.1, **values}
     with pytest.raises(OneBotError, match=said):
-        Drive(robot(), config(**wrong), IdealPlant())
+        DrivenRobot(robot(), config(**wrong), IdealPlant())
     with pytest.raises(OneBotError, match=said):
-        Drive.of(robot(), config(**wrong))
+        DrivenRobot.of(robot(), config(**wrong))
     drive = ideal_drive()
     before = drive.config, drive.geometry, drive.broadcaster
     with pytest.raises(OneBotError, match=said):
@@ -173,7 +173,7 @@ def test_reset_leaves_nothing_but_time_and_parameters() -> None:
 
 def test_reset_returns_to_where_the_robot_started() -> None:
     """The odometry's zero is there again, not at the world's."""
-    drive = Drive.of(robot(), config(x=1.0, y=2.0, yaw=0.5))
+    drive = DrivenRobot.of(robot(), config(x=1.0, y=2.0, yaw=0.5))
     assert drive.origin == drive.true_pose == pytest.approx((1.0, 2.0, 0.5), abs=1e-6)
     run(drive, 0.5, 0.3, 20)
     drive.place_odometry(PlanarPose(7.0, 7.0, 0.0))
@@ -264,7 +264,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
         "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
     }
     chosen = config(position_feedback=by_position, **names)
-    drive = Drive(robot(*wheels), chosen, FourWheels())
+    drive = DrivenRobot(robot(*wheels), chosen, FourWheels())
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 
@@ -287,7 +287,7 @@ def test_broadcaster_chooses_orders_and_adds() -> None:
 
 def test_simulated_robot_drives_as_told() -> None:
     """In PyBullet: 0.2 m/s for 5 s with gentle limits ends where it should, by odom and truth."""
-    drive = Drive.of(robot(), config(x=1.0, y=2.0, yaw=0.0, **LIMITS))
+    drive = DrivenRobot.of(robot(), config(x=1.0, y=2.0, yaw=0.0, **LIMITS))
     snapshot = run(drive, 0.2, 0.0, 500)
     # It takes 0.4 s to speed up, which costs half of 0.2 m/s times 0.4 s (and one step's grid).
     expected = 0.2 * 5.0 - 0.2 * 0.2 * 1.0
@@ -301,7 +301,7 @@ def test_same_commands_give_the_same_bits() -> None:
     """Two runs of one sequence agree in every bit of state, odometry and truth."""
 
     def once() -> list[bytes]:
-        drive = Drive.of(robot(), config(**LIMITS))
+        drive = DrivenRobot.of(robot(), config(**LIMITS))
         log = []
         for cycle in range(200):
             if cycle % 7 == 0:
@@ -318,7 +318,7 @@ def test_same_commands_give_the_same_bits() -> None:
 
 def test_replaced_robot_stands_where_the_old_one_stood() -> None:
     """Another description is taken up in place: truth and odometry stay."""
-    drive = Drive.of(robot(), config(x=1.0, y=-2.0, yaw=2.0, **LIMITS))
+    drive = DrivenRobot.of(robot(), config(x=1.0, y=-2.0, yaw=2.0, **LIMITS))
     run(drive, 0.3, 0.5, 100)
     drive.place_odometry(PlanarPose(3.0, 2.0, 1.0))
     before = run(drive, 0.3, 0.5, 100).odometry
@@ -344,7 +344,7 @@ def test_onebot_drives_by_its_own_control_yaml() -> None:
     file = default_control_file()
     values = read_control_files([file], "/", "velocity_controller").values
     model = package_share("onebot_description") / "urdf" / "onebot.urdf.xacro"
-    drive = Drive.of(load_description(model), ControlConfig.from_parameters(values))
+    drive = DrivenRobot.of(load_description(model), ControlConfig.from_parameters(values))
     assert len(drive.broadcaster.names) == 4
     snapshot = run(drive, 0.2, 0.3, 500)
     way = 0.2 * 5.0

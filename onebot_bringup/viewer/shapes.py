@@ -1,77 +1,96 @@
-"""Mesh files as RViz shows them, converted to GLB, which every Rerun viewer reads.
+"""Shapes as RViz shows them: loaded by yourdfpy, written as GLB, which every Rerun viewer reads.
 
-Rerun's own Collada loader ignores <unit> and turns the axes of <up_axis>; RViz (through Assimp)
-does the opposite: it scales by <unit> and leaves the axes as they are written. So do we.
+yourdfpy makes a trimesh scene of each shape. What RViz shows and yourdfpy leaves out is added here:
+
+- the <unit> of a Collada file (neither turns its axes by <up_axis>, as Rerun's own loader does)
+- capsules, and spheres and cylinders that are round at any size on the screen
+- round faces and sharp edges where a file has no normals
+- which files have colours of their own, and these in glTF's linear light
 """
 
 import functools
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
+import yourdfpy
 from numpy.typing import NDArray
 
 from onebot_description.description import packages
-from onebot_description.description.description import MESH_SUFFIXES
+from onebot_description.description.description import (
+    MESH_SUFFIXES,
+    Box,
+    Capsule,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+)
 from onebot_description.errors import OneBotError
 
+_CYLINDER_SECTIONS = 72
+_SPHERE_SUBDIVISIONS = 4
 # Above this many faces sharp edges are not searched for (it takes seconds); shading is then flat.
 _MOST_FACES_TO_SMOOTH = 200_000
 
 
-@dataclass(frozen=True)
-class MeshAsset:
-    """A mesh ready to be logged.
+class ShapeAsset(NamedTuple):
+    """A shape ready to be logged."""
 
-    Attributes:
-        glb: the file as binary glTF.
-        bounds: (2, 3), least and greatest corner, metres, before the URDF's scale.
-        colored: it has colours of its own, which win over the URDF's, as in RViz.
-    """
-
-    glb: bytes
-    bounds: NDArray[np.float64]
-    colored: bool
+    glb: bytes  # binary glTF
+    bounds: NDArray[np.float64]  # (2, 3), least and greatest corner, m
+    colored: bool  # it has colours of its own, which override the URDF's, as in RViz
 
 
-def resolve(uri: str) -> Path:
-    """Return the file that a URDF's mesh ``filename`` means.
+class FileState(NamedTuple):
+    """A mesh file as it was when it was looked at: the same URDF may mean a new mesh."""
+
+    path: Path
+    modified: int  # ns
+    size: int
+
+
+def file_state(shape: Shape) -> FileState | None:
+    """Return the file of a mesh; None for other shapes.
 
     Raises:
         OneBotError: no such package, file or kind of address.
     """
+    if not isinstance(shape, Mesh):
+        return None
     try:
-        path = packages.resolve(uri, None)
+        path = packages.resolve(shape.uri, None)
+        status = path.stat()
     except OneBotError as error:
         raise OneBotError(f"mesh {error}") from error
-    if not path.is_file():
-        raise OneBotError(f'mesh "{uri}": there is no file {path}')
-    return path
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OneBotError(f'mesh "{shape.uri}": {reason}') from error
+    return FileState(path, status.st_mtime_ns, status.st_size)
 
 
-def load_mesh(path: Path) -> MeshAsset:
-    """Convert the mesh file at ``path``; the last 64 files are remembered until they change.
+def load_shape(shape: Shape) -> ShapeAsset:
+    """Return a shape for Rerun; the last 256 are remembered until their files change.
 
     Raises:
-        OneBotError: it cannot be read, or holds no surface.
+        OneBotError: its mesh cannot be read, or holds no surface.
     """
-    status = path.stat()
-    return _load(path, status.st_mtime_ns, status.st_size)
+    return _load(shape, file_state(shape))
 
 
-@functools.lru_cache(maxsize=64)
-def _load(path: Path, _modified: int, _size: int) -> MeshAsset:
-    suffix = path.suffix.lower()
+@functools.lru_cache(maxsize=256)
+def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
+    if file is None or not isinstance(shape, Mesh):
+        return _asset(_with_normals(_scene(shape, None)), colored=False)
+    path, suffix = file.path, file.path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
         known = ", ".join(MESH_SUFFIXES)
         raise OneBotError(f"mesh {path}: {suffix or 'no suffix'} is none of {known}")
     try:
-        scene = trimesh.load_scene(str(path), process=False)
-        return _convert(path, suffix, scene)
+        return _mesh_asset(shape, path, suffix)
     except OneBotError:
         raise
     except Exception as error:  # trimesh and its parsers raise whatever they stumble over
@@ -80,19 +99,53 @@ def _load(path: Path, _modified: int, _size: int) -> MeshAsset:
         raise OneBotError(f"mesh {path}: {reason}") from error
 
 
-def _convert(path: Path, suffix: str, scene: trimesh.Scene) -> MeshAsset:
+def _mesh_asset(mesh: Mesh, path: Path, suffix: str) -> ShapeAsset:
+    scene = _scene(mesh, path)
     if not any(isinstance(part, trimesh.Trimesh) for part in scene.geometry.values()):
         raise OneBotError(f"mesh {path}: it holds no triangles")
-    if suffix == ".glb":
-        return MeshAsset(path.read_bytes(), np.asarray(scene.bounds, float), True)
+    if suffix == ".glb" and mesh.scale == (1.0, 1.0, 1.0):
+        # As it is: trimesh does not know all that a glTF may hold.
+        return ShapeAsset(path.read_bytes(), np.asarray(scene.bounds, float), True)
     colored = _has_colors(path, suffix, scene)
-    scene = _with_normals(scene, path, suffix)
+    if _lacks_normals(path, suffix):
+        scene = _with_normals(scene)
     if suffix == ".dae":
         scene.apply_transform(np.diag([*[collada_unit(path)] * 3, 1.0]))
+    return _asset(scene, colored, linear=suffix in (".glb", ".gltf"))
+
+
+def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
     # glTF's colours are linear light, those of the other formats are what is seen.
-    adjust = None if suffix == ".gltf" else _linearise
+    adjust = None if linear else _linearise
     glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)
-    return MeshAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
+    return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
+
+
+def _scene(shape: Shape, path: Path | None) -> trimesh.Scene:
+    """Return what yourdfpy makes of ``shape``, whose file is ``path`` if it is a mesh."""
+    if isinstance(shape, Capsule):
+        # Centred, and its height counts without the ends, as in URDF.
+        size = {"radius": shape.radius, "height": shape.length}
+        return trimesh.Scene(trimesh.creation.capsule(**size, count=(48, 48)))
+    visual = yourdfpy.Visual(name="shape", geometry=_geometry(shape))
+    robot = yourdfpy.Robot("robot", links=[yourdfpy.Link("link", visuals=[visual])])
+    scene = yourdfpy.URDF(robot=robot, filename_handler=lambda fname: str(path)).scene
+    for part in scene.geometry.values():
+        if isinstance(part, trimesh.primitives.Cylinder):
+            part.primitive.sections = _CYLINDER_SECTIONS
+        elif isinstance(part, trimesh.primitives.Sphere):
+            part.primitive.subdivisions = _SPHERE_SUBDIVISIONS
+    return scene
+
+
+def _geometry(shape: Box | Cylinder | Sphere | Mesh) -> yourdfpy.Geometry:
+    if isinstance(shape, Box):
+        return yourdfpy.Geometry(box=yourdfpy.Box(np.array(shape.size)))
+    if isinstance(shape, Cylinder):
+        return yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(shape.radius, shape.length))
+    if isinstance(shape, Sphere):
+        return yourdfpy.Geometry(sphere=yourdfpy.Sphere(shape.radius))
+    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(shape.uri, np.array(shape.scale)))
 
 
 def _has_colors(path: Path, suffix: str, scene: trimesh.Scene) -> bool:
@@ -104,14 +157,12 @@ def _has_colors(path: Path, suffix: str, scene: trimesh.Scene) -> bool:
     return any(visual.kind is not None and visual.defined for visual in visuals)
 
 
-def _with_normals(scene: trimesh.Scene, path: Path, suffix: str) -> trimesh.Scene:
+def _with_normals(scene: trimesh.Scene) -> trimesh.Scene:
     """Give what has no normals at its corners round faces and sharp edges."""
-    if not _lacks_normals(path, suffix):
-        return scene
     shaded = trimesh.Scene()
     for part in scene.dump():
         few = len(part.faces) <= _MOST_FACES_TO_SMOOTH
-        shaded.add_geometry(shade(part) if few and not _is_textured(part) else _flat(part))
+        shaded.add_geometry(_shade(part) if few and not _is_textured(part) else _flat(part))
     return shaded
 
 
@@ -126,7 +177,7 @@ def _lacks_normals(path: Path, suffix: str) -> bool:
     return pattern is not None and not re.search(pattern, path.read_bytes(), re.MULTILINE)
 
 
-def shade(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+def _shade(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Split ``mesh`` at edges sharper than 30 degrees, so that only round parts look round."""
     joined = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     joined.merge_vertices()
