@@ -118,7 +118,8 @@ def _launch(folder: Path, values: Mapping[str, str], place: Place, ros_args: Seq
             make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
         )
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
-    return Launcher(nodes, name="onebot steer", started_message=hint, temporary=[folder]).run()
+    with Launcher("onebot steer") as launcher:
+        return launcher.run(nodes, started_message=hint, temporary=[folder])
 
 
 def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:

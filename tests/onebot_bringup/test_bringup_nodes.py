@@ -19,11 +19,10 @@ from onebot_bringup.launch.arguments import (
     description_arguments,
     simulation_arguments,
 )
-from onebot_bringup.launch.bringup import Robot, help_text, nodes_to_start, start, summary_text
+from onebot_bringup.launch.bringup import Bringup, bring_up, help_text, nodes_to_start, summary_text
 from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
-from onebot_bringup.launcher.interpreter import Standby
-from onebot_bringup.launcher.process import Node
+from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
 
@@ -75,7 +74,7 @@ def names(make: NodeFactory) -> list[str]:
     return [node.name for node in nodes_to_start(make)]
 
 
-def parameters(node: Node) -> dict[str, Any]:
+def parameters(node: NodeProcess) -> dict[str, Any]:
     """The parameters of its own that a node gets, from the last of its files."""
     at = len(node.arguments) - 1 - node.arguments[::-1].index("--params-file")
     [(full_name, content)] = yaml.safe_load(Path(node.arguments[at + 1]).read_text()).items()
@@ -279,26 +278,26 @@ def test_the_watcher_knows_the_files_and_the_arguments(make: Make, arm: Path) ->
     assert list(known["files"]) == [str(arm)]
 
 
-def refused(robot: Robot, *argv: str) -> str:
+def refused(robot: Bringup, *argv: str) -> str:
     """The error with which a bringup is refused before anything is started."""
     with pytest.raises(OneBotError) as caught:
-        start(robot, argv, Standby([]))
+        bring_up(robot, argv)
     return str(caught.value)
 
 
 @pytest.fixture
-def view() -> Robot:
+def view() -> Bringup:
     """A command that takes a file."""
-    return Robot("view", "shows a robot", takes_file=True)
+    return Bringup("view", "shows a robot", takes_file=True)
 
 
 @pytest.fixture
-def driven(arm: Path) -> Robot:
+def driven(arm: Path) -> Bringup:
     """A command with a robot of its own, which can be simulated."""
-    return Robot("drive", "drives", model=str(arm), control=str(arm.parent / "control.yaml"))
+    return Bringup("drive", "drives", model=str(arm), control=str(arm.parent / "control.yaml"))
 
 
-def test_the_model_is_given_once(view: Robot, driven: Robot, arm: Path) -> None:
+def test_the_model_is_given_once(view: Bringup, driven: Bringup, arm: Path) -> None:
     """A command that takes a file takes one; one that does not takes none."""
     assert "view needs a file" in refused(view)
     assert "not both" in refused(view, str(arm), f"model:={arm}")
@@ -306,7 +305,7 @@ def test_the_model_is_given_once(view: Robot, driven: Robot, arm: Path) -> None:
     assert "arm.xacro" in refused(driven, str(arm))
 
 
-def test_unknown_arguments_are_refused_if_the_model_is_known(view: Robot, arm: Path) -> None:
+def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm: Path) -> None:
     """Those of the model are known too, and are suggested; all are reported at once."""
     said = refused(view, str(arm), "heigth:=1", "viewwer:=web")
     assert 'no argument "heigth" (did you mean "height"?' in said
@@ -316,7 +315,7 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Robot, arm: P
 
 
 def test_arguments_of_a_simulation_are_for_robots_that_can_be(
-    view: Robot, driven: Robot, arm: Path
+    view: Bringup, driven: Bringup, arm: Path
 ) -> None:
     """Another robot has no such argument."""
     assert 'no argument "sim"' in refused(view, str(arm), "sim:=true")
@@ -337,7 +336,7 @@ def test_arguments_of_a_simulation_are_for_robots_that_can_be(
     ],
 )
 def test_files_are_checked_before_anything_starts(
-    driven: Robot,
+    driven: Bringup,
     arm: Path,
     monkeypatch: pytest.MonkeyPatch,
     words: list[str],
@@ -352,7 +351,7 @@ def test_files_are_checked_before_anything_starts(
 
 
 def test_files_that_are_right_are_accepted(
-    driven: Robot, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    driven: Bringup, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Only the model that does not exist is then refused."""
     monkeypatch.chdir(arm.parent)
@@ -362,7 +361,7 @@ def test_files_that_are_right_are_accepted(
 
 
 def test_joint_parameters_for_another_node_are_reported(
-    driven: Robot, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    driven: Bringup, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """They are no error, as the file may be that of several nodes."""
     monkeypatch.chdir(arm.parent)
@@ -376,7 +375,7 @@ def test_joint_parameters_for_another_node_are_reported(
 
 
 def test_joint_parameters_of_the_robot_s_own_count_only_where_joints_move_by_them(
-    driven: Robot, arm: Path
+    driven: Bringup, arm: Path
 ) -> None:
     """A simulated robot does not read them."""
     wrong = arm.parent / "wrong.yaml"
@@ -390,10 +389,10 @@ def test_joint_parameters_of_the_robot_s_own_count_only_where_joints_move_by_the
 
 
 @pytest.mark.parametrize("word", ["--help", "--show-args", "-s"])
-def test_help_starts_nothing(view: Robot, arm: Path, word: str, capsys: Any) -> None:
+def test_help_starts_nothing(view: Bringup, arm: Path, word: str, capsys: Any) -> None:
     """It names the model's arguments, but not those that a launch argument hides."""
     arm.write_text(ARM.replace("<link", '<xacro:arg name="namespace" default="q"/><link', 1))
-    assert start(view, [str(arm), word], Standby([])) == 0
+    assert bring_up(view, [str(arm), word]) == 0
     shown = capsys.readouterr().out
     assert "Arguments of the model" in shown and "height:=1.0" in shown
     assert "namespace:=q" not in shown
@@ -402,7 +401,7 @@ def test_help_starts_nothing(view: Robot, arm: Path, word: str, capsys: Any) -> 
 
 def test_help_text_is_whole_or_the_arguments_alone() -> None:
     """A command without a file, and a model without arguments, are not said to have them."""
-    robot, declared = Robot("drive", "drives a robot"), [Argument("a", "1", "the first")]
+    robot, declared = Bringup("drive", "drives a robot"), [Argument("a", "1", "the first")]
     short = help_text(robot, declared, [], complete=False)
     assert short == "Arguments and their defaults:\n  a:=1  the first"
     whole = help_text(robot, declared, [], complete=True)

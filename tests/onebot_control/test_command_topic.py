@@ -88,7 +88,7 @@ def test_a_fixed_type_follows_nobody(driver: Driver, sender: Peer) -> None:
     wait_for(lambda: driver.warnings, "the warning of the other type")
     key, text = driver.warnings[0]
     assert (key, driver.topic.kind) == ("type", "Twist")
-    assert "TwistStamped, which is ignored (cmd_vel_type is Twist); Twist is heard" in text
+    assert "TwistStamped, which is ignored (cmd_vel_type is Twist); Twist is subscribed" in text
     driver.look_again()
     assert driver.topic.kind == "Twist"
     driver.choose("TwistStamped")

@@ -104,7 +104,7 @@ def test_what_ends_the_loop_is_reported() -> None:
 def test_each_cycle_is_published_as_it_begins() -> None:
     """What is published is the state before the robot moves on, with the command to come."""
     run = Run(simulated=True, factor=0.0)
-    run.loop.post(lambda: run.loop.drive.accept(0.6, 0.0))
+    run.loop.post(lambda: run.loop.robot.accept(0.6, 0.0))
     with run:
         wait_for(lambda: len(run.published) > 3, "cycles")
     assert run.ticks() == list(range(len(run.published)))
@@ -160,14 +160,14 @@ def test_real_time_factor_changes_while_it_runs() -> None:
         assert run.lags == []
         began = time.monotonic()
         run.loop.call(lambda: run.loop.set_factor(2.0))
-        first = run.loop.drive.ticks
-        wait_for(lambda: run.loop.drive.ticks >= first + 20, "20 cycles of 5 ms")
+        first = run.loop.robot.ticks
+        wait_for(lambda: run.loop.robot.ticks >= first + 20, "20 cycles of 5 ms")
         # The one that the call fell into may have ended at once.
         assert time.monotonic() - began >= 17 * 0.005
         run.loop.call(lambda: run.loop.set_factor(0.1))
         run.loop.call(lambda: run.loop.set_factor(0.0))
-        first = run.loop.drive.ticks
-        wait_for(lambda: run.loop.drive.ticks > first + 700, "700 cycles, not of 0.1 s each")
+        first = run.loop.robot.ticks
+        wait_for(lambda: run.loop.robot.ticks > first + 700, "700 cycles, not of 0.1 s each")
 
 
 def test_cycles_left_out_are_reported() -> None:
@@ -204,7 +204,7 @@ def test_another_robot_takes_over() -> None:
 
         def use() -> int:
             run.loop.use(ideal_drive(plant, real_time_factor=0.0))
-            run.loop.drive.ticks = 1_000_000
+            run.loop.robot.ticks = 1_000_000
             return len(run.published)
 
         at = run.loop.call(use)

@@ -15,14 +15,14 @@ STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
 def test_a_cycle_is_one_of_each_robot() -> None:
     """Seen as it begins, one period long; who is not commanded stands."""
     with Fleet(robot(), config(update_rate=50, x=9.0, y=9.0, yaw=9.0), STARTS) as fleet:
-        for drive, start in zip(fleet.drives, STARTS, strict=True):
+        for drive, start in zip(fleet.robots, STARTS, strict=True):
             assert drive.true_pose == drive.origin == pytest.approx(start, abs=1e-6)
-        fleet.drives[1].accept(0.3, 0.2)
+        fleet.robots[1].accept(0.3, 0.2)
         began = fleet.world.time
         for cycle in range(3):
             snapshots = fleet.cycle()
             assert [snapshot.tick for snapshot in snapshots] == [cycle] * 2
-            assert [drive.ticks for drive in fleet.drives] == [cycle + 1] * 2
+            assert [drive.ticks for drive in fleet.robots] == [cycle + 1] * 2
             assert [s.command[2:4] for s in snapshots] == [(0.0, 0.0), (0.3, 0.2)]
         assert fleet.world.time - began == pytest.approx(3 * 0.02)
         turned = [s.joints.velocities for s in fleet.cycle()]
@@ -34,11 +34,11 @@ def test_reset_of_one_leaves_the_others() -> None:
     """It stands at its own start with its odometry at zero, and time goes on for all."""
     with Fleet(robot(), config(), STARTS) as fleet:
         for _ in range(20):
-            for drive in fleet.drives:
+            for drive in fleet.robots:
                 drive.accept(0.3, 0.2)
             fleet.cycle()
-        fleet.drives[1].reset()
-        assert fleet.drives[1].origin == pytest.approx(STARTS[1], abs=1e-6)
+        fleet.robots[1].reset()
+        assert fleet.robots[1].origin == pytest.approx(STARTS[1], abs=1e-6)
         resting = fleet.cycle()
         assert [snapshot.tick for snapshot in resting] == [20, 20]
         assert resting[0].command.linear == 0.3 and resting[1].command.linear == 0.0
