@@ -98,7 +98,7 @@ def narrow(
             remedy = "correct the limits or the mimic tag, or set use_mimic_tags to false"
             problems.append(Problem("", f"{text}, and no position suits both; {remedy}"))
             narrowed.lower[leader], narrowed.upper[leader] = before
-        elif max(after[0] - before[0], before[1] - after[1]) > 1e-6:
+        elif after[0] > before[0] + 1e-6 or after[1] < before[1] - 1e-6:  # also of infinite ones
             notes.append(Problem("", f"{text}, so both keep to [{after[0]:g}, {after[1]:g}]"))
     if problems:
         raise ConfigError(problems)

@@ -221,18 +221,18 @@ class _Leaf:
         if self.optional and (value is None or _is_list(value) and not len(value)):
             return None
         if value is None:
-            raise ValueError(f"has no value; write {self._wanted(value)}")
+            raise ValueError(f"has no value; write {self.wanted(value)}")
         return self._list(value) if self.many else self._one(value)
 
     def _list(self, value: Any) -> tuple[Any, ...]:
         if not _is_list(value):
-            raise ValueError(f"{_shown(value)}; write {self._wanted(value)}")
+            raise ValueError(f"{_shown(value)}; write {self.wanted(value)}")
         items = tuple(self._one(item) for item in value)
         if self.length is not None and len(items) != self.length:
             what = f": {self.rule.description}" if self.rule.description else ""
             raise ValueError(f"{len(items)} {_PLURAL[self.base]}; write {self.length}{what}")
         if self.rule.not_empty and not items:
-            raise ValueError(f"is empty; write {self._wanted(value)}")
+            raise ValueError(f"is empty; write {self.wanted(value)}")
         twice = [item for item in dict.fromkeys(items) if items.count(item) > 1]
         if self.rule.unique and twice:
             raise ValueError(f'"{twice[0]}" is there twice')
@@ -242,7 +242,7 @@ class _Leaf:
         if self.base is float:
             return self._number(value)
         if type(value) is not self.base:
-            raise ValueError(f"{_shown(value)}; write {self._wanted(value)}")
+            raise ValueError(f"{_shown(value)}; write {self.wanted(value)}")
         if isinstance(value, str):
             self._check_text(value)
         elif self.base is int:
@@ -251,11 +251,11 @@ class _Leaf:
 
     def _number(self, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{_shown(value)}; write {self._wanted(value)}")
+            raise ValueError(f"{_shown(value)}; write {self.wanted(value)}")
         if math.isnan(value) and self.rule.nan:
             return math.nan
         if not math.isfinite(value):
-            raise ValueError(f"{value} is not finite; write {self._wanted(value)}")
+            raise ValueError(f"{value} is not finite; write {self.wanted(value)}")
         self._check_range(value)
         return float(value)
 
@@ -269,11 +269,11 @@ class _Leaf:
         if rule.choices and value not in rule.choices:
             raise ValueError(f'no "{value}"{did_you_mean(value, rule.choices)}')
         if rule.not_empty and not value:
-            raise ValueError(f"is empty; write {self._wanted(value)}")
+            raise ValueError(f"is empty; write {self.wanted(value)}")
         if rule.pattern and not rule.pattern.fullmatch(value):
-            raise ValueError(f'"{value}" is not possible; write {self._wanted(value)}')
+            raise ValueError(f'"{value}" is not possible; write {self.wanted(value)}')
 
-    def _wanted(self, value: Any) -> str:
+    def wanted(self, value: Any) -> str:
         """What would be right."""
         if self.rule.write:
             return self.rule.write
@@ -613,6 +613,29 @@ def _form(shape: _Shape) -> str:
     if isinstance(shape.item, _Leaf):
         return f", such as {{some_name: {'0.5' if shape.item.base is float else '...'}}}"
     return f" of names, each a map{_form(shape.item)}"
+
+
+def check_value(value: Any, kind: Any, rule: Rule) -> Any:
+    """Return one value, checked.
+
+    Args:
+        value: to be checked.
+        kind: its type, as in a field's annotation.
+        rule: what else it must be.
+
+    Raises:
+        ValueError: what is wrong and what would be right.
+    """
+    leaf = _shape(kind, rule)
+    assert isinstance(leaf, _Leaf)
+    return leaf.read(value)
+
+
+def wanted(kind: Any, rule: Rule) -> str:
+    """Return what ``check_value`` asks for, in words such as "a number from 0 to 1"."""
+    leaf = _shape(kind, rule)
+    assert isinstance(leaf, _Leaf)
+    return leaf.wanted(None)
 
 
 def plain(value: Any) -> Any:
