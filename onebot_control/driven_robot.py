@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.simulation import JointStates, Member, Pose, Settings, Simulation, Twist, World
+from onebot_control.simulation import (
+    JointStates,
+    Pose,
+    RobotSpawn,
+    Settings,
+    Simulation,
+    Twist,
+    World,
+)
 from onebot_control.wheel_geometry import (
     WheelGeometry,
     check_wheel_names,
@@ -313,8 +321,8 @@ class Fleet:
         """
         left, right = config.left_wheel_names, config.right_wheel_names
         check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
-        members = [Member(description, (*left, *right), *start) for start in starts]
-        self.world = World(members, settings)
+        spawns = [RobotSpawn(description, (*left, *right), *start) for start in starts]
+        self.world = World(spawns, settings)
         try:
             self.robots = tuple(
                 DrivenRobot(description, config, plant) for plant in self.world.robots

@@ -108,13 +108,13 @@ def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
         return launcher.run(
-            _nodes(make),
+            nodes_to_start(make),
             started_message=summary_text(description, values),
             temporary=[Path(folder)],
         )
 
 
-def _nodes(make: NodeFactory) -> list[NodeProcess]:
+def nodes_to_start(make: NodeFactory) -> list[NodeProcess]:
     """Return the nodes to start, the first one first."""
     values = make.values
     # The recorder first, so that it misses as little of the others as can be.
