@@ -220,8 +220,6 @@ def add_spin_time(parser: argparse.ArgumentParser) -> None:
     )
 
 
-# One call of a service, with an end to the waiting.
-
 _ANSWER = 10.0  # s
 
 
@@ -248,9 +246,6 @@ def call(session: Session, kind: Any, name: str, request: Any, timeout: float = 
         return future.result()
     finally:
         session.node.destroy_client(client)
-
-
-# What type a topic has, by the nodes that publish it or listen to it.
 
 
 def await_class(session: Session, name: str, type_name: str | None = None) -> tuple[str, Any]:
