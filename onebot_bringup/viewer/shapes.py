@@ -93,7 +93,7 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
         return _mesh_asset(shape, path, suffix)
     except OneBotError:
         raise
-    except Exception as error:  # trimesh and its parsers raise whatever they stumble over
+    except Exception as error:  # trimesh and its parsers raise exceptions of all kinds
         lines = str(error).strip().splitlines()
         reason = lines[0] if lines else type(error).__name__
         raise OneBotError(f"mesh {path}: {reason}") from error
@@ -203,7 +203,7 @@ def _flat(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def collada_unit(path: Path) -> float:
-    """Return how many metres a Collada file's unit is (<unit meter="...">; 1 if not said)."""
+    """Return how many metres a Collada file's unit is (<unit meter="...">; 1 by default)."""
     for _, element in ET.iterparse(path, events=("end",)):
         tag = element.tag.rpartition("}")[2]
         if tag == "unit":

@@ -192,7 +192,7 @@ def _as_obj(path: Path, link: str) -> str:
         if path.suffix.lower() == ".dae":
             scene = scene.convert_units("meters")
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # trimesh and its parsers raise whatever they stumble over
+    except Exception as error:  # trimesh and its parsers raise exceptions of all kinds
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise OneBotError(f"{owner} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):

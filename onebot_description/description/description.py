@@ -1,4 +1,4 @@
-"""What a robot description says: its links, joints, shapes and inertials as plain values.
+"""A robot description: its links, joints, shapes and inertials as plain values.
 
 SI units and radians, frames as REP-103 has them. ``reading`` makes these values in the one parse of
 the URDF; each knows the line it was written at, as ``robot.urdf:12``.

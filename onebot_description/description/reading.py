@@ -546,7 +546,7 @@ def _read_soft_limits(findings: Findings, element: Element) -> tuple[float | Non
 
 
 def _read_dynamics(findings: Findings, element: Element) -> tuple[float, float]:
-    """Return damping and friction, of which only the simulation says what they may be."""
+    """Return damping and friction, which only the simulation uses, and checks."""
     dynamics = element.find("dynamics")
     if dynamics is None:
         return 0.0, 0.0
