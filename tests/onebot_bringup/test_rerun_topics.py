@@ -78,6 +78,7 @@ class Driver:
         return self.steps > 31
 
 
+@pytest.mark.slow
 def test_late_viewers_and_the_file_show_trails_and_speeds(ros_domain, tmp_path):
     """A viewer that joins in mid-drive has the way so far; the file has it all."""
     require_renderer()
