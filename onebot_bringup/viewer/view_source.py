@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from onebot_bringup.viewer.settings import with_setting
 from onebot_bringup.viewer.view_config import (
     ViewConfig,
     changed_settings,
@@ -15,7 +16,6 @@ from onebot_bringup.viewer.view_config import (
     parse_view,
     view_for,
     view_text,
-    with_setting,
 )
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.files import FileWatch

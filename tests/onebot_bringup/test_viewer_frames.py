@@ -1,6 +1,6 @@
 import numpy as np
 
-from onebot_bringup.viewer.displays.tf import FrameTree
+from onebot_bringup.viewer.frames import FrameTree
 
 QUARTER_TURN = np.array([0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # about z
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])

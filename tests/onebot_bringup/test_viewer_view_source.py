@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onebot_bringup.viewer.settings import values, with_setting
 from onebot_bringup.viewer.view_config import (
     ViewConfig,
     load_view,
     parse_view,
-    settings,
     view_for,
     view_text,
-    with_setting,
 )
 from onebot_bringup.viewer.view_source import ViewSource, set_value
 from onebot_description.errors import OneBotError
@@ -70,10 +69,10 @@ def test_any_settings_of_our_views_can_be_saved_and_read_again(robot, data):
     assert path is not None
     text = path.read_text()
     view = parse_view(text)
-    values = {bool: st.booleans(), float: st.floats(0, 1e6), str: st.sampled_from(["a", "b: c"])}
-    names = [n for n, v in settings(view).items() if type(v) in values and "panels" not in n]
+    drawn = {bool: st.booleans(), float: st.floats(0, 1e6), str: st.sampled_from(["a", "b: c"])}
+    names = [n for n, v in values(view).items() if type(v) in drawn and "panels" not in n]
     for name in data.draw(st.lists(st.sampled_from(names), unique=True)):
-        value = data.draw(values[type(settings(view)[name])])
+        value = data.draw(drawn[type(values(view)[name])])
         view = with_setting(view, name, value)
         text = set_value(text, name.split("."), value)
     assert parse_view(text) == view

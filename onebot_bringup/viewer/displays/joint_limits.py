@@ -6,7 +6,7 @@ the child, so that /tf moves the hand along the arc: it is drawn once, and costs
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +14,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.joint_plot import JointStream
-from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.displays.display import Context, Display, MessageType, Topic
+from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.description.description import Vector
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
@@ -31,29 +31,97 @@ Strips = list[Floats]
 
 @dataclass(frozen=True)
 class JointRange:
-    """A joint with limits.
-
-    Attributes:
-        name: of the joint.
-        kind: "revolute" or "prismatic".
-        parent: the link it is on.
-        child: the link that it moves.
-        xyz: its origin in the parent's frame, metres.
-        rpy: its origin's turns about x, y, z, rad.
-        axis: unit vector in its own frame.
-        lower: least position, rad or m.
-        upper: greatest position.
-    """
+    """A joint with limits."""
 
     name: str
-    kind: str
-    parent: str
-    child: str
-    xyz: Vector
-    rpy: Vector
-    axis: Vector
-    lower: float
+    kind: str  # "revolute" or "prismatic"
+    parent: str  # link
+    child: str  # link
+    xyz: Vector  # its origin in the parent's frame, m
+    rpy: Vector  # its origin's turns about x, y, z, rad
+    axis: Vector  # unit vector in its own frame
+    lower: float  # rad or m
     upper: float
+
+
+@dataclass(frozen=True)
+class JointRangesSettings:
+    """How far each joint can go, drawn in the robot: an arc or a bar, and a hand where it is."""
+
+    visible: bool = setting(False, "draw how far each joint can go")
+    radius: float = setting(0.0, "of an arc, metres; 0 to choose it by the robot's size")
+
+
+class JointLimitsDisplay(Display[JointRangesSettings]):
+    """Draws the ranges of the robot's joints, and anew only when they change."""
+
+    key = "joint_ranges"
+    Settings = JointRangesSettings
+
+    def __init__(self, context: Context) -> None:
+        """Draw nothing yet."""
+        super().__init__(context)
+        self._settings = JointRangesSettings()
+        self._ranges: tuple[JointRange, ...] = ()
+        self._made_of: tuple[object, ...] = ()
+        self._drawn: dict[str, object] = {}
+
+    def topics(self) -> Sequence[Topic]:
+        """Return none: the colours of the joints are those of their curves."""
+        return ()
+
+    def apply(self, settings: JointRangesSettings) -> None:
+        """Draw with these settings at the next ``flush``."""
+        self._settings = settings
+
+    def set_robot(self) -> None:
+        """Take the limits of the robot's joints."""
+        self._ranges = read_ranges(self.context.urdf)
+
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[Any]) -> None:
+        """Nothing is subscribed."""
+
+    def flush(self) -> None:
+        """Draw the ranges, if something has changed."""
+        if self.context.robot is None:
+            return
+        radius = self._settings.radius or self.context.fitting_length
+        ranges = self._ranges if self._settings.visible and radius else ()
+        colors = self.context.joint_colors
+        made_of = (ranges, radius, len(colors))
+        if made_of != self._made_of:
+            self._made_of = made_of
+            self._show(ranges, radius, colors)
+
+    def _show(
+        self, joints: Iterable[JointRange], radius: float, colors: Mapping[str, Color]
+    ) -> None:
+        """Draw the marks of ``joints``, and no other; one without a colour is not drawn yet."""
+        wanted: dict[str, tuple[str, Strips, float, Color]] = {}
+        for joint in joints:
+            if joint.name in colors:
+                color = colors[joint.name]
+                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
+                hand = (joint.child, hand_strips(joint, radius), _HAND_WIDTH, color)
+                wanted[_entity(joint.name, "range")] = scale
+                wanted[_entity(joint.name, "hand")] = hand
+        recording, frame_of = self.context.recording, self.context.frame_of
+        for entity in set(self._drawn) - set(wanted):
+            # Static data can only be overwritten; a frame that is gone would be an error forever.
+            del self._drawn[entity]
+            home, empty = rr.CoordinateFrame(self.context.home), rr.LineStrips3D.cleared()
+            recording.log(entity, home, empty, static=True)
+        for entity, (link, strips, width, color) in wanted.items():
+            what = (link, [strip.tolist() for strip in strips], color)
+            if self._drawn.get(entity) != what:
+                self._drawn[entity] = what
+                radii: Any = [rr.Radius.ui_points(width)]
+                lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
+                recording.log(entity, rr.CoordinateFrame(frame_of(link)), lines, static=True)
+
+
+def _entity(joint: str, part: str) -> str:
+    return rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/")
 
 
 def read_ranges(urdf: str) -> tuple[JointRange, ...]:
@@ -142,99 +210,3 @@ def _turned(vector: Floats, axis: Vector, angle: float) -> Floats:
     """``vector``, square to ``axis``, turned about it (Rodrigues' formula)."""
     turned: Floats = math.cos(angle) * vector + math.sin(angle) * np.cross(np.array(axis), vector)
     return turned
-
-
-class RangeMarks:
-    """Keeps the marks in a recording equal to the joints' ranges."""
-
-    def __init__(self, recording: rr.RecordingStream, frame_of: Callable[[str], str]) -> None:
-        """Draw into ``recording``; ``frame_of`` names the TF frame of a link."""
-        self._recording = recording
-        self._frame_of = frame_of
-        self._drawn: dict[str, object] = {}
-
-    def show(
-        self,
-        joints: Iterable[JointRange],
-        radius: float,
-        colors: Mapping[str, tuple[int, int, int]],
-        home: str,
-    ) -> None:
-        """Draw the marks of ``joints``, and no other; what did not change is left alone.
-
-        Args:
-            joints: those to be seen.
-            radius: of an arc, metres.
-            colors: of joints, sRGB bytes; one without is not drawn yet.
-            home: a frame that exists.
-        """
-        wanted: dict[str, tuple[str, Strips, float, tuple[int, int, int]]] = {}
-        for joint in joints:
-            if joint.name in colors:
-                color = colors[joint.name]
-                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
-                hand = (joint.child, hand_strips(joint, radius), _HAND_WIDTH, color)
-                wanted[_entity(joint.name, "range")] = scale
-                wanted[_entity(joint.name, "hand")] = hand
-        for entity in set(self._drawn) - set(wanted):
-            # Static data can only be overwritten; a frame that is gone would be an error forever.
-            del self._drawn[entity]
-            empty = rr.LineStrips3D.cleared()
-            self._recording.log(entity, rr.CoordinateFrame(home), empty, static=True)
-        for entity, (link, strips, width, color) in wanted.items():
-            what = (link, [strip.tolist() for strip in strips], color)
-            if self._drawn.get(entity) != what:
-                self._drawn[entity] = what
-                radii: Any = [rr.Radius.ui_points(width)]
-                lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
-                frame = rr.CoordinateFrame(self._frame_of(link))
-                self._recording.log(entity, frame, lines, static=True)
-
-
-def _entity(joint: str, part: str) -> str:
-    return rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/")
-
-
-# The limits of a robot's joints on show: in the plot of positions, and in the robot.
-
-
-class JointLimits:
-    """Draws them where a view asks for it, and anew only when they change."""
-
-    def __init__(
-        self, stream: rr.RecordingStream, joints: JointStream, frame_of: Callable[[str], str]
-    ) -> None:
-        """Draw in ``stream``.
-
-        Args:
-            stream: the recording.
-            joints: the curves of the joints.
-            frame_of: gives the frame of a link.
-        """
-        self._joints = joints
-        self._frame_of = frame_of
-        self._marks = RangeMarks(stream, frame_of)
-        self._ranges: tuple[JointRange, ...] = ()
-        self._marked: tuple[object, ...] = ()  # what the marks were drawn for
-
-    def set_description(self, urdf: str) -> None:
-        """Take the limits that ``urdf`` says."""
-        self._ranges = read_ranges(urdf)
-
-    def show(self, view: ViewConfig, root: str, fitting_radius: float) -> None:
-        """Draw the limits.
-
-        Args:
-            view: says which.
-            root: the robot's root link.
-            fitting_radius: of the arcs, metres, if the view does not say; 0 while it is not known.
-        """
-        limits = {joint.name: (joint.lower, joint.upper) for joint in self._ranges}
-        self._joints.set_limits(limits if view.joint_plot.limits else {})
-        wanted, colors = view.joint_ranges, self._joints.colors
-        radius = wanted.radius or fitting_radius
-        ranges = self._ranges if wanted.visible and radius else ()
-        what = (ranges, radius, len(colors))
-        if what != self._marked:
-            self._marked = what
-            self._marks.show(ranges, radius, colors, self._frame_of(root))
