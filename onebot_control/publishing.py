@@ -1,9 +1,15 @@
-"""The topics that velocity_controller publishes in each control cycle."""
+"""The topics that velocity_controller publishes in each control cycle.
+
+The messages are made once and filled anew each cycle: rclpy has read them when ``publish`` returns.
+"""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, Quaternion, TransformStamped, TwistStamped, Vector3
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, Transform, TransformStamped, TwistStamped
+from geometry_msgs.msg import Twist as TwistMessage
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -11,48 +17,16 @@ from sensor_msgs.msg import JointState
 
 from onebot_control.control_loop import Divider
 from onebot_control.drive import Drive, Snapshot
-from onebot_control.poses import PlanarPose, prefixed, yaw_of
-from onebot_control.wire import (
-    JointStateTemplate,
-    OdometryTemplate,
-    TransformTemplate,
-    TwistTemplate,
-    clock,
-)
+from onebot_control.poses import PlanarPose, prefixed
+from onebot_control.simulation import Twist
 from onebot_description.model import quaternions
 from onebot_description.node import LATCHED
-from onebot_description.wire.cdr import pack_stamp
+from onebot_description.wire.cdr import NANO
 from onebot_description.wire.messages import time_message
 from onebot_description.wire.tf_message import TFMessage
 
-# Planar poses as ROS messages, and back.
-
-
-def transform_values(pose: PlanarPose) -> tuple[float, ...]:
-    """Return a planar pose as translation x y z, rotation x y z w."""
-    half = pose.yaw / 2.0
-    return (pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
-
-
-def transform_message(stamp_ns: int, parent: str, child: str, pose: PlanarPose) -> TransformStamped:
-    """Return a planar pose as a transform."""
-    x, y, z, qx, qy, qz, qw = transform_values(pose)
-    message = TransformStamped(child_frame_id=child)
-    message.header.frame_id, message.header.stamp = parent, time_message(stamp_ns)
-    message.transform.translation = Vector3(x=x, y=y, z=z)
-    message.transform.rotation = Quaternion(x=qx, y=qy, z=qz, w=qw)
-    return message
-
-
-def planar_pose(message: PoseStamped) -> PlanarPose:
-    """Return a pose as seen from above; NaN where its quaternion is none."""
-    p, q = message.pose.position, message.pose.orientation
-    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
-    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
-    return PlanarPose(p.x, p.y, yaw)
-
-
 _DEPTH = 10  # ROS's system default
+_NOT_KNOWN = (0.0,) * 6  # diagonal of a covariance
 
 
 class Publishers:
@@ -68,68 +42,119 @@ class Publishers:
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._limited = node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
         self._clock = node.create_publisher(Clock, "/clock", _DEPTH) if simulated else None
-        self._origin: PlanarPose | None = None
 
     def use(self, drive: Drive) -> None:
-        """Serve this robot, with its parameters as they are now."""
-        self._drive = drive
-        config = drive.config
-        odom, self._base = (
+        """Publish this robot from now on, with its parameters as they are now."""
+        self._drive, config = drive, drive.config
+        odom, base = (
             prefixed(frame, config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace)
             for frame in (config.odom_frame_id, config.base_frame_id)
         )
         self.odom_frame, self._world = odom, config.world_frame_id
-        variances = config.pose_covariance_diagonal, config.twist_covariance_diagonal
-        self._odom_message = OdometryTemplate(odom, self._base, *variances)
-        self._truth_message = OdometryTemplate(self._world or odom, self._base)
-        self._transform = TransformTemplate(odom, self._base)
-        self._limited_message = TwistTemplate(self._base)
-        broadcaster = drive.broadcaster
-        self._joint_message = JointStateTemplate(broadcaster.frame_id, broadcaster.names)
+        self._stamp = Time()  # one for all messages of a cycle
+        self._clock_message = Clock(clock=self._stamp)
+        self._odom_message = self._odometry(
+            odom, base, config.pose_covariance_diagonal, config.twist_covariance_diagonal
+        )
+        self._truth_message = self._odometry(self._world or odom, base)
+        self._transform = TransformStamped(child_frame_id=base)
+        self._tf_message = TFMessage(transforms=[self._transform])
+        self._limited_message = TwistStamped()
+        self._joint_message = JointState(name=drive.broadcaster.names)
+        for message, frame in (
+            (self._transform, odom),
+            (self._limited_message, base),
+            (self._joint_message, drive.broadcaster.frame_id),
+        ):
+            message.header.frame_id, message.header.stamp = frame, self._stamp
         self._due = Divider(config.publish_rate, config.update_rate)
-        self._origin = None
+        self._origin: PlanarPose | None = None
+
+    def _odometry(
+        self,
+        frame: str,
+        child: str,
+        pose_variances: Sequence[float] = _NOT_KNOWN,
+        twist_variances: Sequence[float] = _NOT_KNOWN,
+    ) -> Odometry:
+        """Return an Odometry of which only pose and twist change."""
+        message = Odometry(child_frame_id=child)
+        message.header.frame_id, message.header.stamp = frame, self._stamp
+        message.pose.covariance = np.diag(pose_variances).ravel()
+        message.twist.covariance = np.diag(twist_variances).ravel()
+        return message
 
     def publish(self, snapshot: Snapshot, stamp_ns: int) -> None:
         """Publish all that is due."""
-        drive, stamp = self._drive, pack_stamp(stamp_ns)
+        drive = self._drive
+        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
         if self._clock is not None:
-            self._clock.publish(clock(stamp))
-        joints = drive.broadcaster.values(snapshot.joints)
-        self._joint_states.publish(self._joint_message.fill(stamp, *joints))
+            self._clock.publish(self._clock_message)
+        joints = self._joint_message
+        joints.position, joints.velocity, joints.effort = drive.broadcaster.values(snapshot.joints)
+        self._joint_states.publish(joints)
         if drive.config.publish_limited_velocity:
-            command = _planar(snapshot.command.linear, snapshot.command.angular)
-            self._limited.publish(self._limited_message.fill(stamp, command))
+            command = snapshot.command
+            _fill_planar(self._limited_message.twist, command.linear, command.angular)
+            self._limited.publish(self._limited_message)
         if self._due.due():
-            self._publish_odometry(snapshot, stamp)
+            self._publish_odometry(snapshot)
         if drive.origin != self._origin:
             self._publish_origin(stamp_ns)
 
-    def _publish_odometry(self, snapshot: Snapshot, stamp: bytes) -> None:
-        pose = transform_values(snapshot.odometry)
+    def _publish_odometry(self, snapshot: Snapshot) -> None:
+        pose = _transform_values(snapshot.odometry)
         if self._drive.config.enable_odom_tf:
-            self._tf.publish(self._transform.fill(stamp, pose))
-        self._odom.publish(self._odom_message.fill(stamp, pose, _planar(*snapshot.twist)))
-        linear, angular = snapshot.velocity
-        velocity = (*linear.tolist(), *angular.tolist())
-        self._truth.publish(self._truth_message.fill(stamp, self._true_pose(snapshot), velocity))
+            _fill_transform(self._transform.transform, pose)
+            self._tf.publish(self._tf_message)
+        _fill_pose(self._odom_message.pose.pose, pose)
+        _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
+        self._odom.publish(self._odom_message)
+        _fill_pose(self._truth_message.pose.pose, self._true_pose(snapshot))
+        _fill_twist(self._truth_message.twist.twist, snapshot.velocity)
+        self._truth.publish(self._truth_message)
 
-    def _true_pose(self, snapshot: Snapshot) -> tuple[float, ...]:
+    def _true_pose(self, snapshot: Snapshot) -> Sequence[float]:
         translation, rotation = snapshot.pose
         if not self._world:
-            back = np.array(transform_values(self._drive.origin.inverse()))
+            back = np.array(_transform_values(self._drive.origin.inverse()))
             translation = back[:3] + quaternions.rotate(back[3:], translation)
             rotation = quaternions.multiply(back[3:], rotation)
         return (*translation.tolist(), *rotation.tolist())
 
     def _publish_origin(self, stamp_ns: int) -> None:
-        """Say where the odometry's zero lies in the world."""
+        """Publish where the odometry's zero is in the world."""
         self._origin = self._drive.origin
         if self._world:
-            frames = self._world, self.odom_frame
-            transform = transform_message(stamp_ns, *frames, self._origin)
-            self._tf_static.publish(TFMessage(transforms=[transform]))
+            message = TransformStamped(child_frame_id=self.odom_frame)
+            message.header.frame_id = self._world
+            message.header.stamp = time_message(stamp_ns)
+            _fill_transform(message.transform, _transform_values(self._origin))
+            self._tf_static.publish(TFMessage(transforms=[message]))
 
 
-def _planar(linear: float, angular: float) -> tuple[float, ...]:
-    """Return a twist forward and to the left: linear x y z, angular x y z."""
-    return (linear, 0.0, 0.0, 0.0, 0.0, angular)
+def _transform_values(pose: PlanarPose) -> tuple[float, ...]:
+    """Return a planar pose as translation x y z, rotation x y z w."""
+    half = pose.yaw / 2.0
+    return (pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
+
+
+def _fill_transform(message: Transform, values: Sequence[float]) -> None:
+    shift, turn = message.translation, message.rotation
+    shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, turn.w = values
+
+
+def _fill_pose(message: Pose, values: Sequence[float]) -> None:
+    place, turn = message.position, message.orientation
+    place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = values
+
+
+def _fill_twist(message: TwistMessage, twist: Twist) -> None:
+    linear, angular = message.linear, message.angular
+    linear.x, linear.y, linear.z = twist.linear.tolist()
+    angular.x, angular.y, angular.z = twist.angular.tolist()
+
+
+def _fill_planar(message: TwistMessage, linear: float, angular: float) -> None:
+    """Write a twist forward and to the left; the rest stays zero."""
+    message.linear.x, message.angular.z = linear, angular

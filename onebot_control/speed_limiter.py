@@ -1,9 +1,21 @@
 """Limits of velocity, acceleration and jerk, as ros2_control's diff_drive_controller has them."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from onebot_description.parameters.reader import parameter, read
 
 _UNSET = math.nan
+
+
+def _positive(description: str) -> Any:
+    return parameter(_UNSET, description, at_least=0.0, nan="no limit")
+
+
+def _negative(description: str, unset: str) -> Any:
+    return parameter(_UNSET, description, at_most=0.0, nan=unset)
 
 
 @dataclass(frozen=True)
@@ -12,50 +24,25 @@ class SpeedLimits:
 
     A stage whose ``max_...`` is not given does nothing. A minimum not given is minus the maximum;
     a deceleration not given is the acceleration of the same sign.
-
-    Attributes:
-        min_velocity: <= 0.
-        max_velocity: >= 0.
-        max_deceleration: <= 0; slows down forward motion.
-        max_acceleration: >= 0; speeds up forward motion.
-        max_deceleration_reverse: >= 0; slows down backward motion.
-        max_acceleration_reverse: <= 0; speeds up backward motion.
-        min_jerk: <= 0.
-        max_jerk: >= 0.
     """
 
-    min_velocity: float = _UNSET
-    max_velocity: float = _UNSET
-    max_deceleration: float = _UNSET
-    max_acceleration: float = _UNSET
-    max_deceleration_reverse: float = _UNSET
-    max_acceleration_reverse: float = _UNSET
-    min_jerk: float = _UNSET
-    max_jerk: float = _UNSET
+    min_velocity: float = _negative("the fastest reverse, m/s or rad/s", "minus max_velocity")
+    max_velocity: float = _positive("the fastest forward, m/s or rad/s")
+    max_deceleration: float = _negative(
+        "slows down forward motion, m/s2 or rad/s2", "max_acceleration_reverse"
+    )
+    max_acceleration: float = _positive("speeds up forward motion, m/s2 or rad/s2")
+    max_deceleration_reverse: float = _positive("slows down reverse motion, m/s2 or rad/s2")
+    max_acceleration_reverse: float = _negative(
+        "speeds up reverse motion, m/s2 or rad/s2", "minus max_acceleration"
+    )
+    min_jerk: float = _negative("the least jerk, m/s3 or rad/s3", "minus max_jerk")
+    max_jerk: float = _positive("the greatest jerk, m/s3 or rad/s3")
 
-    def problems(self) -> list[tuple[str, str]]:
-        """Return what is wrong, as (name of the limit, what would be right)."""
-        found = [
-            (name, f"{value} is below 0; write 0.0 or more, or .nan for no limit")
-            for name in POSITIVE
-            if (value := getattr(self, name)) < 0.0
-        ]
-        found += [
-            (name, f"{value} is above 0; write 0.0 or less, or .nan for {unset}")
-            for name, unset in NEGATIVE.items()
-            if (value := getattr(self, name)) > 0.0
-        ]
-        return found
-
-
-POSITIVE = ("max_velocity", "max_acceleration", "max_deceleration_reverse", "max_jerk")
-NEGATIVE = {
-    "min_velocity": "minus max_velocity",
-    "max_deceleration": "max_acceleration_reverse",
-    "max_acceleration_reverse": "minus max_acceleration",
-    "min_jerk": "minus max_jerk",
-}
-NAMES = (*POSITIVE, *NEGATIVE)
+    REMEDIES: ClassVar[Mapping[str, str]] = {
+        f"has_{kind}_limits": f"leave it out, and write max_{kind}: .nan for no limit"
+        for kind in ("velocity", "acceleration", "jerk")
+    }
 
 
 class SpeedLimiter:
@@ -65,10 +52,9 @@ class SpeedLimiter:
         """Work out what was not given.
 
         Raises:
-            ValueError: a limit has the wrong sign.
+            ConfigError: a limit has the wrong sign.
         """
-        if problems := limits.problems():
-            raise ValueError("; ".join(f"{name}: {text}" for name, text in problems))
+        limits = read(SpeedLimits, vars(limits))
         speed_up = limits.max_acceleration
         speed_up_reverse = _given(limits.max_acceleration_reverse, -speed_up)
         slow_down = _given(limits.max_deceleration, speed_up_reverse)

@@ -66,8 +66,8 @@ from std_srvs.srv import SetBool, Trigger
 from onebot_control.control_loop import ControlLoop
 from onebot_control.drive import Drive, JointStateBroadcaster, geometry_of
 from onebot_control.parameters import ControlParameters, default_control_file, read_control_files
-from onebot_control.poses import PlanarPose
-from onebot_control.publishing import Publishers, planar_pose
+from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.publishing import Publishers
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.node import (
@@ -189,6 +189,14 @@ class PoseTopics:
         if frame not in ("", odom):
             raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
         loop.drive.place_odometry(pose)
+
+
+def planar_pose(message: PoseStamped) -> PlanarPose:
+    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
+    p, q = message.pose.position, message.pose.orientation
+    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
+    return PlanarPose(p.x, p.y, yaw)
 
 
 # ~/cmd_vel, as Twist or as TwistStamped, whichever is published.

@@ -1,14 +1,12 @@
 """The wheels' separation and radius, read from the robot's description."""
 
-import math
-import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description import Description
+from onebot_description.description.description import Cylinder, Description, Sphere
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import RobotModel, quaternions
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -19,15 +17,10 @@ _LEFT = np.array([0.0, 1.0, 0.0])
 
 
 class WheelGeometry(NamedTuple):
-    """What a differential drive's odometry rests on.
+    """What a differential drive's odometry rests on."""
 
-    Attributes:
-        separation: distance between left and right wheels, m.
-        radius: of all the wheels, m.
-    """
-
-    separation: float
-    radius: float
+    separation: float  # distance between left and right wheels, m
+    radius: float  # of all the wheels, m
 
 
 def check_wheel_names(description: Description, **sides: Sequence[str]) -> None:
@@ -126,21 +119,14 @@ def _check_axle(description: Description, name: str, axis: NDArray[np.float64]) 
     )
 
 
-def _link_radius(description: Description, link: str, joint: str) -> float:
-    for kind in ("collision", "visual"):
-        radii = set(_radii(description.urdf, link, kind))
+def _link_radius(description: Description, name: str, joint: str) -> float:
+    link = next(link for link in description.links if link.name == name)
+    for geometries in (link.collisions, link.visuals):
+        shapes = [geometry.shape for geometry in geometries]
+        radii = {shape.radius for shape in shapes if isinstance(shape, Cylinder | Sphere)}
         if len(radii) == 1:
             return radii.pop()
     raise OneBotError(
-        f'robot "{description.robot_name}", joint "{joint}": link "{link}" has no sphere or '
+        f'robot "{description.robot_name}", joint "{joint}": link "{name}" has no sphere or '
         "cylinder to read the wheel's radius from; set wheel_radius (m)"
     )
-
-
-def _radii(urdf: str, link: str, kind: str) -> Iterable[float]:
-    """Radii of the round shapes of a link; of a sphere squeezed by nothing, of a cylinder."""
-    for element in ET.fromstring(urdf).iterfind(f"link[@name='{link}']/{kind}/geometry/*"):
-        if element.tag in ("sphere", "cylinder"):
-            radius = float(element.get("radius", "nan"))
-            if math.isfinite(radius):
-                yield radius

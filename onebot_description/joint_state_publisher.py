@@ -56,7 +56,8 @@ from sensor_msgs.msg import JointState
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import DescriptionError, OneBotError, listing
-from onebot_description.joints.config import DEFAULTS, JointsConfig
+from onebot_description.file_watch import FileWatch
+from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, Plan
 from onebot_description.node import (
     DescriptionTopic,
@@ -66,22 +67,27 @@ from onebot_description.node import (
     is_path,
     run_described_node,
 )
-from onebot_description.parameters.files import FileWatch, LiveParameters, read_files
-from onebot_description.parameters.reader import ConfigError, Problem, declare, parameter, plain
+from onebot_description.parameters.files import LiveParameters, read_files
+from onebot_description.parameters.reader import (
+    ConfigError,
+    Problem,
+    declare,
+    defaults,
+    descriptor,
+    plain,
+    ros_parameter,
+)
 
 # joint_state_publisher's parameters: declared, read from files, and checked against each other.
 
-_OWN = {"robot_description": "", "config_file": ""}  # of the node, beside those of the joints
-
 
 class JointParameters:
-    """The parameters of a node.
+    """The parameters of a node."""
 
-    Attributes:
-        live: the files they come from.
-        values: those at the start, by name.
-        config: the same, checked.
-    """
+    live: LiveParameters  # the files they come from
+    values: dict[str, Any]  # those at the start, by name
+    config: JointsConfig  # the same, checked
+    describing: bool  # descriptions change, no values
 
     def __init__(self, node: Node, arguments: RosArguments) -> None:
         """Declare every parameter that anybody set, and the rest with its default.
@@ -91,8 +97,9 @@ class JointParameters:
         """
         self._node = node
         self._name = node.get_fully_qualified_name()
-        self._places: Mapping[str, str] = {}  # of the file being taken up
-        self.live = LiveParameters(arguments.files, self._name)
+        self._places: Mapping[str, str] = {}  # of the file being applied
+        self.describing = False
+        self.live = LiveParameters(arguments.files, self._name, JointsConfig)
         given = [name for to, name in arguments.names if to in ("", node.get_name())]
         self.values = self._declare(given)
         self.live.pin(given, self.values)
@@ -104,16 +111,18 @@ class JointParameters:
             raise error.located(self.live.places(self.values)) from None
 
     def _declare(self, given: Sequence[str]) -> dict[str, Any]:
-        defaults = {**DEFAULTS, **_OWN}
-        for name in dict.fromkeys([*defaults, *self.live.file.values, *given]):
-            declare(self._node, name, defaults.get(name))
+        names = [*given, *self.live.file.values]
+        usual = defaults(JointsConfig)
+        declare(self._node, JointsConfig, {name: usual.get(name) for name in names})
         values = self._current()
         config_file = values["config_file"]
         if isinstance(config_file, str) and config_file:
             self.live.add(config_file)
             written = self.live.file.values
-            self._node.set_parameters([parameter(name, value) for name, value in written.items()])
-            values = self._current()
+            declare(self._node, JointsConfig, dict.fromkeys(written))
+            self._node.set_parameters([ros_parameter(n, value) for n, value in written.items()])
+            # What rclpy has refused as out of range is here as well, so that it is reported.
+            values = {**self._current(), **written}
         return values
 
     def _current(self) -> dict[str, Any]:
@@ -140,7 +149,7 @@ class JointParameters:
         config = self._checked(changed)
         config_file = changed.get("config_file")
         if config_file and config_file != values.get("config_file"):
-            read_files([Path(config_file)], self._name)
+            read_files([Path(config_file)], self._name, JointsConfig)
         return changed, config
 
     def located(self, error: ConfigError) -> ConfigError:
@@ -159,25 +168,32 @@ class JointParameters:
         """
         if not changes:
             return
+        parameters = [ros_parameter(name, value) for name, value in changes.items()]
         self._places = places
         try:
-            parameters = [parameter(name, value) for name, value in changes.items()]
+            self.changed(self._current(), parameters)  # rclpy's errors name no line
             result = self._node.set_parameters_atomically(parameters)
+        except ConfigError as error:
+            raise self.located(error) from None
         finally:
             self._places = {}
         if not result.successful:
             raise OneBotError(result.reason)
 
+    def describe(self, parameters: Sequence[Parameter]) -> None:
+        """Describe those parameters that were not declared before they were set."""
+        self.describing = True
+        try:
+            for one in parameters:
+                if one.value is not None and not self._node.describe_parameter(one.name).type:
+                    self._node.set_descriptor(one.name, descriptor(JointsConfig, one.name))
+        finally:
+            self.describing = False
+
     def _checked(self, values: Mapping[str, Any]) -> JointsConfig:
-        """Check everything, also what JointsConfig cannot: topic names, and the node's own."""
+        """Check everything, also what JointsConfig cannot: names of topics."""
         config = JointsConfig.from_parameters(values)
-        problems = [
-            Problem(name, f"{values[name]} is no text; write a path in quotes")
-            for name in _OWN
-            if not isinstance(values.get(name, ""), str)
-        ]
-        problems += self._topic_problems(config.source_list)
-        if problems:
+        if problems := self._topic_problems(config.source_list):
             raise ConfigError(problems)
         return config
 
@@ -478,6 +494,8 @@ class JointStatePublisher(Node):
     # Parameters ------------------------------------------------------------------------------
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        if self._settings.describing:
+            return SetParametersResult(successful=True)
         try:
             self._next = self._prepare(parameters)
         except ConfigError as error:
@@ -496,6 +514,9 @@ class JointStatePublisher(Node):
         return old.with_parameters(values, config, new, self._refused)
 
     def _accept(self, parameters: Sequence[Parameter]) -> None:
+        if self._settings.describing:
+            return
+        self._settings.describe(parameters)
         self._take_up(self._next)
         if any(parameter.name == "config_file" for parameter in parameters):
             # What it says cannot be set from within this callback.
@@ -584,7 +605,7 @@ def main(args: list[str] | None = None) -> int:
         "joint_state_publisher",
         __doc__,
         JointStatePublisher,
-        lambda files: read_files(files, "/joint_state_publisher"),
+        lambda files: read_files(files, "/joint_state_publisher", JointsConfig),
         args,
     )
 

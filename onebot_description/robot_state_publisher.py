@@ -14,8 +14,8 @@ Subscribes:
 
 Parameters (all can be changed while it runs):
     robot_description (string, required unless FILE is given): the URDF.
-    publish_frequency (double, Hz, default 0.0): the most often a joint is published; 0.0 is every
-        message. 0 to 1000.
+    publish_frequency (double or integer, Hz, default 0.0): the most often a joint is published; 0.0
+        is every message. 0 to 1000.
     ignore_timestamp (bool, default false): publish whatever the stamp says.
     frame_prefix (string, default ""): prepended as it is to every frame.
 
@@ -25,19 +25,14 @@ Floating and planar joints are published at their origin, static: no JointState 
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    ParameterDescriptor,
-    ParameterType,
-    SetParametersResult,
-)
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -45,15 +40,26 @@ from onebot_description.description import (
     Description,
     load_description,
     parse_description,
-    published_urdf,
 )
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import LATCHED, Throttled, ros_arguments, run_node
-from onebot_description.wire.cdr import NANO, WireError
-from onebot_description.wire.messages import joint_state_arrays, to_message
+from onebot_description.parameters.reader import declare, parameter, read
+from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
+
+
+@dataclass(frozen=True)
+class StateParameters:
+    """The parameters."""
+
+    robot_description: str = parameter("", "the robot's URDF")
+    publish_frequency: float = parameter(
+        0.0, "the most often a joint is published, Hz; 0: every message", at_least=0.0, at_most=1e3
+    )
+    ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp says")
+    frame_prefix: str = parameter("", "prepended to every frame as it is")
 
 
 class RobotStatePublisher(Node):
@@ -68,16 +74,18 @@ class RobotStatePublisher(Node):
         """
         super().__init__("robot_state_publisher")
         self._warn = Throttled(self.get_logger().warning)
-        self._declare(description)
+        given = {} if description is None else {"robot_description": description.urdf}
+        self._values = declare(self, StateParameters, fixed=given)
+        self._settings = read(StateParameters, self._values)
         self._tf = self.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
         self._tf_static = self.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         if description is None:
-            description = _parse(self.get_parameter("robot_description").value)
+            description = _parse(self._settings.robot_description)
         # The validated text of a live change, so that it need not be parsed twice.
         self._accepted = description
-        self._take_up_description()
-        self._apply(self._values())
+        self._apply_description()
+        self._apply()
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._changed)
         self._jumps = self.get_clock().create_jump_callback(
@@ -90,94 +98,49 @@ class RobotStatePublisher(Node):
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
 
-    def _declare(self, description: Description | None) -> None:
-        self.declare_parameter(
-            "robot_description",
-            "" if description is None else published_urdf(description),
-            ParameterDescriptor(
-                type=ParameterType.PARAMETER_STRING, description="The robot's URDF."
-            ),
-            ignore_override=description is not None,
-        )
-        self.declare_parameter(
-            "publish_frequency",
-            0.0,
-            ParameterDescriptor(
-                type=ParameterType.PARAMETER_DOUBLE,
-                description="The most often a joint is published, in Hz; 0.0 is every message.",
-                floating_point_range=[FloatingPointRange(from_value=0.0, to_value=1000.0)],
-            ),
-        )
-        self.declare_parameter(
-            "ignore_timestamp",
-            False,
-            ParameterDescriptor(description="Publish joint states whatever their stamp says."),
-        )
-        self.declare_parameter(
-            "frame_prefix",
-            "",
-            ParameterDescriptor(description="Prepended to every frame as it is."),
-        )
-
-    def _values(self) -> dict[str, object]:
-        names = ("publish_frequency", "ignore_timestamp", "frame_prefix")
-        return {name: self.get_parameter(name).value for name in names}
-
-    def _apply(self, values: dict[str, object]) -> None:
-        """Serve the robot with these parameters from now on."""
-        frequency = float(values["publish_frequency"])  # type: ignore[arg-type]
+    def _apply(self) -> None:
+        """Convert with the parameters as they are now."""
+        frequency = self._settings.publish_frequency
         self._converter = StateConverter(
             self._model,
-            frame_prefix=str(values["frame_prefix"]),
+            frame_prefix=self._settings.frame_prefix,
             interval_ns=round(NANO / frequency) if frequency else 0,
-            ignore_timestamp=bool(values["ignore_timestamp"]),
+            ignore_timestamp=self._settings.ignore_timestamp,
             warn=self._warn,
         )
         self._tf_static.publish(self._converter.static_transforms(self._now_ns()))
 
-    def _take_up_description(self) -> None:
-        """Make the accepted description the one that is served."""
+    def _apply_description(self) -> None:
+        """Publish the accepted description, and convert by it from now on."""
         self._model = RobotModel.from_description(self._accepted)
         for warning in self._accepted.warnings:
             self.get_logger().warning(warning)
-        self._description.publish(String(data=published_urdf(self._accepted)))
+        self._description.publish(String(data=self._accepted.urdf))
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            if parameter.name == "robot_description":
-                try:
-                    self._accepted = _parse(parameter.value)
-                except OneBotError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
+        changes = {one.name: one.value for one in parameters if one.name in self._values}
+        try:
+            read(StateParameters, {**self._values, **changes})
+            if "robot_description" in changes:
+                self._accepted = _parse(changes["robot_description"])
+        except OneBotError as error:
+            return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _changed(self, parameters: Sequence[Parameter]) -> None:
-        names = {parameter.name for parameter in parameters}
-        if "robot_description" in names:
-            self._take_up_description()
+        changes = {one.name: one.value for one in parameters if one.name in self._values}
+        self._values |= changes
+        self._settings = read(StateParameters, self._values)
+        if "robot_description" in changes:
+            self._apply_description()
             self.get_logger().info(f'now publishing robot "{self._accepted.robot_name}"')
-        if names & {"robot_description", *self._values()}:
-            self._apply(self._values())
+        if changes:
+            self._apply()
 
     def _on_joint_state(self, data: bytes) -> None:
-        try:
-            message = self._converter.convert_bytes(data, time.time_ns())
-        except WireError:
-            self._on_unusual(data)
-            return
+        message = self._converter.convert_bytes(data, time.time_ns())
         if message is not None:
             self._tf.publish(message)
-
-    def _on_unusual(self, data: bytes) -> None:
-        """Take bytes the fast way does not know through ordinary messages, to the same result."""
-        try:
-            state = deserialize_message(data, JointState)
-        except Exception as error:  # Fast CDR's errors reach Python in several types
-            self._warn("bytes", f"joint state that cannot be read is ignored: {error}")
-            return
-        result = self._converter.convert(joint_state_arrays(state), time.time_ns())
-        if result is not None:
-            self._tf.publish(to_message(result))
 
     def _clock_jumped(self, _jump: TimeJump) -> None:
         self._warn("clock", "the clock was set back; publishing the joints' transforms afresh")

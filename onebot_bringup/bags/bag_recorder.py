@@ -12,7 +12,7 @@ Subscribes:
 Parameters:
     folder (string): the recording, a new folder; required.
     topics (string[], []): record only these, absolute or relative names.
-    compression (string, "zstd"): of the messages; or none.
+    compression (string, "zstd"): of the chunks of messages; or none.
     use_sim_time (bool, false): stamp the messages with simulated time.
 """
 
@@ -30,8 +30,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
-from onebot_bringup.bags.writer import BagWriter, Qos, Topic, full_definition
-from onebot_bringup.introspection.interfaces import message_class
+from onebot_bringup.bags.writer import BagWriter, Qos, Topic
+from onebot_bringup.introspection.interfaces import full_definition, message_class
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.node import run_node
 
@@ -285,7 +285,7 @@ class BagTopics:
 COMPRESSIONS = ("zstd", "none")
 _LOOK_EVERY = 0.2  # seconds
 _WRITE_EVERY = 1.0  # seconds, and rarer where writing takes long:
-_LEAST_IDLE = 50.0  # of the time at least 49/50 are left for listening
+_LEAST_IDLE = 10.0  # 9/10 of the time at least are left for messages
 
 
 class BagRecorder(Node):

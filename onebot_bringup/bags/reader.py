@@ -1,8 +1,10 @@
 """Reads recordings of ROS 2, ours or anyone's: MCAP files, SQLite files, and folders of them."""
 
+import os
 import re
 import sqlite3
 import struct
+import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -16,8 +18,9 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.summary import Summary
+from mcap.writer import MCAP0_MAGIC
 
-from onebot_bringup.bags.writer import FILE_NAME, MAGIC
+from onebot_bringup.bags.writer import METADATA
 from onebot_description.errors import OneBotError
 
 # What a recording holds, whatever the format of its files.
@@ -56,6 +59,8 @@ _DAMAGE = (
 )  # fmt: skip
 _CDR = "cdr"
 _MOST = 1 << 30  # bytes of a record: more is taken to be damage
+_FOOTER = struct.Struct("<QQI8s")  # start of the summary and of its offsets, checksum, magic
+_CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to here
 
 
 def topics_of_mcap(path: Path) -> Contents:
@@ -84,8 +89,8 @@ def _opened(path: Path) -> IO[bytes]:
         file = path.open("rb")
     except OSError as error:
         raise OneBotError(f"{path}: {error.strerror}") from error
-    start = file.read(len(MAGIC))
-    if start != MAGIC:
+    start = file.read(len(MCAP0_MAGIC))
+    if start != MCAP0_MAGIC:
         file.close()
         what = "is empty" if not start else "is no MCAP file"
         raise OneBotError(f"{path} {what}")
@@ -93,14 +98,25 @@ def _opened(path: Path) -> IO[bytes]:
 
 
 def _summary(file: IO[bytes]) -> Summary | None:
-    """The summary; None where the file was cut off before its end, or has none."""
-    file.seek(0)
+    """The summary; None where the file has none: it was cut off, or ends in a damaged one."""
     try:
+        if not _ends_sound(file):
+            return None
+        file.seek(0)
         summary = SeekingReader(file, record_size_limit=_MOST).get_summary()
     except _DAMAGE:
         return None
     # Written without an index of its chunks, it has to be read in order.
     return summary if summary is not None and summary.chunk_indexes else None
+
+
+def _ends_sound(file: IO[bytes]) -> bool:
+    """Whether the summary's checksum, which mcap's reader ignores, is right or is not there."""
+    file.seek(-_FOOTER.size, os.SEEK_END)
+    end = file.tell() + _CRC_OFFSET
+    start, _, crc, _ = _FOOTER.unpack(file.read(_FOOTER.size))
+    file.seek(start)
+    return not start or not crc or zlib.crc32(file.read(end - start)) == crc
 
 
 def _topics(channels: dict[int, Channel], schemas: dict[int, Schema]) -> dict[str, str]:
@@ -243,6 +259,8 @@ def _connect(path: Path) -> sqlite3.Connection:
 
 
 MCAP, SQLITE = ".mcap", ".db3"
+# rosbag2's own compression, beside that of the chunks in an MCAP file.
+_COMPRESSED = {"file": "files", "message": "messages"}
 _Read = Callable[[Path, Collection[str], Callable[[str], None]], Iterator[BagMessage]]
 _READERS: Mapping[str, _Read] = {MCAP: read_mcap, SQLITE: read_sqlite}
 _CONTENTS: Mapping[str, Callable[[Path], Contents]] = {
@@ -269,7 +287,6 @@ class Bag:
         """
         self.source = source
         self.warnings: list[str] = []
-        self._compressed = False
         self._files = self._find()
         self.topics: dict[str, str] = {}
         self.count = 0
@@ -282,23 +299,9 @@ class Bag:
         """Return the messages of ``topics``, by the time they were received.
 
         What is damaged ends the file it is in, with a warning.
-
-        Raises:
-            OneBotError: they are not compressed as metadata.yaml says.
         """
         for file in self._files:
-            for message in _READERS[file.suffix](file, topics, self.warnings.append):
-                yield self._unpacked(message) if self._compressed else message
-
-    def _unpacked(self, message: BagMessage) -> BagMessage:
-        try:
-            unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
-        except zstandard.ZstdError as error:
-            raise OneBotError(
-                f"{self.source / FILE_NAME} says compression_mode: message, but a message of "
-                f"{message.topic} is not compressed by zstd: correct it to compression_mode: ''"
-            ) from error
-        return message._replace(data=unpacked)
+            yield from _READERS[file.suffix](file, topics, self.warnings.append)
 
     # --- files ----------------------------------------------------------------------------------
 
@@ -322,17 +325,16 @@ class Bag:
         if information is None:
             if not there:
                 raise OneBotError(
-                    f"{self.source} is no recording: it holds neither {FILE_NAME} nor a .mcap or "
+                    f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
                     ".db3 file"
                 )
             return sorted(there, key=_by_number)
         mode = str(information.get("compression_mode") or "").lower()
-        if mode == "file":
+        if mode in _COMPRESSED:
             raise OneBotError(
-                f"{self.source} is compressed as whole files: unpack it by ros2 bag convert, or by "
-                "unzstd and the names in metadata.yaml"
+                f"{self.source} has its {_COMPRESSED[mode]} compressed by rosbag2: "
+                "unpack it by ros2 bag convert"
             )
-        self._compressed = mode == "message"
         names = information.get("relative_file_paths") or []
         files = [self.source / Path(str(name)).name for name in names]
         missing = [file.name for file in files if not file.is_file()]
@@ -344,12 +346,12 @@ class Bag:
         return files
 
     def _metadata(self) -> Mapping[str, Any] | None:
-        path = self.source / FILE_NAME
+        path = self.source / METADATA
         try:
             found = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]
             found.get("relative_file_paths")
         except OSError:
-            self.warnings.append(f"{self.source} has no {FILE_NAME}; showing the files that it has")
+            self.warnings.append(f"{self.source} has no {METADATA}; showing the files that it has")
             return None
         except (yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError):
             self.warnings.append(f"{path} is damaged; showing the files beside it")

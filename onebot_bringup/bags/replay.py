@@ -14,7 +14,7 @@ from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
 from onebot_bringup.viewer.view_source import ViewSource
-from onebot_description.description.description import Robot, read_robot
+from onebot_description.description import Description, read_description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.wire.messages import tf_arrays
 
@@ -82,10 +82,10 @@ def log_bag(
     robot = robot_of(bag, names)
     if robot is not None and not frame_prefix:
         frames = frames_of(bag, names)
-        frame_prefix = frame_prefix_of(robot.root, robot.links, frames, names.space)
+        frame_prefix = frame_prefix_of(robot.root_link, robot.link_names, frames, names.space)
     source = ViewSource("" if view is None else str(view))
     if robot is not None:
-        source.set_robot(robot.name)
+        source.set_robot(robot.robot_name)
     config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
     for sentence in bag.warnings:
         warn(sentence)
@@ -149,7 +149,7 @@ class _Player:
         for topic, number in self._bad.items():
             if number > 1:
                 self._warn(f"{number} messages of {topic} were left out")
-        robot = view.robot.name if view.robot is not None else ""
+        robot = view.robot.robot_name if view.robot is not None else ""
         return Shown(robot, count - sum(self._bad.values()), seconds)
 
     def _tick(self, view: RobotView) -> None:
@@ -197,11 +197,11 @@ class RobotTopics:
         return name if name.startswith("/") else f"{self.space}/{name}"
 
 
-def robot_of(bag: Bag, names: RobotTopics) -> Robot | None:
+def robot_of(bag: Bag, names: RobotTopics) -> Description | None:
     """Return the robot by its first description, if that can be read."""
     for message in bag.messages(names.descriptions[:1]):
         with suppress(OneBotError, ValueError):  # it is reported when it is shown
-            return read_robot(_text(message))
+            return read_description(_text(message), _DESCRIPTION_NAME)
     return None
 
 

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.launch.arguments import UsageError, split, table
+from onebot_bringup.launch.arguments import Argument, UsageError, split, table
 from onebot_description.description.xacro import xacro_arguments
 
 HELP = """\
@@ -27,7 +27,8 @@ def run(argv: Sequence[str]) -> int:
         raise UsageError(f"onebot check takes one file, not {len(arguments.positional)}")
     file = arguments.positional[0]
     if arguments.show:
-        print(table(xacro_arguments(file).arguments) or f"{file} declares no arguments")
+        declared = [Argument(*argument) for argument in xacro_arguments(file).arguments]
+        print(table(declared) or f"{file} declares no arguments")
         return 0
 
     from onebot_description.description import describe, load_description  # slower to import

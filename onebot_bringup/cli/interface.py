@@ -4,26 +4,11 @@ import re
 from collections.abc import Iterator, Sequence
 
 from onebot_bringup.cli.main import Parser, Subcommand, dispatch
-from onebot_bringup.introspection.interfaces import definition_file, full_name, installed
+from onebot_bringup.introspection.interfaces import definition, full_name, installed
 from onebot_description.errors import OneBotError, did_you_mean
 
-_HERE = "onebot_bringup.cli.interface"
-COMMANDS = {
-    "show": Subcommand("show the fields of a type", f"{_HERE}:show"),
-    "list": Subcommand("list the types that are installed", f"{_HERE}:types"),
-}
 _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
-_TF_MESSAGE = "tf2_msgs/msg/TFMessage"
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: there is no such type, or the command line is wrong.
-    """
-    return dispatch("interface", COMMANDS, argv)
 
 
 def types(parser: Parser, argv: Sequence[str]) -> int:
@@ -63,7 +48,7 @@ def _find(name: str) -> str:
 
 def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Iterator[str]:
     package = name.partition("/")[0]
-    for line in _definition(name).splitlines():
+    for line in definition(name).splitlines():
         text = line.rstrip()
         if not comments:
             text = text.partition("#")[0].rstrip()
@@ -73,15 +58,6 @@ def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Ite
         nested = _nested(text, package)
         if nested:
             yield from _lines(nested, nested_comments, nested_comments, f"{indent}\t")
-
-
-def _definition(name: str) -> str:
-    try:
-        return definition_file(name).read_text()
-    except OneBotError:
-        if name != _TF_MESSAGE:
-            raise
-        return "geometry_msgs/TransformStamped[] transforms\n"
 
 
 def _nested(line: str, package: str) -> str | None:
@@ -94,3 +70,18 @@ def _nested(line: str, package: str) -> str | None:
     parts = full.split("/")
     full = f"{parts[0]}/msg/{parts[-1]}"
     return full if full in installed("msg") else None
+
+
+COMMANDS = {
+    "show": Subcommand("show the fields of a type", show),
+    "list": Subcommand("list the types that are installed", types),
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: there is no such type, or the command line is wrong.
+    """
+    return dispatch("interface", COMMANDS, argv)

@@ -155,12 +155,12 @@ class Subcommand:
 
     Attributes:
         summary: one line for the group's ``--help``.
-        function: ``module:function``, imported when used; the function takes a ``Parser`` to which
-            it adds its options, and the words that follow, and returns the exit code.
+        run: takes a ``Parser`` to which it adds its options, and the words that follow, and
+            returns the exit code.
     """
 
     summary: str
-    function: str
+    run: "Callable[[Parser, Sequence[str]], int]"
 
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
@@ -185,9 +185,7 @@ def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -
             f'onebot {group} has no command "{argv[0]}"{did_you_mean(argv[0], table, "commands")}'
         )
     subcommand = table[argv[0]]
-    module, _, function = subcommand.function.partition(":")
-    run = getattr(importlib.import_module(module), function)
-    return int(run(Parser(f"onebot {group} {argv[0]}", subcommand.summary), argv[1:]))
+    return subcommand.run(Parser(f"onebot {group} {argv[0]}", subcommand.summary), argv[1:])
 
 
 def _usage(group: str, table: Mapping[str, Subcommand]) -> str:

@@ -7,20 +7,6 @@ from onebot_bringup.cli.main import Parser, Subcommand, dispatch
 from onebot_bringup.cli.session import Session, add_spin_time, is_hidden
 from onebot_description.errors import OneBotError
 
-COMMANDS = {
-    "list": Subcommand("list the nodes", "onebot_bringup.cli.node:nodes"),
-    "info": Subcommand("show a node's topics and services", "onebot_bringup.cli.node:info"),
-}
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: there is no such node, or the command line is wrong.
-    """
-    return dispatch("node", COMMANDS, argv)
-
 
 def nodes(parser: Parser, argv: Sequence[str]) -> int:
     """List the nodes; return the exit code."""
@@ -90,3 +76,18 @@ def _rows(found: Iterable[tuple[str, list[str]]], hidden: bool) -> str:
         for name, types in sorted(found)
         if hidden or not is_hidden(name)
     )
+
+
+COMMANDS = {
+    "list": Subcommand("list the nodes", nodes),
+    "info": Subcommand("show a node's topics and services", info),
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: there is no such node, or the command line is wrong.
+    """
+    return dispatch("node", COMMANDS, argv)

@@ -78,23 +78,7 @@ class ParameterClient:
         return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
 
 
-_HERE = "onebot_bringup.cli.param"
-COMMANDS = {
-    "list": Subcommand("list the parameters of a node, or of all", f"{_HERE}:names"),
-    "get": Subcommand("show a parameter", f"{_HERE}:get"),
-    "set": Subcommand("set a parameter", f"{_HERE}:set_values"),
-    "dump": Subcommand("print all parameters of a node as a parameter file", f"{_HERE}:dump"),
-}
 _NODE = "such as /robot_state_publisher"
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: there is no such node or parameter, or the command line is wrong.
-    """
-    return dispatch("param", COMMANDS, argv)
 
 
 def names(parser: Parser, argv: Sequence[str]) -> int:
@@ -204,3 +188,20 @@ def dump(parser: Parser, argv: Sequence[str]) -> int:
         found = sorted(client.names())
         print(parameter_values.dump(node, found, client.values(found)))
     return 0
+
+
+COMMANDS = {
+    "list": Subcommand("list the parameters of a node, or of all", names),
+    "get": Subcommand("show a parameter", get),
+    "set": Subcommand("set a parameter", set_values),
+    "dump": Subcommand("print all parameters of a node as a parameter file", dump),
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: there is no such node or parameter, or the command line is wrong.
+    """
+    return dispatch("param", COMMANDS, argv)

@@ -9,22 +9,7 @@ from onebot_bringup.cli.main import Parser, Subcommand, dispatch, positive
 from onebot_bringup.cli.session import Session, add_spin_time
 from onebot_description.errors import OneBotError, did_you_mean, nearest
 
-_HERE = "onebot_bringup.cli.service"
-COMMANDS = {
-    "call": Subcommand("call a service", f"{_HERE}:call_service"),
-    "list": Subcommand("list the services", f"{_HERE}:services"),
-    "type": Subcommand("show a service's type", f"{_HERE}:type_of"),
-}
 _SLOW = 2.0  # s without an answer, after which it says so
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: a type, value or name is wrong, or the command line is.
-    """
-    return dispatch("service", COMMANDS, argv)
 
 
 def services(parser: Parser, argv: Sequence[str]) -> int:
@@ -138,3 +123,19 @@ def _answer(session: Session, client: Any, name: str, request: Any) -> Any:
 
 def _types(session: Session, name: str) -> list[str]:
     return list(dict(session.node.get_service_names_and_types()).get(name, []))
+
+
+COMMANDS = {
+    "call": Subcommand("call a service", call_service),
+    "list": Subcommand("list the services", services),
+    "type": Subcommand("show a service's type", type_of),
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: a type, value or name is wrong, or the command line is.
+    """
+    return dispatch("service", COMMANDS, argv)

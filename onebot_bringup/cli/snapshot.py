@@ -33,18 +33,18 @@ from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
-from onebot_description.description.description import Robot, Vector
+from onebot_description.description.description import Triple
 from onebot_description.errors import OneBotError, listing
 from onebot_description.joints.limits import zero_position
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED
-from onebot_description.wire.cdr import TfTemplate, pack_stamp
 from onebot_description.wire.messages import (
     BAD_MESSAGE,
     deserialize_message,
     tf_arrays,
     time_message,
+    transforms_message,
 )
 from onebot_description.wire.tf_message import TFMessage
 
@@ -292,7 +292,7 @@ def _camera(text: str) -> object:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def parse_camera(text: str) -> tuple[Vector, Vector | None]:
+def parse_camera(text: str) -> tuple[Triple, Triple | None]:
     """Return eye and target, metres in the fixed frame; no target if only the eye is given.
 
     Raises:
@@ -305,7 +305,7 @@ def parse_camera(text: str) -> tuple[Vector, Vector | None]:
     return found
 
 
-def _vector(text: str, whole: str) -> Vector:
+def _vector(text: str, whole: str) -> Triple:
     try:
         x, y, z = (float(word) for word in text.split(","))
     except ValueError:
@@ -366,7 +366,7 @@ class RunningRobot:
             OneBotError: there is no robot, it is broken, or links have no transform; says which.
         """
         robot = self._await_robot()
-        if self._source.set_robot(robot.name):
+        if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
             self._topics.set_topics(self._view.topics)
         self._await_frames(robot)
@@ -386,7 +386,7 @@ class RunningRobot:
         warnings = self._view.tick(now_ns)
         self._warnings += warnings if self._view.robot is not None else []
 
-    def _await_robot(self) -> Robot:
+    def _await_robot(self) -> Description:
         def found() -> bool:
             self._tick()
             return self._view.robot is not None or self._broken is not None
@@ -415,7 +415,7 @@ class RunningRobot:
         space = there[0].rpartition("/")[0] or "/"
         return f" (there: {listing(there)}; --ros-args -r __ns:={space} goes there)"
 
-    def _await_frames(self, robot: Robot) -> None:
+    def _await_frames(self, robot: Description) -> None:
         def complete() -> bool:
             self._tick()
             return not self._view.missing and self._view.has_fixed_frame
@@ -427,7 +427,7 @@ class RunningRobot:
         if self._view.missing:
             raise OneBotError(self._hint(robot, self._view.missing))
 
-    def _hint(self, robot: Robot, missing: Sequence[str]) -> str:
+    def _hint(self, robot: Description, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
         frames = self._view.frames.names
         if not frames:
@@ -436,11 +436,11 @@ class RunningRobot:
                 "or the simulation is paused"
             )
         prefixes = {
-            name[: -len(robot.root)]
+            name[: -len(robot.root_link)]
             for name in frames
-            if name.endswith(robot.root) and name != self._prefix + robot.root
+            if name.endswith(robot.root_link) and name != self._prefix + robot.root_link
         }
-        if prefixes and len(missing) >= len(robot.links) - 1:
+        if prefixes and len(missing) >= len(robot.link_names) - 1:
             return f"{text}; try --frame-prefix {listing(prefixes)}"
         joints = self._session.full_name("joint_states")
         if joints not in self._received:
@@ -520,7 +520,7 @@ def record_pose(
     source = ViewSource(view)
     source.set_robot(description.robot_name)
     config = source.view
-    if config.fixed_frame not in description.links:
+    if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
     shown = RobotView(recording, config, blueprint=source.layout)
     joints = JointState(
@@ -537,7 +537,8 @@ def record_pose(
 
 
 def _tf_message(joints: JointArrays, values: Floats) -> bytes:
-    return TfTemplate(joints.parents, joints.children).fill(pack_stamp(_NOW_NS), values)
+    message = transforms_message(_NOW_NS, joints.parents, joints.children, values)
+    return bytes(serialize_message(message))
 
 
 def _record_description(args: Namespace, recording: rr.RecordingStream) -> None:

@@ -502,17 +502,16 @@ class _Publisher:
         self._session.spin_until(time.monotonic() + self._args.keep_alive)
 
 
-_HERE = "onebot_bringup.cli"
 COMMANDS = {
-    "pub": Subcommand("publish messages", f"{_HERE}.topic_pub:pub"),
-    "echo": Subcommand("print messages as they come", f"{_HERE}.topic_echo:echo"),
-    "list": Subcommand("list the topics", f"{_HERE}.topic_list:topics"),
-    "info": Subcommand("show who publishes and who listens", f"{_HERE}.topic_list:info"),
-    "type": Subcommand("show a topic's type", f"{_HERE}.topic_list:type_of"),
-    "find": Subcommand("list the topics of a type", f"{_HERE}.topic_list:find"),
-    "hz": Subcommand("measure how often messages come", f"{_HERE}.topic_hz:hz"),
-    "bw": Subcommand("measure how many bytes a second come", f"{_HERE}.topic_hz:bw"),
-    "delay": Subcommand("measure how old messages are, by their header", f"{_HERE}.topic_hz:delay"),
+    "pub": Subcommand("publish messages", pub),
+    "echo": Subcommand("print messages as they come", echo),
+    "list": Subcommand("list the topics", topics),
+    "info": Subcommand("show who publishes and who listens", info),
+    "type": Subcommand("show a topic's type", type_of),
+    "find": Subcommand("list the topics of a type", find),
+    "hz": Subcommand("measure how often messages come", hz),
+    "bw": Subcommand("measure how many bytes a second come", bw),
+    "delay": Subcommand("measure how old messages are, by their header", delay),
 }
 
 

@@ -7,6 +7,7 @@ tf2_msgs is not installed.
 import importlib
 import importlib.util
 import os
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,12 @@ from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 
 _TF_MESSAGE = "tf2_msgs/msg/TFMessage"
+_DELIMITER = "=" * 80  # between the definitions of a type and of those in it, as rosbag2 has it
+_FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
+_PRIMITIVE = frozenset(
+    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 string "
+    "wstring".split()
+)
 _WHAT = {"msg": "message", "srv": "service", "action": "action"}
 
 
@@ -108,8 +115,8 @@ def _index() -> list[tuple[str, str]]:
     return sorted(found.items())
 
 
-def definition_file(name: str) -> Path:
-    """Return the .msg, .srv or .action file that defines a type.
+def definition(name: str) -> str:
+    """Return the text of the .msg, .srv or .action file that defines a type.
 
     Args:
         name: its full name.
@@ -122,8 +129,39 @@ def definition_file(name: str) -> Path:
     for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
         path = Path(prefix) / "share" / package / kind / f"{type_name}.{kind}"
         if path.is_file():
-            return path
+            return path.read_text()
+    if name == _TF_MESSAGE:  # ours, where tf2_msgs is not installed
+        return "geometry_msgs/TransformStamped[] transforms\n"
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
+
+
+@cache
+def full_definition(name: str) -> str:
+    """Return the definition of a message type as rosbag2 keeps it with the messages.
+
+    The .msg file comes first; those it refers to follow, each once and under a line of its own.
+
+    Args:
+        name: its full name.
+
+    Raises:
+        OneBotError: a .msg file is not installed.
+    """
+    return _joined(name, set())
+
+
+def _joined(name: str, seen: set[str]) -> str:
+    text = definition(name)
+    package = name.partition("/")[0]
+    parts = [text]
+    for kind in sorted({*_FIELD_TYPE.findall(text)} - _PRIMITIVE):
+        full = kind if "/" in kind else f"{package}/{kind}"
+        if full not in seen:
+            seen.add(full)
+            home, _, short = full.rpartition("/")
+            nested = _joined(f"{home.partition('/')[0]}/msg/{short}", seen)
+            parts.append(f"\n{_DELIMITER}\nMSG: {full}\n{nested}")
+    return "".join(parts)
 
 
 def _import(full: str) -> Any:

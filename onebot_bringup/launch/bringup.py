@@ -20,15 +20,16 @@ from onebot_bringup.launch.arguments import (
     table,
     unknown,
 )
-from onebot_bringup.launch.description_watcher import Known, signatures
+from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.interpreter import Standby
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.process import Node
-from onebot_description.description import Description, load_description, published_urdf
+from onebot_description.description import Description, load_description
 from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.file_watch import file_states
 
 # Which robot a bringup command brings up.
 
@@ -160,22 +161,20 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
     model = given.get("model", robot.model)
     of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:
-        print(help_text(robot, declared, of_model.arguments, complete=arguments.help))
+        ours = [Argument(*argument) for argument in of_model.arguments]
+        print(help_text(robot, declared, ours, complete=arguments.help))
         return 0
     if not model:
         raise UsageError(f"{robot.program} needs a file, a URDF or xacro")
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
     _check_files(values, own)
-    before = signatures(included_files(model))
+    before = file_states(included_files(model))
     description = load_description(model, for_xacro)
-    urdf = published_urdf(description)
-    known = Known.of(urdf, description.files, before)
+    known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        make = NodeFactory(
-            Path(folder), values, description, urdf, for_xacro, arguments.ros_args, known
-        )
+        make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
         return Launcher(
             _nodes(make),
             name=robot.program,
@@ -278,7 +277,7 @@ def _check_joints(file: Path, namespace: str) -> None:
     from onebot_description.parameters.reader import ConfigError
 
     node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
-    parameters = read_files([file], node)
+    parameters = read_files([file], node, JointsConfig)
     try:
         JointsConfig.from_parameters(parameters.values)
     except ConfigError as error:

@@ -24,14 +24,13 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_description.description import load_description, published_urdf
+from onebot_description.description import load_description
 from onebot_description.description.xacro import included_files
 from onebot_description.errors import OneBotError
+from onebot_description.file_watch import FileState, FileWatch, file_states
 
 # What a bringup publishes of a robot's files, and how it notices that they have changed.
 
-FileSignature = tuple[int, int, int]
-Signature = tuple[FileSignature | None, ...]
 LOOK_EVERY = 0.1  # seconds; an edit counts when two looks in a row agree
 
 
@@ -44,14 +43,13 @@ class Known(NamedTuple):
     """
 
     digest: str
-    files: Mapping[Path, FileSignature | None]
+    files: Mapping[Path, FileState]
 
     @classmethod
-    def of(
-        cls, urdf: str, files: Iterable[Path], before: Mapping[Path, FileSignature | None]
-    ) -> "Known":
+    def of(cls, urdf: str, files: Iterable[Path], before: Mapping[Path, FileState]) -> "Known":
         """Return it for ``files``; those looked at ``before`` they were read, as they were then."""
-        return cls(digest_of(urdf), {file: before.get(file, _signature(file)) for file in files})
+        now = file_states(files)
+        return cls(digest_of(urdf), {file: before.get(file, state) for file, state in now.items()})
 
     def to_json(self) -> str:
         """Return it as text."""
@@ -67,31 +65,9 @@ class Known(NamedTuple):
 
     def wait_for_edit(self) -> None:
         """Return when a file is another one than is known, and is no longer being written."""
-        known, files = tuple(self.files.values()), tuple(self.files)
-        now = known
-        while True:
-            last, now = now, signature_of(files)
-            if now != known and now == last:
-                return
+        watch = FileWatch(self.files, known=self.files)
+        while not watch.changed():
             time.sleep(LOOK_EVERY)
-
-
-def signatures(files: Iterable[Path]) -> dict[Path, FileSignature | None]:
-    """Return what changes of each file when it is edited, replaced or removed."""
-    return {file: _signature(file) for file in files}
-
-
-def signature_of(files: Sequence[Path]) -> Signature:
-    """Return what changes when one of ``files`` is edited, replaced or removed."""
-    return tuple(signatures(files).values())
-
-
-def _signature(file: Path) -> FileSignature | None:
-    try:
-        status = file.stat()
-    except OSError:  # editors replace files: it is gone for a moment
-        return None
-    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def digest_of(urdf: str) -> str:
@@ -119,21 +95,16 @@ class DescriptionUpdate(Node):
         self._model = model
         self._arguments = arguments
         self._sent = digest
-        self._files: tuple[Path, ...] = included_files(model)
-        self._last_look: Signature | None = None
-        self._loaded: Signature | None = None
+        # Read once at the start, too: it may have changed by then.
+        self._watch = FileWatch(included_files(model), unread=True)
         self._client = self.create_client(SetParameters, f"{_PUBLISHER}/set_parameters")
         self.create_timer(LOOK_EVERY, self._look)
 
     def _look(self) -> None:
-        """Load if a file has changed, and once at the start: it may have changed by then."""
+        """Load the robot if a file has changed."""
         if not self._client.service_is_ready():
             return  # and find the change once it is
-        signature = signature_of(self._files)
-        if signature != self._last_look:  # an editor may still be writing
-            self._last_look = signature
-        elif signature != self._loaded:
-            self._loaded = signature
+        if self._watch.changed():
             self._load()
 
     def _load(self) -> None:
@@ -142,16 +113,10 @@ class DescriptionUpdate(Node):
         except OneBotError as error:
             self.get_logger().error(f"{error}\nThe robot stays as it was until this is mended.")
             # Where the mistake is may be a file that was included only just now.
-            self._watch((*self._files, *included_files(self._model)))
+            self._watch.watch((*self._watch.files, *included_files(self._model)))
             return
-        self._watch(description.files)
-        self._send(published_urdf(description))
-
-    def _watch(self, files: tuple[Path, ...]) -> None:
-        files = tuple(dict.fromkeys(files))
-        if files != self._files:
-            self._files = files
-            self._loaded = self._last_look = signature_of(files)
+        self._watch.watch(description.files)
+        self._send(description.urdf)
 
     def _send(self, urdf: str) -> None:
         digest = digest_of(urdf)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launcher.process import Node, OnExit, python_node
-from onebot_description.description import Description, JointSpec
+from onebot_description.description import Description, Joint
 
 # ROS parameter files for nodes: what is too long, or too delicate, for a command line.
 
@@ -152,11 +152,11 @@ def sweep_parameters(description: Description) -> dict[str, object]:
     return {"rate": RATE, **({"motions": motions} if motions else {})}
 
 
-def _movable(joint: JointSpec) -> bool:
+def _movable(joint: Joint) -> bool:
     return joint.kind in _MOVABLE and joint.mimic is None
 
 
-def _swing(joint: JointSpec, turn: float) -> dict[str, object]:
+def _swing(joint: Joint, turn: float) -> dict[str, object]:
     middle, amplitude = _range(joint)
     frequency = 1.0 / PERIOD
     if joint.velocity and amplitude > 0.0:
@@ -170,7 +170,7 @@ def _swing(joint: JointSpec, turn: float) -> dict[str, object]:
     }
 
 
-def _range(joint: JointSpec) -> tuple[float, float]:
+def _range(joint: Joint) -> tuple[float, float]:
     """Return middle and amplitude of the swing, in rad or m."""
     if joint.lower is None or joint.upper is None:
         return 0.0, _FREE_SWING if joint.kind == "continuous" else 0.0
@@ -193,7 +193,6 @@ class NodeFactory:
         folder: where the nodes' parameter files are written.
         values: of the launch arguments.
         description: of the robot.
-        urdf: the same as the nodes get it.
         xacro_arguments: with which it was read.
         ros_args: for every node, after its own.
         known: the files that the description was read from.
@@ -202,7 +201,6 @@ class NodeFactory:
     folder: Path
     values: Mapping[str, str]
     description: Description
-    urdf: str
     xacro_arguments: Mapping[str, str]
     ros_args: Sequence[str]
     known: Known
@@ -215,7 +213,7 @@ class NodeFactory:
     def robot_state_publisher(self) -> Node:
         """Return the node that publishes the robot's transforms; nothing works without it."""
         parameters = {
-            "robot_description": self.urdf,
+            "robot_description": self.description.urdf,
             "frame_prefix": self.values["frame_prefix"],
             "publish_frequency": float(self.values["publish_frequency"]),
             "ignore_timestamp": self._flag("ignore_timestamp"),
@@ -238,7 +236,7 @@ class NodeFactory:
         # All nodes of the robot name its frames alike, in a namespace too.
         prefix = self.values["frame_prefix"]
         # It would come on the topic, too, but only when robot_state_publisher is up.
-        parameters["robot_description"] = self.urdf
+        parameters["robot_description"] = self.description.urdf
         parameters |= {"tf_frame_prefix_enable": bool(prefix), "tf_frame_prefix": prefix}
         if self.values["rate"]:
             parameters["update_rate"] = int(self.values["rate"])

@@ -1,5 +1,6 @@
 """The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
 
+import contextlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -26,13 +27,13 @@ from onebot_description.description.description import (
     Box,
     Capsule,
     Cylinder,
+    Description,
     Geometry,
-    Robot,
     Sphere,
-    Vector,
+    Triple,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.model.quaternions import to_matrix
+from onebot_description.model.quaternions import from_rpy, to_matrix
 
 ROBOT_VIEW = "Robot"
 
@@ -114,7 +115,7 @@ class BlueprintSender:
         if bounds is not None:
             eye, target = fitting_eye(bounds)
             size = float(np.linalg.norm(bounds[1] - bounds[0]))
-            self._context.fitting_length = fitting_length(size, len(robot.links))
+            self._context.fitting_length = fitting_length(size, len(robot.link_names))
         camera = replace(
             layout.camera, eye=layout.camera.eye or eye, target=layout.camera.target or target
         )
@@ -123,14 +124,14 @@ class BlueprintSender:
         layout = replace(layout, camera=camera, grid=grid)
         return make_blueprint(layout, self._followed(robot, camera.follow), self._from_start)
 
-    def _bounds(self, robot: Robot, fixed_frame: str) -> Floats | None:
-        links = {self._context.frame_of(link): link for link in robot.links}
+    def _bounds(self, robot: Description, fixed_frame: str) -> Floats | None:
+        links = {self._context.frame_of(link): link for link in robot.link_names}
         poses = self._context.frames.poses(links, fixed_frame)
-        return robot_bounds(robot.geometries, {links[frame]: pose for frame, pose in poses.items()})
+        return robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
 
-    def _followed(self, robot: Robot, link: str) -> str | None:
+    def _followed(self, robot: Description, link: str) -> str | None:
         """The entity that moves with ``link``: its first visual, or else its axes."""
-        if link not in robot.links:
+        if link not in robot.link_names:
             return None
         return self._scene.visual_of(link) or axes_entity(self._context.frame_of(link))
 
@@ -220,8 +221,8 @@ def corners(geometry: Geometry) -> Floats:
     low, high = _extent(geometry)
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     local = np.where(grid == 1, high, low)
-    turned = np.asarray(local @ to_matrix(np.asarray(geometry.rotation)).T, np.float64)
-    moved: Floats = turned + np.array(geometry.translation)
+    turned = np.asarray(local @ to_matrix(from_rpy(geometry.origin.rpy)).T, np.float64)
+    moved: Floats = turned + np.array(geometry.origin.xyz)
     return moved
 
 
@@ -241,30 +242,28 @@ def _extent(geometry: Geometry) -> tuple[Floats, Floats]:
     return -half, half
 
 
-def robot_bounds(geometries: tuple[Geometry, ...], poses: Mapping[str, Floats]) -> Floats | None:
+def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Floats | None:
     """Return the (2, 3) box around all visuals, metres, in the fixed frame.
 
     Args:
-        geometries: what is drawn.
+        description: the robot.
         poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
     """
     points = []
-    for geometry in geometries:
-        if geometry.kind != "visual" or geometry.link not in poses:
+    for link in description.links:
+        if link.name not in poses:
             continue
-        try:
-            local = corners(geometry)
-        except OneBotError:
-            continue  # reported when it was drawn
-        pose = poses[geometry.link]
-        points.append(local @ pose[:3, :3].T + pose[:3, 3])
+        pose = poses[link.name]
+        for geometry in link.visuals:
+            with contextlib.suppress(OneBotError):  # reported when it was drawn
+                points.append(corners(geometry) @ pose[:3, :3].T + pose[:3, 3])
     if not points:
         return None
     cloud = np.concatenate(points)
     return np.array([cloud.min(axis=0), cloud.max(axis=0)])
 
 
-def fitting_eye(bounds: Floats) -> tuple[Vector, Vector]:
+def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:
     """Return eye and target, metres, from which the whole box is seen, from front left above."""
     center = bounds.mean(axis=0)
     radius = max(float(np.linalg.norm(bounds[1] - bounds[0])) / 2, 0.01)
@@ -274,7 +273,7 @@ def fitting_eye(bounds: Floats) -> tuple[Vector, Vector]:
     return _vector(eye), _vector(center)
 
 
-def _vector(values: Floats) -> Vector:
+def _vector(values: Floats) -> Triple:
     x, y, z = (round(float(value), 4) for value in values)
     return x, y, z
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description.description import Robot
+from onebot_description.description import Description
 from onebot_description.errors import did_you_mean, listing
 from onebot_description.model.quaternions import to_matrix
 
@@ -165,36 +165,36 @@ class FrameResolution:
         self._missing: list[str] = []
         self._missing_of: tuple[object, ...] = ()  # the arguments and tree that it is for
 
-    def fixed_frame(self, robot: Robot, wanted: str) -> str:
+    def fixed_frame(self, robot: Description, wanted: str) -> str:
         """Return the frame to show ``robot`` in: ``wanted``, or else the one above its root."""
-        return self.known_as(robot, wanted) or self._frames.top(self._frame_of(robot.root))
+        return self.known_as(robot, wanted) or self._frames.top(self._frame_of(robot.root_link))
 
-    def known_as(self, robot: Robot, wanted: str) -> str:
+    def known_as(self, robot: Description, wanted: str) -> str:
         """Return the name by which a frame is known, also with the prefix; "" if it is not."""
         if not wanted:
             return ""
-        received, links = self._frames.names, robot.links
+        received, links = self._frames.names, robot.link_names
         if wanted in received or wanted in map(self._frame_of, links):
             return wanted
         prefixed = self._frame_of(wanted)
         return prefixed if prefixed in received or wanted in links else ""
 
-    def missing(self, robot: Robot, fixed_frame: str) -> list[str]:
+    def missing(self, robot: Description, fixed_frame: str) -> list[str]:
         """Return the frames of links that no transform connects with ``fixed_frame``."""
         what = (self._frames.version, robot, fixed_frame)
         if what != self._missing_of:
             top = self._frames.top(fixed_frame)
-            frames = map(self._frame_of, robot.links)
+            frames = map(self._frame_of, robot.link_names)
             self._missing = [frame for frame in frames if self._frames.top(frame) != top]
             self._missing_of = what
         return self._missing
 
-    def is_complete(self, robot: Robot, wanted: str) -> bool:
+    def is_complete(self, robot: Description, wanted: str) -> bool:
         """Whether every link has a transform to the frame ``wanted``, which exists, if given."""
         as_wanted = not wanted or bool(self.known_as(robot, wanted))
         return as_wanted and not self.missing(robot, self.fixed_frame(robot, wanted))
 
-    def warnings(self, robot: Robot, wanted: str) -> list[str]:
+    def warnings(self, robot: Description, wanted: str) -> list[str]:
         """Return the links without a transform, and a missing fixed frame, a sentence each."""
         found = []
         fixed_frame = self.fixed_frame(robot, wanted)

@@ -15,7 +15,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from onebot_description.description.meshes import MESH_SUFFIXES, mesh_path
+from onebot_description.description import packages
+from onebot_description.description.description import MESH_SUFFIXES
 from onebot_description.errors import OneBotError
 
 # Above this many faces sharp edges are not searched for (it takes seconds); shading is then flat.
@@ -44,9 +45,9 @@ def resolve(uri: str) -> Path:
         OneBotError: no such package, file or kind of address.
     """
     try:
-        path = mesh_path(uri, None)
+        path = packages.resolve(uri, None)
     except OneBotError as error:
-        raise OneBotError(str(error) if uri in str(error) else f'mesh "{uri}": {error}') from error
+        raise OneBotError(f"mesh {error}") from error
     if not path.is_file():
         raise OneBotError(f'mesh "{uri}": there is no file {path}')
     return path

@@ -18,7 +18,7 @@ from rerun.experimental import ViewerClient, ViewerState
 
 from onebot_bringup.viewer.blueprint import ROBOT_VIEW
 from onebot_bringup.viewer.display_server import LOOPBACK, Child, free_port
-from onebot_description.description.description import Vector
+from onebot_description.description.description import Triple
 from onebot_description.errors import OneBotError
 
 # Rerun's viewer without a window: started, loaded to the end, and held still.
@@ -231,8 +231,8 @@ class Framing:
     """
 
     dashboard: bool = True
-    eye: Vector | None = None
-    target: Vector | None = None
+    eye: Triple | None = None
+    target: Triple | None = None
     time_panel: bool = True
 
     @property

@@ -50,7 +50,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.settings import values, with_setting
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_source import ViewSource
-from onebot_description.description.description import Robot
+from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.node import LATCHED, Throttled, run_node
 
@@ -316,7 +316,7 @@ class RerunViewer(Node):
             resolve=self.resolve_topic_name,
             report=self._report,
         )
-        self._robot: Robot | None = None
+        self._robot: Description | None = None
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
         self._published_page = ""
         self._topics = TopicSubscriptions(self, self._view.take)
@@ -333,8 +333,8 @@ class RerunViewer(Node):
         robot = self._view.robot
         if robot is not None and robot is not self._robot:
             self._robot = robot
-            self.get_logger().info(f'showing "{robot.name}" ({len(robot.links)} links)')
-            self._updates.apply_view_of(robot.name)
+            self.get_logger().info(f'showing "{robot.robot_name}" ({len(robot.link_names)} links)')
+            self._updates.apply_view_of(robot.robot_name)
 
     def _poll(self) -> None:
         assert self._display is not None

@@ -22,7 +22,7 @@ from onebot_bringup.viewer.displays.tf import TransformStream
 from onebot_bringup.viewer.frames import FrameResolution, FrameTree
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.description.description import Robot, read_robot
+from onebot_description.description import Description, read_description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.wire.messages import deserialize_message
 
@@ -221,12 +221,12 @@ class RobotView:
     # --- the robot and the view -----------------------------------------------------------------
 
     @property
-    def robot(self) -> Robot | None:
+    def robot(self) -> Description | None:
         """The robot shown now."""
         return self._robot
 
     @property
-    def _robot(self) -> Robot | None:
+    def _robot(self) -> Description | None:
         return self._context.robot
 
     @property
@@ -294,22 +294,22 @@ class RobotView:
         return warnings
 
     def _set_robot(self, urdf: str) -> list[str]:
-        robot, before = read_robot(urdf), self._robot
+        robot, before = read_description(urdf, _DESCRIPTION_TOPIC.name), self._robot
         warnings = self._scene.set_robot(robot)
-        self._context.robot, self._context.urdf = robot, urdf
+        self._context.robot = robot
         for shown in self._displays:
             shown.display.set_robot()
-        if before is None or robot.name != before.name:
-            self._recording.send_recording_name(robot.name)
+        if before is None or robot.robot_name != before.robot_name:
+            self._recording.send_recording_name(robot.robot_name)
         self._changed = self._clock()
         self._warnings.forget()
         return warnings + self._wrong_names()
 
     def _wrong_names(self) -> list[str]:
         follow = self._view.camera.follow
-        if self._robot is None or not follow or follow in self._robot.links:
+        if self._robot is None or not follow or follow in self._robot.link_names:
             return []
-        known = did_you_mean(follow, self._robot.links, "links")
+        known = did_you_mean(follow, self._robot.link_names, "links")
         return [f'camera.follow: the robot has no link "{follow}"{known}']
 
     def _lay_out(self, complete: bool) -> None:

@@ -17,21 +17,24 @@ from onebot_description.description.description import (
     Box,
     Capsule,
     Cylinder,
+    Description,
     Geometry,
     Mesh,
     Rgba,
-    Robot,
+    Shape,
     Sphere,
 )
 from onebot_description.errors import OneBotError
+from onebot_description.model.quaternions import from_rpy
 
-ROBOT_ENTITY = "robot"
+Bytes = tuple[int, int, int, int]  # sRGB and alpha
+
 VISUAL_ENTITY = "robot/visual"
 COLLISION_ENTITY = "robot/collision"
 
 # RViz paints what has no colour red (its "RVIZ/ShadedRed"), so that it is noticed.
-DEFAULT_COLOR: Rgba = (255, 0, 0, 255)
-COLLISION_COLOR: Rgba = (255, 170, 0, 110)
+DEFAULT_COLOR: Bytes = (255, 0, 0, 255)
+COLLISION_COLOR: Bytes = (255, 170, 0, 110)
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class _Drawn:
 
 
 class Scene:
-    """Keeps a recording's shapes equal to the robot's description."""
+    """Keeps a recording's static part equal to the robot's description."""
 
     def __init__(self, recording: rr.RecordingStream, frame_prefix: str = "") -> None:
         """Draw into ``recording`` the links in the frames of their names with ``frame_prefix``."""
@@ -60,7 +63,7 @@ class Scene:
         start = _path(*VISUAL_ENTITY.split("/"), link) + "/"
         return min((path for path in self._drawn if path.startswith(start)), default=None)
 
-    def set_robot(self, robot: Robot) -> list[str]:
+    def set_robot(self, robot: Description) -> list[str]:
         """Show ``robot`` and nothing else; what did not change is left alone.
 
         Returns:
@@ -68,35 +71,44 @@ class Scene:
         """
         problems = list(robot.warnings)
         wanted: set[str] = set()
-        for geometry in robot.geometries:
-            path = _path(ROBOT_ENTITY, geometry.kind, geometry.link, str(geometry.index))
-            try:
-                self._draw(path, geometry)
-            except OneBotError as error:
-                problems.append(f'link "{geometry.link}": {error}; not drawn')
-                continue
-            wanted.add(path)
-        home = self.frame_of(robot.root)
+        for link in robot.links:
+            for entity, geometries in (
+                (VISUAL_ENTITY, link.visuals),
+                (COLLISION_ENTITY, link.collisions),
+            ):
+                for number, geometry in enumerate(geometries):
+                    path = _path(*entity.split("/"), link.name, str(number))
+                    color = None if entity == VISUAL_ENTITY else COLLISION_COLOR
+                    try:
+                        self._draw(path, link.name, geometry, color)
+                    except OneBotError as error:
+                        problems.append(f'link "{link.name}": {error}; not drawn')
+                        continue
+                    wanted.add(path)
+        home = self.frame_of(robot.root_link)
         for path in set(self._drawn) - wanted:
             self._erase(path, self._drawn.pop(path).archetype, home)
         return problems
 
-    def _draw(self, path: str, geometry: Geometry) -> None:
-        what = (geometry, _modified(geometry))
+    def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
+        """Draw ``geometry`` in its own colour, or else all of it in ``color``."""
+        what = (link, geometry, _modified(geometry.shape))
         old = self._drawn.get(path)
         if old is not None and old.what == what:
             return
-        shape = _archetype(geometry)
+        shape = geometry.shape
+        drawn = _archetype(shape, color or _bytes(geometry.color), color is not None)
+        x, y, z, w = from_rpy(geometry.origin.rpy).tolist()
         poses = rr.InstancePoses3D(
-            translations=[geometry.translation],
-            quaternions=[rr.Quaternion(xyzw=geometry.rotation)],
-            scales=[geometry.shape.scale if isinstance(geometry.shape, Mesh) else (1.0, 1.0, 1.0)],
+            translations=[geometry.origin.xyz],
+            quaternions=[rr.Quaternion(xyzw=(x, y, z, w))],
+            scales=[shape.scale if isinstance(shape, Mesh) else (1.0, 1.0, 1.0)],
         )
-        frame = rr.CoordinateFrame(self.frame_of(geometry.link))
-        if old is not None and old.archetype is not type(shape):
-            self._erase(path, old.archetype, self.frame_of(geometry.link))
-        self._recording.log(path, frame, poses, shape, static=True)
-        self._drawn[path] = _Drawn(what, type(shape))
+        frame = rr.CoordinateFrame(self.frame_of(link))
+        if old is not None and old.archetype is not type(drawn):
+            self._erase(path, old.archetype, self.frame_of(link))
+        self._recording.log(path, frame, poses, drawn, static=True)
+        self._drawn[path] = _Drawn(what, type(drawn))
 
     def _erase(self, path: str, archetype: Any, home: str) -> None:
         """Empty an entity. Static data cannot be cleared by rr.Clear, only be overwritten.
@@ -110,32 +122,42 @@ def _path(*parts: str) -> str:
     return rr.new_entity_path(list(parts)).lstrip("/")
 
 
-def _modified(geometry: Geometry) -> int:
+def _bytes(color: Rgba | None) -> Bytes:
+    """The bytes that reach the screen: URDF colours are shown as they are, as RViz does."""
+    if color is None:
+        return DEFAULT_COLOR
+    red, green, blue, alpha = (round(255 * min(max(value, 0.0), 1.0)) for value in color)
+    return red, green, blue, alpha
+
+
+def _modified(shape: Shape) -> int:
     """When a mesh file was written, because the same URDF may mean a new mesh."""
-    if not isinstance(geometry.shape, Mesh):
+    if not isinstance(shape, Mesh):
         return 0
     try:
-        return resolve(geometry.shape.uri).stat().st_mtime_ns
+        return resolve(shape.uri).stat().st_mtime_ns
     except OSError as error:
-        raise OneBotError(f'mesh "{geometry.shape.uri}": {error.strerror}') from error
+        raise OneBotError(f'mesh "{shape.uri}": {error.strerror}') from error
 
 
-def _archetype(geometry: Geometry) -> Any:
-    """Return what Rerun draws for ``geometry``, solid, centred on its own origin."""
-    shape = geometry.shape
-    color = geometry.color or DEFAULT_COLOR
-    if geometry.kind == "collision":
-        color = COLLISION_COLOR
+def _archetype(shape: Shape, color: Bytes, force: bool) -> Any:
+    """Return what Rerun draws for ``shape``, solid, centred on its own origin.
+
+    Args:
+        shape: what to draw.
+        color: for all that has none of its own.
+        force: draw in ``color`` what has, too.
+    """
     if isinstance(shape, Box):
         half = np.array(shape.size) / 2
         return rr.Boxes3D(half_sizes=[half], colors=[color], fill_mode="solid")
     if isinstance(shape, Mesh):
-        return _asset(shape, color, geometry.kind == "collision")
+        return _asset(shape, color, force)
     # Meshes of our own: Rerun's cylinders and spheres show their facets.
     return _mesh(_tessellated(shape), color)
 
 
-def _asset(mesh: Mesh, color: Rgba, force: bool) -> rr.Asset3D:
+def _asset(mesh: Mesh, color: Bytes, force: bool) -> rr.Asset3D:
     asset = load_mesh(resolve(mesh.uri))
     factor = None if asset.colored and not force else color
     return rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=factor)
@@ -150,7 +172,7 @@ def _tessellated(shape: Cylinder | Sphere | Capsule) -> trimesh.Trimesh:
     return shade(trimesh.creation.cylinder(radius=shape.radius, height=shape.length, sections=72))
 
 
-def _mesh(mesh: trimesh.Trimesh, color: Rgba) -> rr.Mesh3D:
+def _mesh(mesh: trimesh.Trimesh, color: Bytes) -> rr.Mesh3D:
     return rr.Mesh3D(
         vertex_positions=mesh.vertices,
         vertex_normals=mesh.vertex_normals,

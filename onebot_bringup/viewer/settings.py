@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
-from onebot_description.description.description import Vector
+from onebot_description.description.description import Triple
 from onebot_description.errors import did_you_mean
 
 Color = tuple[int, int, int]
@@ -102,7 +102,7 @@ def topic_list(value: Any, where: str) -> tuple[str, ...]:
     return tuple(topic(name, f"{where}[{at}]") for at, name in enumerate(value))
 
 
-def vector(value: Any, where: str) -> Vector | None:
+def vector(value: Any, where: str) -> Triple | None:
     """Check three metres, or nothing."""
     if value is None or value == []:
         return None

@@ -36,7 +36,7 @@ from onebot_bringup.viewer import settings
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.settings import Color, Value, group, named, one_of, setting
-from onebot_description.description.description import Vector
+from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 
@@ -58,8 +58,8 @@ class GridSettings:
 class CameraSettings:
     """Where to look from, and at."""
 
-    eye: Vector | None = setting(None, "metres, in the fixed frame", settings.vector)
-    target: Vector | None = setting(None, "metres, in the fixed frame", settings.vector)
+    eye: Triple | None = setting(None, "metres, in the fixed frame", settings.vector)
+    target: Triple | None = setting(None, "metres, in the fixed frame", settings.vector)
     follow: str = setting("", "the link that the camera moves with")
 
 

@@ -18,7 +18,7 @@ from onebot_bringup.viewer.view_config import (
     view_text,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.files import FileWatch
+from onebot_description.file_watch import FileWatch
 
 # Changing single values in YAML text, whose comments and form stay as the user wrote them.
 

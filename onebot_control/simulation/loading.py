@@ -7,46 +7,47 @@ from pathlib import Path
 from typing import NamedTuple
 
 from onebot_control.poses import Transform, inverse
-from onebot_control.simulation.bodies import Body, bodies_of, moving_joints, physics_urdf
+from onebot_control.simulation.bodies import Body, physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
-from onebot_description.description import Description
-from onebot_description.description.meshes import base_folder, resolve_mesh
+from onebot_description.description.description import Description, Mesh
+from onebot_description.description.packages import resolve
 from onebot_description.errors import OneBotError
 
 # Collision meshes, rewritten as PyBullet reads them.
 
 
 @contextmanager
-def converted_meshes(description: Description, bodies: Iterable[Body]) -> Iterator[None]:
-    """Have the collision meshes of ``bodies`` rewritten, in files that last as long as the block.
+def converted_meshes(
+    description: Description, bodies: Iterable[Body]
+) -> Iterator[Mapping[str, str]]:
+    """Write the collision meshes of ``bodies`` to files that last as long as the block.
+
+    Yields:
+        URI of each mesh to its file.
 
     Raises:
         OneBotError: a mesh cannot be read.
     """
-    meshes = [
-        (mesh, body.link)
+    meshes = {
+        shape.uri: body.link
         for body in bodies
-        for collision, _ in body.collisions
-        for mesh in collision.iter("mesh")
-    ]
+        for shape, _ in body.collisions
+        if isinstance(shape, Mesh)
+    }
+    written: dict[str, str] = {}
     if not meshes:
-        yield
+        yield written
         return
     # Imported late, as trimesh below: shapes to collide are mostly simple.
     from tempfile import TemporaryDirectory
 
-    base = base_folder(description.source)
-    written: dict[str, str] = {}
     with TemporaryDirectory() as folder:
-        for mesh, link in meshes:
-            source = mesh.get("filename", "")
-            if source not in written:
-                copy = Path(folder) / f"{len(written)}.obj"
-                copy.write_text(_as_obj(resolve_mesh(source, base) or Path(source), link))
-                written[source] = str(copy)
-            mesh.set("filename", written[source])
-        yield
+        for uri, link in meshes.items():
+            copy = Path(folder) / f"{len(written)}.obj"
+            copy.write_text(_as_obj(resolve(uri, description.folder), link))
+            written[uri] = str(copy)
+        yield written
 
 
 def _as_obj(path: Path, link: str) -> str:
@@ -137,14 +138,14 @@ def load_robot(client: int, ground: int, description: Description, settings: Set
     Raises:
         OneBotError: the robot cannot be loaded; the message says why.
     """
-    bodies = bodies_of(description)
+    bodies = rigid_bodies(description)
     if not any(body.collisions for body in bodies.values()):
         raise OneBotError(
             f"{description.source}: no link has a <collision>, so the robot would fall through "
             "the ground; give the wheels one"
         )
     body = _load(client, description, bodies)
-    names = [joint.name for joint in moving_joints(description)]
+    names = [joint.name for joint in description.moving_joints]
     root, *moved = bodies.values()
     joints = {}
     for index in range(engine.getNumJoints(body, physicsClientId=client)):
@@ -168,8 +169,8 @@ def load_robot(client: int, ground: int, description: Description, settings: Set
 def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
     with (
-        converted_meshes(description, bodies.values()),
-        _file(physics_urdf(description, bodies)) as path,
+        converted_meshes(description, bodies.values()) as meshes,
+        _file(physics_urdf(description, bodies, meshes)) as path,
     ):
         try:
             with captured() as lines:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from onebot_control.poses import conjugate, cross, rotate
-from onebot_control.simulation.bodies import moving_joints
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import Robot
 from onebot_control.simulation.rest_pose import Stance, link_pose, place
@@ -30,7 +29,7 @@ class Motors:
         Raises:
             OneBotError: there are none, or one is unknown, named twice or without effort.
         """
-        joints = {joint.name: joint for joint in moving_joints(description)}
+        joints = {joint.name: joint for joint in description.moving_joints}
         source = description.source
         if not driven:
             raise OneBotError(f"{source}: the simulation was given no driven joints")
@@ -174,7 +173,7 @@ class RobotBody:
         Raises:
             OneBotError: a driven joint is none.
         """
-        self.joints = tuple(joint.name for joint in moving_joints(description))
+        self.joints = tuple(joint.name for joint in description.moving_joints)
         self.driven = tuple(driven)
         self.finite = True
         self._source = description.source

@@ -4,25 +4,22 @@ from onebot_description.description import describe, load_description
 print(describe(load_description("robot.xacro", {"radius": "0.1"})))
 """
 
-from onebot_description.description.description import Description, JointSpec, MimicSpec
+from onebot_description.description.description import Description, Joint, Mimic
 from onebot_description.description.loading import (
     load_description,
     parse_description,
-    published_urdf,
+    read_description,
 )
-from onebot_description.description.meshes import resolve_mesh, with_absolute_meshes
 from onebot_description.description.summary import describe
 from onebot_description.errors import DescriptionError
 
 __all__ = [
     "Description",
     "DescriptionError",
-    "JointSpec",
-    "MimicSpec",
+    "Joint",
+    "Mimic",
     "describe",
     "load_description",
     "parse_description",
-    "published_urdf",
-    "resolve_mesh",
-    "with_absolute_meshes",
+    "read_description",
 ]

@@ -3,45 +3,28 @@
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from xml.etree import ElementTree
 
 from onebot_description.description import xml
 from onebot_description.description.checks import (
-    check_link,
+    check_inertial,
     check_materials,
+    check_meshes,
     check_mimics,
     check_root,
     check_schema,
     check_tree,
     named,
+)
+from onebot_description.description.description import Description
+from onebot_description.description.packages import resolve
+from onebot_description.description.reading import (
+    SHAPES,
+    Findings,
     read_ends,
     read_joint,
-)
-from onebot_description.description.description import Description, Report
-from onebot_description.description.meshes import (
-    base_folder,
-    mesh_path,
-    to_text,
-    with_absolute_meshes,
+    read_links,
 )
 from onebot_description.errors import DescriptionError, OneBotError
-
-# The URDF text that others get to see.
-
-
-def published_urdf(description: Description) -> str:
-    """Return the URDF text to hand to robot_state_publisher.
-
-    A text has no folder that the relative path of a mesh could start from, so such become absolute.
-    """
-    meshes = ElementTree.fromstring(description.urdf).iter("mesh")
-    if any(_is_relative(mesh.get("filename", "")) for mesh in meshes):
-        return with_absolute_meshes(description)
-    return description.urdf
-
-
-def _is_relative(uri: str) -> bool:
-    return ":" not in uri and not uri.startswith("/")
 
 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
@@ -87,6 +70,58 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     Raises:
         DescriptionError: all problems at once.
     """
+    document = _parse(urdf, name)
+    files = (Path(name).absolute(),) if document.base is not None else ()
+    return _check(document, name, files, ())
+
+
+def read_description(urdf: str, name: str) -> Description:
+    """Read what can be read of URDF text that somebody else has published.
+
+    Shapes with errors are left out and become warnings, joints with errors are left out. Whether
+    meshes exist is not looked at, and capsules, which some programs know, are shapes.
+
+    Args:
+        urdf: the text.
+        name: what to call it in messages.
+
+    Raises:
+        DescriptionError: it is no URDF, or no link can be the root.
+    """
+    document = _parse(urdf, name)
+    _drop_namespace(document)
+    root = document.root
+    if root.tag != "robot":
+        raise DescriptionError([f"{name} starts with <{root.tag}>, not <robot>"])
+    findings, ignored = Findings(document), Findings(document)
+    elements, links = named(ignored, "joint"), named(ignored, "link")
+    read = read_links(findings, (*SHAPES, "capsule"))
+    ends = read_ends(ignored, elements, links)
+    children = {child for _, child in ends.values()}
+    roots = [link for link in links if link not in children]
+    if not roots:
+        raise DescriptionError([f"{name} has no root link (every link is a child)"])
+    joints = []
+    for joint, element in elements.items():
+        problems = Findings(document)
+        found = read_joint(problems, joint, element, ends.get(joint))
+        if joint in ends and not problems.errors:
+            joints.append(found)
+    return Description(
+        urdf=urdf,
+        robot_name=root.get("name", "robot"),
+        source=name,
+        files=(),
+        root_link=roots[0],
+        links=tuple(read[element] for element in links.values()),
+        joints=tuple(joints),
+        warnings=tuple(
+            f"{error}; not drawn" for error in findings.errors_in("visual", "collision")
+        ),
+    )
+
+
+def _parse(urdf: str, name: str) -> xml.Document:
     try:
         data = urdf.encode("utf-8")
     except UnicodeEncodeError as error:
@@ -94,9 +129,16 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     if not data.strip():
         raise DescriptionError([f'{name}: is empty; it should hold <robot name="...">'])
     found = xml.scan(data, name, "utf-8")
-    document = xml.to_document(data, found, name, base_folder(name), "utf-8")
-    files = (Path(name).absolute(),) if document.base is not None else ()
-    return _check(document, name, files, ())
+    return xml.to_document(data, found, name, _folder(name), "utf-8")
+
+
+def _folder(name: str) -> Path | None:
+    """The folder of the file ``name``; None if it is no file."""
+    try:
+        path = Path(name)
+        return path.absolute().parent if path.is_file() else None
+    except (OSError, ValueError):
+        return None
 
 
 def _locate(source: str | Path) -> Path:
@@ -106,7 +148,7 @@ def _locate(source: str | Path) -> Path:
         raise DescriptionError(["no robot description given; name a .urdf or .xacro file"])
     try:
         if text.startswith("package://"):
-            return mesh_path(text, None)
+            return resolve(text, None)
         return Path(text).expanduser().absolute()
     except (OneBotError, RuntimeError) as error:
         raise DescriptionError([f"{text}: {error}"]) from None
@@ -115,38 +157,40 @@ def _locate(source: str | Path) -> Path:
 def _check(
     document: xml.Document, source: str, files: tuple[Path, ...], warnings: tuple[str, ...]
 ) -> Description:
-    """Check a parsed document and say what it holds."""
+    """Check a parsed document and return what it holds."""
     _drop_namespace(document)
-    report = Report(document)
-    report.warnings.extend(warnings)
-    check_root(report)
-    links, elements = named(report, "link"), named(report, "joint")
-    ends = read_ends(report, elements, links)
-    root_link = check_tree(report, elements, links, ends)
+    findings = Findings(document)
+    check_root(findings)
+    links, elements = named(findings, "link"), named(findings, "joint")
+    ends = read_ends(findings, elements, links)
+    root_link = check_tree(findings, elements, links, ends)
     joints = {
-        name: read_joint(report, name, element, ends.get(name))
+        name: read_joint(findings, name, element, ends.get(name))
         for name, element in elements.items()
     }
-    check_mimics(report, joints, elements)
-    for link in document.root.findall("link"):
-        check_link(report, link)
-    check_materials(report)
-    check_schema(report)
-    report.raise_if_any()
+    check_mimics(findings, joints, elements)
+    check_meshes(findings)
+    read = read_links(findings)
+    for element, link in read.items():
+        if link.inertial is not None:
+            check_inertial(findings, element, link.inertial)
+    check_materials(findings)
+    check_schema(findings)
+    findings.raise_errors()
     return Description(
-        urdf=to_text(document.root),
+        urdf=xml.to_text(document.root),
         robot_name=document.root.get("name", ""),
         source=source,
         files=files,
         root_link=root_link,
-        links=tuple(links),
+        links=tuple(read[element] for element in links.values()),
         joints=tuple(joints.values()),
-        warnings=tuple(report.warnings),
+        warnings=(*warnings, *findings.warnings),
     )
 
 
 def _drop_namespace(document: xml.Document) -> None:
-    """Undo a default namespace (``<robot xmlns="...">``), which the other readers stumble over."""
+    """Undo a default namespace (``<robot xmlns="...">``), which other programs do not read."""
     tag = document.root.tag
     if tag.startswith("{") and tag.endswith("}robot"):
         prefix = tag[: -len("robot")]

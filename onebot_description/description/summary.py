@@ -2,9 +2,19 @@
 
 import math
 from pathlib import PurePath
-from xml.etree import ElementTree
 
-from onebot_description.description.description import Description, JointSpec, Triple
+from onebot_description.description.description import (
+    Box,
+    Capsule,
+    Description,
+    Geometry,
+    Joint,
+    Link,
+    Mesh,
+    Shape,
+    Sphere,
+    Triple,
+)
 from onebot_description.description.xml import shown_path
 
 _HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
@@ -16,12 +26,12 @@ def describe(description: Description) -> str:
 
     Angles are shown in degrees, everything else in SI units.
     """
-    links = {link.get("name", ""): link for link in _robot(description).findall("link")}
+    links = {link.name: link for link in description.links}
     rows: list[_Row] = [_HEADINGS]
     for branch, name, joint in _walk(description):
         link = links[name]
-        rows.append((branch + name, *_joint_cells(joint), _mass_cell(link), _shape_cell(link)))
-    lines = [_title(description, links), "", *_table(rows)]
+        rows.append((branch + name, *_joint_cells(joint), _mass(link), _shapes(link)))
+    lines = [_title(description), "", *_table(rows)]
     if description.warnings:
         count = len(description.warnings)
         lines += ["", f"{_count(count, 'warning')}:"]
@@ -29,19 +39,15 @@ def describe(description: Description) -> str:
     return "\n".join(lines)
 
 
-def _robot(description: Description) -> ElementTree.Element:
-    return ElementTree.fromstring(description.urdf)
-
-
-def _title(description: Description, links: dict[str, ElementTree.Element]) -> str:
+def _title(description: Description) -> str:
+    links = description.links
     joints = description.joints
     movable = [joint for joint in joints if joint.kind != "fixed"]
     driven = sum(joint.mimic is not None for joint in movable)
     follow = f", {driven} following" if driven else ""
-    meshes = {
-        mesh.get("filename") for link in links.values() for mesh in link.findall(".//geometry/mesh")
-    }
-    mass = math.fsum(_mass(link) or 0.0 for link in links.values())
+    shapes = [part.shape for link in links for part in (*link.visuals, *link.collisions)]
+    meshes = {shape.uri for shape in shapes if isinstance(shape, Mesh)}
+    mass = math.fsum(link.inertial.mass for link in links if link.inertial is not None)
     facts = [
         _count(len(links), "link"),
         f"{_count(len(joints), 'joint')} ({len(movable)} movable{follow})",
@@ -53,14 +59,14 @@ def _title(description: Description, links: dict[str, ElementTree.Element]) -> s
     return f"{description.robot_name}  ({where})\n{' · '.join(facts)}"
 
 
-def _walk(description: Description) -> list[tuple[str, str, JointSpec | None]]:
+def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
     """Each link with the box drawing before it and the joint above it, depth first."""
-    below: dict[str, list[JointSpec]] = {}
+    below: dict[str, list[Joint]] = {}
     for joint in description.joints:
         below.setdefault(joint.parent, []).append(joint)
     result = []
     # Link, its joint, drawing before itself, drawing before its children.
-    waiting: list[tuple[str, JointSpec | None, str, str]] = [(description.root_link, None, "", "")]
+    waiting: list[tuple[str, Joint | None, str, str]] = [(description.root_link, None, "", "")]
     while waiting:
         link, above, branch, inner = waiting.pop()
         result.append((branch, link, above))
@@ -72,7 +78,7 @@ def _walk(description: Description) -> list[tuple[str, str, JointSpec | None]]:
     return result
 
 
-def _joint_cells(joint: JointSpec | None) -> _Row:
+def _joint_cells(joint: Joint | None) -> _Row:
     """Name, kind, axis, range, and greatest speed and effort."""
     if joint is None:
         return ("", "", "", "", "")
@@ -98,7 +104,7 @@ def _position(value: float, kind: str) -> str:
     return f"{value:.4g} m" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
 
 
-def _range(joint: JointSpec) -> str:
+def _range(joint: Joint) -> str:
     text = ""
     if joint.lower is not None and joint.upper is not None:
         text = f"{_position(joint.lower, joint.kind)} … {_position(joint.upper, joint.kind)}"
@@ -112,7 +118,7 @@ def _range(joint: JointSpec) -> str:
     return f"{text} = {factor}{joint.mimic.joint}{shift}".strip()
 
 
-def _most(joint: JointSpec) -> str:
+def _most(joint: Joint) -> str:
     linear = joint.kind == "prismatic"
     parts = []
     if joint.velocity is not None:
@@ -122,36 +128,30 @@ def _most(joint: JointSpec) -> str:
     return ", ".join(parts)
 
 
-def _mass(link: ElementTree.Element) -> float | None:
-    mass = link.find("inertial/mass")
-    return None if mass is None else float(mass.get("value", "0"))
+def _mass(link: Link) -> str:
+    return "" if link.inertial is None else f"{link.inertial.mass:.4g} kg"
 
 
-def _mass_cell(link: ElementTree.Element) -> str:
-    mass = _mass(link)
-    return "" if mass is None else f"{mass:.4g} kg"
-
-
-def _shape_cell(link: ElementTree.Element) -> str:
+def _shapes(link: Link) -> str:
     """The shapes seen, or, if there are none, those that collide."""
-    seen = link.findall("visual/geometry/*")
-    collide = link.findall("collision/geometry/*")
-    if seen:
-        return ", ".join(map(_shape, seen)) + ("" if collide else " (no collision)")
-    return ", ".join(map(_shape, collide)) + (" (collision only)" if collide else "")
+    if link.visuals:
+        return _listed(link.visuals) + ("" if link.collisions else " (no collision)")
+    return _listed(link.collisions) + (" (collision only)" if link.collisions else "")
 
 
-def _shape(shape: ElementTree.Element) -> str:
-    if shape.tag == "mesh":
-        return PurePath(shape.get("filename", "")).name
-    if shape.tag == "box":
-        return "box " + "×".join(_short(word) for word in shape.get("size", "").split())
-    radius = f"{shape.tag} r {_short(shape.get('radius', '0'))}"
-    return radius if shape.tag == "sphere" else f"{radius} l {_short(shape.get('length', '0'))}"
+def _listed(geometries: tuple[Geometry, ...]) -> str:
+    return ", ".join(_shape(geometry.shape) for geometry in geometries)
 
 
-def _short(number: str) -> str:
-    return f"{float(number):.4g}"
+def _shape(shape: Shape) -> str:
+    if isinstance(shape, Mesh):
+        return PurePath(shape.uri).name
+    if isinstance(shape, Box):
+        return "box " + "×".join(f"{side:.4g}" for side in shape.size)
+    if isinstance(shape, Sphere):
+        return f"sphere r {shape.radius:.4g}"
+    kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
+    return f"{kind} r {shape.radius:.4g} l {shape.length:.4g}"
 
 
 def _count(number: int, one: str, many: str | None = None) -> str:

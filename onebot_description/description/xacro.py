@@ -18,13 +18,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 from xml.dom import minidom
 
-from onebot_bringup.launch.arguments import Argument
 from onebot_description.description import xml
-from onebot_description.description.meshes import find_package
-from onebot_description.description.packages import package_share
+from onebot_description.description.packages import find_package, resolve
 from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import DescriptionError, OneBotError, did_you_mean
 
@@ -297,17 +295,20 @@ _DEPTH = 10  # includes of includes; more is a circle
 _USED = re.compile(r"\$\(\s*arg\s+([^\s)]+)\s*\)")
 
 
+class XacroArgument(NamedTuple):
+    """One ``<xacro:arg>``, or an argument that is used without one."""
+
+    name: str
+    default: str
+    description: str  # which file declares or uses it
+
+
 @dataclass(frozen=True)
 class XacroArguments:
-    """The arguments of a xacro file and of what it includes.
+    """The arguments of a xacro file and of what it includes."""
 
-    Attributes:
-        arguments: those declared, then those used without being declared.
-        complete: whether all includes could be followed; if not, there may be more.
-    """
-
-    arguments: tuple[Argument, ...] = ()
-    complete: bool = True
+    arguments: tuple[XacroArgument, ...] = ()  # declared ones, then those used without that
+    complete: bool = True  # all includes could be followed; if not, there may be more
 
 
 def xacro_arguments(source: str) -> XacroArguments:
@@ -316,8 +317,8 @@ def xacro_arguments(source: str) -> XacroArguments:
     A file that cannot be read, or an include whose name is only known when it is expanded, adds
     nothing: loading the description is what reports it.
     """
-    declared: dict[str, Argument] = {}
-    used: dict[str, Argument] = {}
+    declared: dict[str, XacroArgument] = {}
+    used: dict[str, XacroArgument] = {}
     complete = True
     for file, root in _files(_path_of(source), _DEPTH):
         for element in root.iter():
@@ -329,7 +330,7 @@ def xacro_arguments(source: str) -> XacroArguments:
                 complete = False
             for text in (element.text or "", *element.attrib.values()):
                 for name in _USED.findall(text):
-                    used.setdefault(name, Argument(name, "", f"used in {file.name}, required"))
+                    used.setdefault(name, XacroArgument(name, "", f"used in {file.name}, required"))
     return XacroArguments(tuple({**used, **declared}.values()), complete)
 
 
@@ -342,9 +343,8 @@ def _path_of(source: str) -> Path:
     """Return the file that is meant; one that does not exist if there is no such package."""
     if not source.startswith("package://"):
         return Path(source).expanduser()
-    name, _, inner = source.removeprefix("package://").partition("/")
     try:
-        return package_share(name) / inner
+        return resolve(source, None)
     except OneBotError:
         return Path(source)
 
@@ -370,10 +370,11 @@ def _xacro_kind(element: ElementTree.Element) -> str:
     return name if "xacro" in namespace else ""
 
 
-def _argument(element: ElementTree.Element, file: Path) -> Argument:
+def _argument(element: ElementTree.Element, file: Path) -> XacroArgument:
     default = element.get("default")
     required = "" if default is not None else ", required"
-    return Argument(element.get("name", ""), default or "", f"declared in {file.name}{required}")
+    description = f"declared in {file.name}{required}"
+    return XacroArgument(element.get("name", ""), default or "", description)
 
 
 def _included(name: str, file: Path) -> Path | None:
@@ -381,7 +382,7 @@ def _included(name: str, file: Path) -> Path | None:
     if name.startswith("$(find ") and ")" in name:
         package, _, rest = name.removeprefix("$(find ").partition(")")
         try:
-            name = f"{package_share(package.strip())}{rest}"
+            name = f"{find_package(package.strip(), file.absolute().parent)}{rest}"
         except OneBotError:
             return None
     return None if "$" in name or not name else file.parent / name

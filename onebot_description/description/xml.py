@@ -201,3 +201,12 @@ def to_document(
         element: f"{shown}:{line}" for element, line in zip(root.iter(), found.lines, strict=True)
     }
     return Document(root, places, shown, base, plain=True)
+
+
+def to_text(root: ElementTree.Element) -> str:
+    """Return indented XML text, headed by an XML declaration without an encoding.
+
+    Short lines matter: PyBullet breaks those of more than 8191 characters.
+    """
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description import JointSpec
+from onebot_description.description import Joint
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, Limits
@@ -38,7 +38,7 @@ class Following:
 
 
 def followers(
-    joints: Sequence[JointSpec], dependent: Followers, use_mimic_tags: bool
+    joints: Sequence[Joint], dependent: Followers, use_mimic_tags: bool
 ) -> dict[str, Dependent]:
     """Join the description's mimic tags and the ``dependent_joints``, which come first."""
     tags = {
@@ -49,9 +49,7 @@ def followers(
     return {**tags, **dependent}
 
 
-def resolve(
-    joints: Sequence[JointSpec], all_joints: Sequence[JointSpec], links: Followers
-) -> Following:
+def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], links: Followers) -> Following:
     """Fold chains of followers.
 
     Args:
@@ -80,7 +78,7 @@ def resolve(
 
 
 def narrow(
-    joints: Sequence[JointSpec], limits: Limits, following: Following
+    joints: Sequence[Joint], limits: Limits, following: Following
 ) -> tuple[Limits, list[Problem]]:
     """Narrow each leader's limits so that all its followers stay within theirs.
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description import Description, JointSpec
+from onebot_description.description import Description, Joint
 from onebot_description.errors import did_you_mean
 from onebot_description.joints import limits as _limits
 from onebot_description.joints import mimic
 from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.limits import FloatArray, Limits, SoftLimits, movable, soft_limits
+from onebot_description.joints.limits import FloatArray, Limits, movable
 from onebot_description.joints.mimic import Following
 from onebot_description.joints.motions import (
     Allowed,
@@ -52,7 +52,7 @@ class Plan:
     reports: tuple[Problem, ...]
 
 
-def make_plan(all_joints: Sequence[JointSpec], soft: SoftLimits, config: JointsConfig) -> Plan:
+def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     """Check ``config`` against the robot's joints and lay down what each does.
 
     Raises:
@@ -60,7 +60,7 @@ def make_plan(all_joints: Sequence[JointSpec], soft: SoftLimits, config: JointsC
     """
     joints = _limits.movable(all_joints)
     _check_names(joints, all_joints, config)
-    limits = _limits.joint_limits(joints, soft if config.use_smallest_joint_limits else {})
+    limits = _limits.joint_limits(joints, soft=config.use_smallest_joint_limits)
     links = mimic.followers(joints, config.dependent_joints, config.use_mimic_tags)
     following = mimic.resolve(joints, all_joints, links)
     _check_followers(links, config)
@@ -90,7 +90,7 @@ class _Planner:
 
     def __init__(
         self,
-        joints: Sequence[JointSpec],
+        joints: Sequence[Joint],
         limits: Limits,
         own_limits: Limits,
         config: JointsConfig,
@@ -140,7 +140,7 @@ class _Planner:
 
     def _sequence(self, index: int, zero: float) -> Keyframes | None:
         sequence, name = self._config.sequence, self._joints[index].name
-        if sequence is None:
+        if not sequence.complete:
             return None
         named = [self._config.poses[pose].get(name) for pose in sequence.poses]
         known = [position for position in named if position is not None]
@@ -194,7 +194,7 @@ class _Planner:
 
 
 def _check_names(
-    joints: Sequence[JointSpec], all_joints: Sequence[JointSpec], config: JointsConfig
+    joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
 ) -> None:
     """Refuse motions and poses of joints that do not exist or cannot move."""
     known = [joint.name for joint in joints]
@@ -320,10 +320,9 @@ class JointStateSource:
 
     def __init__(
         self,
-        joints: Sequence[JointSpec],
+        joints: Sequence[Joint],
         config: JointsConfig | None = None,
         *,
-        soft: SoftLimits | None = None,
         previous: "JointStateSource | None" = None,
     ) -> None:
         """Start from the zero positions, or from where ``previous`` has got to.
@@ -332,14 +331,12 @@ class JointStateSource:
             joints: all joints of the robot, in the order wanted; those that do not move are left
                 out.
             config: what they do; by default they stand still.
-            soft: joint name to (lower, upper) soft limits.
             previous: a source whose joints of the same names this one takes over, as they are.
 
         Raises:
             ConfigError: the parameters or the limits make no sense.
         """
         self._all_joints = tuple(joints)
-        self._soft: SoftLimits = dict(soft or {})
         self._joints = movable(joints)
         self.names = tuple(joint.name for joint in self._joints)
         self.feedback = Feedback(self.names)
@@ -363,9 +360,8 @@ class JointStateSource:
         *,
         previous: "JointStateSource | None" = None,
     ) -> "JointStateSource":
-        """Return a source for the joints of ``description``, its soft limits included."""
-        soft = soft_limits(description.urdf)
-        return cls(description.joints, config, soft=soft, previous=previous)
+        """Return a source for the joints of ``description``."""
+        return cls(description.joints, config, previous=previous)
 
     @property
     def config(self) -> JointsConfig:
@@ -388,7 +384,7 @@ class JointStateSource:
         Raises:
             ConfigError: with the problems found.
         """
-        return make_plan(self._all_joints, self._soft, config)
+        return make_plan(self._all_joints, config)
 
     def configure(self, config: JointsConfig) -> tuple[Problem, ...]:
         """Take up new parameters from here on, and return the reports on them.

@@ -78,11 +78,11 @@ static inline double onebot_load(const unsigned char *numbers, int64_t index) {
   return number;
 }
 
-/* constant: ONEBOT_POSE numbers, sine: 4, slide: 3, or NULL where nothing slides. s, c: sine and
- * cosine of the position times the joint's half turn. */
+/* constant: ONEBOT_POSE numbers, sine: 4, slide: 3. s, c: sine and cosine of the position times the
+ * joint's half turn. */
 static inline void onebot_joint_transform(const double *constant, const double *sine,
                                           const double *slide, double position, double s, double c,
                                           double *pose) {
-  for (int i = 0; i < 3; i++) pose[i] = constant[i] + (slide ? slide[i] * position : 0.0);
+  for (int i = 0; i < 3; i++) pose[i] = constant[i] + slide[i] * position;
   for (int i = 0; i < 4; i++) pose[3 + i] = constant[3 + i] * c + sine[i] * s;
 }

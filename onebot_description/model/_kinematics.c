@@ -16,7 +16,7 @@ struct joints {
   const double *half_turns; /* 1 each */
   const double *constant;   /* POSE each */
   const double *sine;       /* 4 each */
-  const double *slide;      /* 3 each; NULL if none slides */
+  const double *slide;      /* 3 each */
 };
 
 /* Some joints of one state. */
@@ -24,9 +24,9 @@ struct some {
   double position[ONEBOT_SOME], sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
 };
 
-/* Look up to ONEBOT_SOME rows up; a negative one is of a fixed joint. */
-static inline void look(struct some *some, const struct joints *joints, const int32_t *rows,
-                        int64_t count, const unsigned char *positions) {
+/* Read up to ONEBOT_SOME rows; a negative one is of a fixed joint. */
+static inline void read_some(struct some *some, const struct joints *joints, const int32_t *rows,
+                             int64_t count, const unsigned char *positions) {
   double angle[ONEBOT_SOME] = {0.0};
   for (int64_t i = 0; i < count; i++) {
     if (rows[i] < 0) continue;
@@ -38,9 +38,9 @@ static inline void look(struct some *some, const struct joints *joints, const in
 
 static inline void joint_transform(const struct joints *joints, int64_t row,
                                    const struct some *some, int64_t i, double *pose) {
-  const double *slide = joints->slide ? joints->slide + 3 * row : NULL;
-  onebot_joint_transform(joints->constant + POSE * row, joints->sine + 4 * row, slide,
-                         some->position[i], some->sine[i], some->cosine[i], pose);
+  onebot_joint_transform(joints->constant + POSE * row, joints->sine + 4 * row,
+                         joints->slide + 3 * row, some->position[i], some->sine[i],
+                         some->cosine[i], pose);
 }
 
 /* Parent-to-child transforms: positions (states, joints) to poses (states, joints, 7). */
@@ -52,7 +52,7 @@ EXPORT ONEBOT_WIDE void onebot_transforms(const struct joints *joints, int64_t s
       int32_t rows[ONEBOT_SOME];
       struct some some;
       for (int64_t i = 0; i < count; i++) rows[i] = (int32_t)(row + i);
-      look(&some, joints, rows, count, positions);
+      read_some(&some, joints, rows, count, positions);
       for (int64_t i = 0; i < count; i++, poses += POSE)
         joint_transform(joints, row + i, &some, i, poses);
     }
@@ -94,7 +94,7 @@ EXPORT ONEBOT_WIDE void onebot_link_poses(const struct joints *joints, const str
     for (int64_t first = 0; first < tree->steps; first += ONEBOT_SOME) {
       const int64_t count = onebot_some_of(tree->steps - first);
       struct some some;
-      look(&some, joints, tree->moving + first, count, positions);
+      read_some(&some, joints, tree->moving + first, count, positions);
       for (int64_t i = 0; i < count; i++) {
         const int64_t number = first + i, row = tree->moving[number];
         double moved[POSE];

@@ -1,4 +1,4 @@
-"""A robot's joints as arrays: all of them move in one expression, compiled where that is built.
+"""A robot's joints as arrays: all of them move in one expression, which is compiled.
 
 A joint's transform is its fixed origin followed by its motion, so no tree needs walking to publish
 /tf: for a revolute joint with origin rotation q0 and axis a (in the child frame), the rotation is
@@ -6,30 +6,39 @@ A joint's transform is its fixed origin followed by its motion, so no tree needs
     q0 (x) (a sin(q/2), cos(q/2))  =  q0 cos(q/2) + (q0 (x) (a, 0)) sin(q/2),
 
 and for a prismatic one the translation is t0 + (R0 a) q. Both are linear in numbers that the
-description alone determines.
+description alone determines. _kinematics.c evaluates them, for many states at once.
 """
 
 import ctypes
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from onebot_description.description.description import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import quaternions
-from onebot_description.wire.tf_message import TypeSupportError, load_library
-
-if TYPE_CHECKING:
-    from onebot_description.description import Description, JointSpec
-
-
-# The compiled way from joint positions to transforms and link poses, for many states at once.
+from onebot_description.wire.library import load_library
 
 Floats = NDArray[np.float64]
-_POSE = 7
+
+_POSE = 7  # numbers of a transform: translation x y z, rotation x y z w
+
+
+@functools.cache
+def _kinematics() -> ctypes.CDLL:
+    """Return the compiled library with the functions of _kinematics.c declared."""
+    # Unlike a PyDLL, it lets other threads run meanwhile: a batch may take long.
+    library = ctypes.CDLL(load_library()._name)
+    pointer, number = ctypes.c_void_p, ctypes.c_int64
+    library.onebot_transforms.argtypes = [pointer, number, pointer, pointer]
+    library.onebot_transforms.restype = None
+    library.onebot_link_poses.argtypes = [pointer, pointer, number, pointer, pointer]
+    library.onebot_link_poses.restype = None
+    return library
 
 
 class _Joints(ctypes.Structure):
@@ -58,102 +67,8 @@ class _Tree(ctypes.Structure):
     )
 
 
-class Joints:
-    """M joints that move."""
-
-    def __init__(
-        self, half_turns: Floats, constant: Floats, sine: Floats, slide: Floats | None
-    ) -> None:
-        """Keep their arrays, see ``JointArrays``; ``slide`` is None where none slides."""
-        given = (half_turns, constant, sine, slide)
-        self._arrays = [None if a is None else np.ascontiguousarray(a, float) for a in given]
-        addresses = [None if array is None else array.ctypes.data for array in self._arrays]
-        self._structure = _Joints(len(half_turns), *addresses)
-        self.address = ctypes.addressof(self._structure)
-
-    def transforms(self, positions: Floats) -> Floats:
-        """Return (..., M, 7) of positions (..., M)."""
-        positions = np.ascontiguousarray(positions, float)
-        poses = np.empty((*positions.shape, _POSE))
-        states = math.prod(positions.shape[:-1])
-        library = _library()
-        assert library is not None
-        library.onebot_transforms(self.address, states, positions.ctypes.data, poses.ctypes.data)
-        return poses
-
-
-class Tree:
-    """How links hang together."""
-
-    def __init__(
-        self,
-        joints: Joints,
-        links: int,
-        root: int,
-        steps: Sequence[tuple[int, int, int]],
-        fixed: Floats,
-    ) -> None:
-        """Keep a tree.
-
-        Args:
-            joints: those that move.
-            links: how many there are, L.
-            root: row of the root link.
-            steps: parent link, child link, and row of the moving joint between them, or -1 - row
-                of the fixed one; parents come before their children.
-            fixed: (F, 7), the fixed joints' transforms.
-        """
-        columns = np.array(steps, np.int32).reshape(-1, 3).T.copy()
-        fixed = np.ascontiguousarray(fixed, float)
-        self._kept = (joints, columns, fixed)
-        self._links = links
-        addresses = [column.ctypes.data for column in columns]
-        self._structure = _Tree(links, len(steps), root, *addresses, fixed.ctypes.data)
-        self._addresses = joints.address, ctypes.addressof(self._structure)
-
-    def poses(self, positions: Floats) -> Floats:
-        """Return (..., L, 7) of positions (..., M)."""
-        positions = np.ascontiguousarray(positions, float)
-        batch = positions.shape[:-1]
-        poses = np.empty((*batch, self._links, _POSE))
-        states = math.prod(batch)
-        library = _library()
-        assert library is not None
-        library.onebot_link_poses(
-            *self._addresses, states, positions.ctypes.data, poses.ctypes.data
-        )
-        return poses
-
-
-def available() -> bool:
-    """Whether the library is built."""
-    return _library() is not None
-
-
-@functools.cache
-def _library() -> ctypes.CDLL | None:
-    """Return the library with its functions declared; None if it is not built."""
-    try:
-        path = load_library()._name
-    except TypeSupportError:
-        return None
-    # Unlike a PyDLL, it lets other threads run meanwhile: a batch may take long.
-    library = ctypes.CDLL(path)
-    pointer, number = ctypes.c_void_p, ctypes.c_int64
-    library.onebot_transforms.argtypes = [pointer, number, pointer, pointer]
-    library.onebot_transforms.restype = None
-    library.onebot_link_poses.argtypes = [pointer, pointer, number, pointer, pointer]
-    library.onebot_link_poses.restype = None
-    return library
-
-
-Indices = NDArray[np.intp]
-
-MOVING_KINDS = ("revolute", "continuous", "prismatic")
-
-
-class JointArrays(NamedTuple):
-    """Some joints' transforms as a function of their positions; M of them.
+class JointArrays:
+    """Some joints' transforms as a function of their positions; M joints.
 
     Attributes:
         parents: parent link of each joint.
@@ -162,16 +77,46 @@ class JointArrays(NamedTuple):
         constant: (M, 7): the transform at position 0 (translation x y z, rotation x y z w).
         sine: (M, 4): what sin(q/2) multiplies in the rotation.
         slide: (M, 3): what the position multiplies in the translation; metres per metre.
-        slides: whether any joint slides.
+        address: of their struct joints, as long as this object lives.
     """
 
-    parents: tuple[str, ...]
-    children: tuple[str, ...]
-    half_turns: Floats
-    constant: Floats
-    sine: Floats
-    slide: Floats
-    slides: bool
+    def __init__(
+        self,
+        parents: Sequence[str],
+        children: Sequence[str],
+        half_turns: Floats,
+        constant: Floats,
+        sine: Floats,
+        slide: Floats,
+    ) -> None:
+        """Keep the arrays, see the class; none may be changed."""
+        self.parents, self.children = tuple(parents), tuple(children)
+        arrays = (half_turns, constant, sine, slide)
+        contiguous = [np.ascontiguousarray(array, float) for array in arrays]
+        self.half_turns, self.constant, self.sine, self.slide = contiguous
+        addresses = [array.ctypes.data for array in contiguous]
+        self._structure = _Joints(len(half_turns), *addresses)
+        self.address = ctypes.addressof(self._structure)
+
+    @classmethod
+    def of(cls, joints: Sequence[Joint]) -> "JointArrays":
+        """Return the arrays of a description's joints."""
+        count = len(joints)
+        rpy = np.array([joint.origin.rpy for joint in joints], float).reshape(count, 3)
+        rotation = quaternions.from_rpy(rpy)
+        axis = np.array([joint.axis for joint in joints], float).reshape(count, 3)
+        slides = np.array([joint.kind == "prismatic" for joint in joints], bool)
+        turns = np.array([joint.kind in ("revolute", "continuous") for joint in joints], bool)
+        pure = np.concatenate((axis, np.zeros((count, 1))), axis=1)
+        translation = np.array([joint.origin.xyz for joint in joints], float).reshape(count, 3)
+        return cls(
+            [joint.parent for joint in joints],
+            [joint.child for joint in joints],
+            np.where(turns, 0.5, 0.0),
+            np.concatenate((translation, rotation), axis=1),
+            quaternions.multiply(rotation, pure) * turns[:, None],
+            quaternions.rotate(rotation, axis) * slides[:, None],
+        )
 
     def transforms(self, positions: Floats) -> Floats:
         """Parent-to-child transforms.
@@ -182,28 +127,69 @@ class JointArrays(NamedTuple):
         Returns:
             (..., M, 7): translation x y z in metres, rotation quaternion x y z w.
         """
-        half = positions * self.half_turns
-        values = np.empty((*half.shape, 7))
-        values[..., :3] = self.constant[:, :3]
-        if self.slides:
-            values[..., :3] += self.slide * positions[..., None]
-        values[..., 3:] = self.constant[:, 3:] * np.cos(half)[..., None]
-        values[..., 3:] += self.sine * np.sin(half)[..., None]
-        return values
+        positions = np.ascontiguousarray(positions, float)
+        poses = np.empty((*positions.shape, _POSE))
+        states = math.prod(positions.shape[:-1])
+        _kinematics().onebot_transforms(
+            self.address, states, positions.ctypes.data, poses.ctypes.data
+        )
+        return poses
 
     def take(self, rows: Sequence[int]) -> "JointArrays":
         """The same for the joints ``rows`` only, in that order."""
         index = np.asarray(rows, np.intp)
-        slide = self.slide[index]
+        arrays = (self.half_turns, self.constant, self.sine, self.slide)
         return JointArrays(
-            tuple(self.parents[row] for row in rows),
-            tuple(self.children[row] for row in rows),
-            self.half_turns[index],
-            self.constant[index],
-            self.sine[index],
-            slide,
-            bool(slide.any()),
+            [self.parents[row] for row in rows],
+            [self.children[row] for row in rows],
+            *(array[index] for array in arrays),
         )
+
+
+class LinkTree:
+    """Which link hangs on which, by which joint."""
+
+    def __init__(
+        self, links: Sequence[str], root: str, moving: JointArrays, fixed: JointArrays
+    ) -> None:
+        """Order the joints from the root to the tips.
+
+        Args:
+            links: names of all links.
+            root: name of the one without a parent.
+            moving: the joints that move.
+            fixed: the others.
+        """
+        rows = {name: number for number, name in enumerate(links)}
+        below: dict[str, list[tuple[str, int]]] = {}
+        for row, parent in enumerate(moving.parents):
+            below.setdefault(parent, []).append((moving.children[row], row))
+        for row, parent in enumerate(fixed.parents):
+            below.setdefault(parent, []).append((fixed.children[row], -1 - row))
+        steps: list[tuple[int, int, int]] = []
+        reached = [root]
+        for parent in reached:
+            for child, row in below.get(parent, ()):
+                steps.append((rows[parent], rows[child], row))
+                reached.append(child)
+        columns = np.array(steps, np.int32).reshape(-1, 3).T.copy()
+        self._kept = (moving, fixed, columns)  # the structure holds addresses only
+        self._links = len(links)
+        addresses = [column.ctypes.data for column in columns]
+        self._structure = _Tree(
+            len(links), len(steps), rows[root], *addresses, fixed.constant.ctypes.data
+        )
+        self._addresses = moving.address, ctypes.addressof(self._structure)
+
+    def poses(self, positions: Floats) -> Floats:
+        """Poses (..., links, 7) in the root's frame, of positions (..., M)."""
+        positions = np.ascontiguousarray(positions, float)
+        batch = positions.shape[:-1]
+        poses = np.empty((*batch, self._links, _POSE))
+        _kinematics().onebot_link_poses(
+            *self._addresses, math.prod(batch), positions.ctypes.data, poses.ctypes.data
+        )
+        return poses
 
 
 class Follower(NamedTuple):
@@ -230,27 +216,23 @@ class RobotModel:
         velocity: (M,), speed limits in radians or metres a second; infinite where there is none.
     """
 
-    def __init__(self, description: "Description") -> None:
+    def __init__(self, description: Description) -> None:
         """Turn a checked description into arrays."""
         self.name = description.robot_name
         self.root_link = description.root_link
-        self.links = description.links
-        moving = [joint for joint in description.joints if joint.kind in MOVING_KINDS]
+        self.links = description.link_names
+        moving = description.moving_joints
         fixed = [joint for joint in description.joints if joint.kind not in MOVING_KINDS]
         self.joints = tuple(joint.name for joint in moving)
-        self.moving, self.fixed = _arrays(moving), _arrays(fixed)
+        self.moving, self.fixed = JointArrays.of(moving), JointArrays.of(fixed)
         self.lower = _limits(moving, "lower", -np.inf)
         self.upper = _limits(moving, "upper", np.inf)
         self.velocity = _limits(moving, "velocity", np.inf)
         self._rows = {name: row for row, name in enumerate(self.joints)}
         self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
-        self._order = [*moving, *fixed]
-        self._ancestors: list[Indices] | None = None
-        self._joints = _compiled_joints(self.moving) if available() else None
-        self._tree: Tree | None = None
 
     @classmethod
-    def from_description(cls, description: "Description") -> "RobotModel":
+    def from_description(cls, description: Description) -> "RobotModel":
         """Return the model of a checked description (see ``load_description``)."""
         return cls(description)
 
@@ -319,7 +301,7 @@ class RobotModel:
             OneBotError: the number of positions is not the number of joints.
         """
         q = self._checked(positions)
-        values = self._joints.transforms(q) if self._joints else self.moving.transforms(q)
+        values = self.moving.transforms(q)
         return values[..., :3], values[..., 3:]
 
     def link_poses(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
@@ -331,56 +313,11 @@ class RobotModel:
         Returns:
             (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
         """
-        q = self._checked(positions)
-        if self._joints is None:
-            return self._poses_by_arrays(q)
-        if self._tree is None:
-            self._tree = self._make_tree(self._joints)
-        return self._tree.poses(q)
+        return self._tree.poses(self._checked(positions))
 
-    def _make_tree(self, joints: Joints) -> Tree:
-        """Order the joints from the root to the tips."""
-        rows = {name: number for number, name in enumerate(self.links)}
-        below: dict[str, list[tuple[str, int]]] = {}
-        for row, parent in enumerate(self.moving.parents):
-            below.setdefault(parent, []).append((self.moving.children[row], row))
-        for row, parent in enumerate(self.fixed.parents):
-            below.setdefault(parent, []).append((self.fixed.children[row], -1 - row))
-        steps: list[tuple[int, int, int]] = []
-        reached = [self.root_link]
-        for parent in reached:
-            for child, row in below.get(parent, ()):
-                steps.append((rows[parent], rows[child], row))
-                reached.append(child)
-        return Tree(joints, len(rows), rows[self.root_link], steps, self.fixed.constant)
-
-    def _poses_by_arrays(self, q: Floats) -> Floats:
-        count, batch = len(self.links), q.shape[:-1]
-        # Row L is the identity every chain of ancestors ends in.
-        poses = np.zeros((*batch, count + 1, 7))
-        poses[..., 6] = 1.0
-        index = {link: row for row, link in enumerate(self.links)}
-        poses[..., [index[c] for c in self.moving.children], :] = self.moving.transforms(q)
-        poses[..., [index[c] for c in self.fixed.children], :] = self.fixed.constant
-        for ancestors in self._jumps(index):
-            above = poses[..., ancestors, :]
-            translation = above[..., :3] + quaternions.rotate(above[..., 3:], poses[..., :3])
-            rotation = quaternions.multiply(above[..., 3:], poses[..., 3:])
-            poses = np.concatenate((translation, rotation), axis=-1)
-        return poses[..., :count, :]
-
-    def _jumps(self, index: Mapping[str, int]) -> list[Indices]:
-        """Ancestors 1, 2, 4, ... links up: composing along them takes log2(depth) rounds."""
-        if self._ancestors is None:
-            root = len(self.links)
-            up = np.full(root + 1, root, np.intp)
-            for joint in self._order:
-                up[index[joint.child]] = index[joint.parent]
-            self._ancestors = []
-            while (up != root).any():
-                self._ancestors.append(up)
-                up = up[up]
-        return self._ancestors
+    @functools.cached_property
+    def _tree(self) -> LinkTree:
+        return LinkTree(self.links, self.root_link, self.moving, self.fixed)
 
     def _checked(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
         if isinstance(positions, Mapping):
@@ -394,31 +331,7 @@ class RobotModel:
         return q
 
 
-def _arrays(joints: Sequence["JointSpec"]) -> JointArrays:
-    count = len(joints)
-    rotation = quaternions.from_rpy(np.array([j.rpy for j in joints], float).reshape(count, 3))
-    axis = np.array([joint.axis for joint in joints], float).reshape(count, 3)
-    slides = np.array([joint.kind == "prismatic" for joint in joints], bool)
-    turns = np.array([joint.kind in ("revolute", "continuous") for joint in joints], bool)
-    pure = np.concatenate((axis, np.zeros((count, 1))), axis=1)
-    translation = np.array([joint.xyz for joint in joints], float).reshape(count, 3)
-    return JointArrays(
-        tuple(joint.parent for joint in joints),
-        tuple(joint.child for joint in joints),
-        np.where(turns, 0.5, 0.0),
-        np.concatenate((translation, rotation), axis=1),
-        quaternions.multiply(rotation, pure) * turns[:, None],
-        quaternions.rotate(rotation, axis) * slides[:, None],
-        bool(slides.any()),
-    )
-
-
-def _compiled_joints(joints: JointArrays) -> Joints:
-    slide = joints.slide if joints.slides else None
-    return Joints(joints.half_turns, joints.constant, joints.sine, slide)
-
-
-def _limits(joints: Sequence["JointSpec"], limit: str, none: float) -> Floats:
+def _limits(joints: Sequence[Joint], limit: str, none: float) -> Floats:
     """One limit of each joint, ``none`` where there is none; continuous joints know only speed."""
     values = [
         None if joint.kind == "continuous" and limit != "velocity" else getattr(joint, limit)

@@ -1,11 +1,11 @@
-"""Reading ROS 2 parameter YAML as rcl does, but remembering the line of every parameter.
+"""YAML files of parameters, with the line of each: ROS 2 parameter files as rcl reads them, others.
 
-rcl reads the file only once, when the process starts, and its errors name neither the parameter nor
-the remedy. Reading it again, while the node runs, is ours.
+rcl reads a file only once, when the process starts, and its errors name neither the parameter nor
+the remedy. Reading it again, while the node runs, is ours. What the parameters may be is the
+business of the dataclass that describes them, see ``reader``.
 """
 
 import functools
-import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,8 +15,13 @@ from typing import Any
 import yaml  # type: ignore[import-untyped, unused-ignore]
 
 from onebot_description.errors import listing
-from onebot_description.joints.config import DEFAULTS, GROUPS, unknown_parameters
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import (
+    ConfigError,
+    Problem,
+    defaults,
+    is_parameter,
+    unknown_parameters,
+)
 
 _MARK = "ros__parameters"
 _TRUE = {"y", "Y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"}
@@ -31,26 +36,24 @@ _INT64 = range(-(2**63), 2**63)
 
 @dataclass
 class Parameters:
-    """Parameters of one node.
+    """Parameters that files hold for one node."""
 
-    Attributes:
-        values: dotted name to value.
-        places: dotted name to where it was written, such as ``joints.yaml:7``.
-        shared: names written in a section for several nodes (one with a wildcard).
-        sections: the node names that the file has sections for.
-    """
-
-    values: dict[str, Any] = field(default_factory=dict)
-    places: dict[str, str] = field(default_factory=dict)
-    shared: set[str] = field(default_factory=set)
-    sections: list[str] = field(default_factory=list)
+    values: dict[str, Any] = field(default_factory=dict)  # by dotted name
+    places: dict[str, str] = field(default_factory=dict)  # where each was written: joints.yaml:7
+    shared: set[str] = field(default_factory=set)  # names in a section for several nodes
+    sections: list[str] = field(default_factory=list)  # node names that the files have
 
     def update(self, later: "Parameters") -> None:
-        """Add another file's, which come first where both name a parameter."""
+        """Add another file's, which override where both name a parameter."""
         self.values.update(later.values)
         self.places.update(later.places)
         self.shared = (self.shared - later.values.keys()) | later.shared
         self.sections += later.sections
+
+    def drop_shared(self, unknown: Callable[[Iterable[str]], list[Problem]]) -> None:
+        """Drop what ``unknown`` finds in sections of several nodes: it is meant for another."""
+        for problem in unknown(self.shared):
+            del self.values[problem.key], self.places[problem.key]
 
 
 def read_parameters(text: str, name: str, node: str) -> Parameters:
@@ -85,9 +88,53 @@ def section_matches(section: str, node: str) -> bool:
     return re.fullmatch(expression, node) is not None
 
 
-class _File:
+class _Yaml:
+    """A YAML text, whose errors name file and line."""
+
     def __init__(self, name: str) -> None:
         self._name = name
+
+    def _compose(self, text: str) -> yaml.Node | None:
+        """Return the text's tree; None if it is empty."""
+        try:
+            if _FastLoader is not None:
+                try:
+                    return self._composed(text, _FastLoader)
+                except yaml.YAMLError:
+                    pass  # the other one's errors are clearer
+            return self._composed(text, yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            reason = " ".join(part for part in (error.context, error.problem) if part)
+            raise self._error(mark, f"no YAML: {reason}") from None
+        except yaml.YAMLError as error:
+            raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
+
+    def _composed(self, text: str, loader: Any) -> yaml.Node | None:
+        return yaml.compose(text, Loader=loader)
+
+    def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+        if not isinstance(node, yaml.MappingNode):
+            self._fail(node, f'"{node.value}" stands where a map belongs')
+        seen: dict[str, int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self._fail(key, "a name must be a plain word")
+            if key.value in seen:
+                self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
+            seen[key.value] = key.start_mark.line + 1
+        return list(node.value)
+
+    def _error(self, mark: Any, text: str) -> ConfigError:
+        place = f"{self._name}:{mark.line + 1}" if mark else self._name
+        return ConfigError([Problem("", f"{place}: {text}")])
+
+    def _fail(self, at: Any, text: str) -> Any:
+        raise self._error(at.start_mark, text)
+
+
+class _File(_Yaml):
+    """A ROS 2 parameter file."""
 
     def read(self, text: str) -> dict[str, Parameters]:
         root = self._compose(text)
@@ -97,21 +144,6 @@ class _File:
         elif root is not None:
             self._fail(root, "no map of node names")
         return sections
-
-    def _compose(self, text: str) -> yaml.Node | None:
-        try:
-            if _FastLoader is not None:
-                try:
-                    return self._composed(text, _FastLoader)
-                except yaml.YAMLError:
-                    pass  # the other one tells more of what is wrong
-            return self._composed(text, yaml.SafeLoader)
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            reason = " ".join(part for part in (error.context, error.problem) if part)
-            raise self._error(mark, f"no YAML: {reason}") from None
-        except yaml.YAMLError as error:
-            raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
 
     def _composed(self, text: str, loader: Any) -> yaml.Node | None:
         for event in yaml.parse(text, Loader=loader):
@@ -123,7 +155,7 @@ class _File:
         """Gather the parameters of each section; those of one name are put together."""
         for key, value in self._pairs(node):
             if key.value == _MARK:
-                shared = "*" in path
+                shared = path.rpartition("/")[2] in ("*", "**")
                 parameters = Parameters()
                 self._parameters(value, "", parameters)
                 parameters.shared = set(parameters.values) if shared else set()
@@ -143,18 +175,6 @@ class _File:
             if result is not None:
                 found.values[name] = result
                 found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
-
-    def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
-        if not isinstance(node, yaml.MappingNode):
-            self._fail(node, f'"{node.value}" stands where a map belongs')
-        seen: dict[str, int] = {}
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                self._fail(key, "a name must be a plain word")
-            if key.value in seen:
-                self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
-            seen[key.value] = key.start_mark.line + 1
-        return list(node.value)
 
     def _value(self, name: str, node: yaml.Node) -> Any:
         if isinstance(node, yaml.ScalarNode):
@@ -183,13 +203,6 @@ class _File:
         if not text:
             self._fail(node, f"{name}: has no value")
         return plain_value(text)
-
-    def _error(self, mark: Any, text: str) -> ConfigError:
-        place = f"{self._name}:{mark.line + 1}" if mark else self._name
-        return ConfigError([Problem("", f"{place}: {text}")])
-
-    def _fail(self, at: Any, text: str) -> Any:
-        raise self._error(at.start_mark, text)
 
 
 def plain_value(text: str) -> bool | int | float | str:
@@ -223,22 +236,73 @@ def _double(text: str) -> float | None:
     return float(text) if _DOUBLE.fullmatch(text) else None
 
 
-# The parameter files of one node, read as one.
+# Other YAML files: a map, of no node -------------------------------------------------------------
 
 
-def read_files(files: Iterable[Path], node: str) -> Parameters:
-    """Read what ``files`` say to ``node``; later files come first.
+def read_map(text: str, name: str) -> Parameters:
+    """Read a YAML file that is a map, such as a saved view, with the line of every entry.
+
+    Unlike a parameter file, it may have aliases, values that are null, and lists of anything.
+
+    Args:
+        text: the YAML.
+        name: of the file, for errors and places.
+
+    Returns:
+        The values, by dotted names; an empty map is a value.
+
+    Raises:
+        ConfigError: the YAML is broken, or no map.
+    """
+    return _Map(name).read(text)
+
+
+class _Map(_Yaml):
+    def read(self, text: str) -> Parameters:
+        self._loader, found = yaml.SafeLoader(""), Parameters()
+        root = self._compose(text)
+        if root is not None:
+            self._entries(root, "", found)
+        return found
+
+    def _entries(self, node: yaml.Node, prefix: str, found: Parameters) -> None:
+        for key, value in self._pairs(node):
+            name = prefix + key.value
+            if key.tag != "tag:yaml.org,2002:str":
+                self._fail(key, f'a name must be a text; write "{key.value}" in quotes')
+            if isinstance(value, yaml.MappingNode) and value.value:
+                self._entries(value, f"{name}.", found)
+                continue
+            found.values[name] = self._content(value)
+            found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
+
+    def _content(self, node: yaml.Node) -> Any:
+        try:
+            return self._loader.construct_object(node, deep=True)
+        except (yaml.YAMLError, ValueError) as error:
+            return self._fail(node, f"no YAML: {' '.join(str(error).split())}")
+
+
+# The parameter files of one node, read as one --------------------------------------------------
+
+
+def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
+    """Read the parameters that ``files`` hold for ``node``; later files override.
 
     Unknown parameters in a section shared by several nodes are taken to be for another one.
+
+    Args:
+        files: parameter files.
+        node: full name of the node.
+        kind: the dataclass of its parameters.
 
     Raises:
         ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
     """
     found = Parameters()
     for file in files:
-        found.update(read_parameters(_text(file), str(file), node))
-    for name in unknown_parameters(found.shared):
-        del found.values[name], found.places[name]
+        found.update(read_parameters(read_text(file), str(file), node))
+    found.drop_shared(lambda names: unknown_parameters(kind, names))
     return found
 
 
@@ -251,7 +315,8 @@ def silence(parameters: Parameters, files: Iterable[Path], node: str) -> str | N
     return f"{names} says nothing to {node}, only to {listing(sections)}"
 
 
-def _text(file: Path) -> str:
+def read_text(file: Path) -> str:
+    """Return a file's text; one that cannot be read is a ConfigError."""
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -259,28 +324,33 @@ def _text(file: Path) -> str:
         raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
 
 
-# Parameter files that count while the node runs, not only when it starts.
+# Parameter files that count while the node runs, not only when it starts ------------------------
 
-# They say where to look, and setting them while the node runs is to look elsewhere.
+# They name files, so that setting them while the node runs is to read others.
 _SOURCES = ("config_file", "robot_description")
 
 
 class LiveParameters:
-    """What the parameter files say to one node, now and when they are next saved.
+    """The parameters that files hold for one node, now and when they are next saved.
 
-    Saving makes every parameter as the files say: what they do not name goes back to its default,
-    also if it was set while the node ran. Only what the command line has set stays.
+    Saving makes every parameter as the files have it: what they do not name goes back to its
+    default, also if it was set while the node ran. Only what the command line has set stays.
     """
 
-    def __init__(self, files: Sequence[Path], node: str) -> None:
-        """Read ``files`` for ``node``, its full name; later files come first.
+    def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
+        """Read the files.
+
+        Args:
+            files: later ones override.
+            node: full name of the node.
+            kind: the dataclass of its parameters.
 
         Raises:
             ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
         """
         self._files = tuple(files)
         self._extra: tuple[Path, ...] = ()
-        self._node = node
+        self._node, self._kind = node, kind
         self._pinned: dict[str, Any] = {}
         self.file = self.read()
 
@@ -328,17 +398,22 @@ class LiveParameters:
         Raises:
             ConfigError: as above.
         """
-        return read_files(self.files, self._node)
+        return read_files(self.files, self._node, self._kind)
 
     def changes(self, file: Parameters, current: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what to set, None to unset, for ``current`` to be as ``file`` says."""
-        wanted = {**DEFAULTS, **file.values, **self._pinned}
+        """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
+        usual = {n: value for n, value in defaults(self._kind).items() if n not in _SOURCES}
+        wanted = {**usual, **file.values, **self._pinned}
         changes = {
             name: value
             for name, value in wanted.items()
             if name not in current or not _same(current[name], value)
         }
-        gone = [name for name in current if name.split(".")[0] in GROUPS and name not in wanted]
+        gone = [
+            name
+            for name in current
+            if name not in wanted and name not in _SOURCES and is_parameter(self._kind, name)
+        ]
         return {**changes, **dict.fromkeys(gone)}
 
     def overruled(self, file: Parameters) -> list[str]:
@@ -355,53 +430,3 @@ class LiveParameters:
 
 def _same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and bool(one == other)
-
-
-# Noticing that files were saved, at the price of a few stat calls.
-
-Signature = tuple[int, int, int] | None
-
-
-class FileWatch:
-    """Tells when any of some files has been saved and has come to rest.
-
-    It looks at the files by name, so that an editor may write a new file and rename it over the old
-    one. A file counts as saved once two looks in a row find it the same, because an editor may also
-    empty it and then fill it.
-    """
-
-    def __init__(self, files: Iterable[Path]) -> None:
-        """Watch ``files`` from their present state on; none need exist."""
-        self._known = {file: _signature(file) for file in files}
-        self._last = dict(self._known)
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files watched."""
-        return tuple(self._known)
-
-    def watch(self, files: Iterable[Path]) -> None:
-        """Watch these files instead; those already watched keep their state."""
-        wanted = list(files)
-        self._known = {file: self._known.get(file, _signature(file)) for file in wanted}
-        self._last = {file: self._last.get(file, self._known[file]) for file in wanted}
-
-    def saved(self) -> list[Path]:
-        """Return the files saved since the last call; a file that is gone is not saved."""
-        saved = []
-        for file, last in self._last.items():
-            now = _signature(file)
-            if now == last and now != self._known[file]:
-                self._known[file] = now
-                if now is not None:
-                    saved.append(file)
-            self._last[file] = now
-        return saved
-
-
-def _signature(file: Path) -> Signature:
-    try:
-        status = os.stat(file)
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size, status.st_ino

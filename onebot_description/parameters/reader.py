@@ -1,32 +1,65 @@
-"""Typed reading of parameter values: what ROS hands over, checked, with the remedy in the error."""
+"""Parameters as checked dataclasses: what each may be is written once, beside its default.
 
+A field made by ``parameter`` is one ROS parameter or one key of a YAML file. A field that is itself
+a dataclass is a group (``camera.eye``), one of type ``Mapping[str, X]`` a group with names of the
+user's own (``motions.elbow.position``, where X is a dataclass, or ``zeros.elbow``)::
+
+    @dataclass(frozen=True)
+    class PlotParameters:
+        rate: float = parameter(10.0, "samples a second, Hz", above=0.0, at_most=100.0)
+        joints: tuple[str, ...] = parameter((), "the joints shown; empty: all")
+
+        def check(self) -> Iterable[Problem]: ...  # what must hold between several parameters
+
+    settings = read(PlotParameters, declare(node, PlotParameters))
+
+``read`` checks values, whichever file or node they are from; ``declare`` gives a node's parameters
+the same descriptions, ranges and read-only flags. A class may have ``REMEDIES``, names that are no
+longer parameters and what to write now.
+"""
+
+import dataclasses
+import functools
 import math
+import re
+import sys
+import types
+import typing
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
-
-from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.node import Node
-from rclpy.parameter import Parameter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from onebot_description.errors import OneBotError, did_you_mean
 
-# Mistakes and remarks about joint parameters, each tied to the parameter it is about.
+if TYPE_CHECKING:
+    from rcl_interfaces.msg import ParameterDescriptor
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+T = TypeVar("T")
+Values = Mapping[str, Any]
+
+REQUIRED = MISSING
+"""The default of a parameter that must be given."""
+
+_RULE = "onebot parameter"  # of a field's metadata
+# Parameters that rclpy declares on every node.
+_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+_OF_EVERY_NODE_PREFIXES = ("qos_overrides.", "overrides.")
+
+
+# Problems -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong or surprising.
+    """One thing that is wrong or surprising."""
 
-    Attributes:
-        key: dotted name of the parameter (or of the group), such as ``motions.elbow.frequency``;
-            empty when no parameter is to blame.
-        text: what is wrong and what would be right.
-    """
-
+    # Dotted name of the parameter or of its group, such as motions.elbow.frequency; empty when no
+    # parameter is the cause.
     key: str
-    text: str
+    text: str  # what is wrong and what would be right
 
     def message(self, places: Mapping[str, str] | None = None) -> str:
         """Return ``place: key: text``.
@@ -46,13 +79,14 @@ class Problem:
         inside = self.key + "."
         return next((place for key, place in places.items() if key.startswith(inside)), "")
 
+    def overlaps(self, other: "Problem") -> bool:
+        """Whether one of the two is about the same parameter as the other, or about its group."""
+        one, two = f"{self.key}.", f"{other.key}."
+        return one.startswith(two) or two.startswith(one)
+
 
 class ConfigError(OneBotError):
-    """Joint parameters that cannot be used.
-
-    Attributes:
-        problems: every problem found.
-    """
+    """Parameters that cannot be used; ``problems`` are all that were found."""
 
     def __init__(
         self, problems: Iterable[Problem], places: Mapping[str, str] | None = None
@@ -66,25 +100,516 @@ class ConfigError(OneBotError):
         return ConfigError(self.problems, places)
 
 
-# Parameters of a node whose types are left open, so that 10 and 10.0 are both right.
+# Declaring what a parameter may be ------------------------------------------------------------
 
 
-def declare(node: Node, name: str, default: Any = None) -> None:
-    """Declare a parameter, unless that was done; ``default`` counts where nobody has set it."""
-    if node.has_parameter(name):
+@dataclass(frozen=True)
+class Rule:
+    """What one parameter means and may be; see ``parameter``."""
+
+    description: str = ""
+    name: str = ""
+    above: float | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+    choices: tuple[str, ...] = ()
+    not_empty: bool = False
+    unique: bool = False
+    pattern: re.Pattern[str] | None = None
+    write: str = ""
+    nan: str = ""
+    read_only: bool = False
+
+    @property
+    def range(self) -> str:
+        """The range in words, such as "above 0 and up to 1000"; empty for none."""
+        if self.above is not None:
+            most = "" if self.at_most is None else f" and up to {self.at_most:g}"
+            return f"above {self.above:g}{most}"
+        if self.at_least is not None:
+            most = "" if self.at_most is None else f" to {self.at_most:g}"
+            return f"from {self.at_least:g}{most}"
+        return "" if self.at_most is None else f"up to {self.at_most:g}"
+
+    def beyond(self, value: float) -> str:
+        """Return on which side ``value`` is out of range; empty if it is within."""
+        if self.above is not None and not value > self.above:
+            return f"is not above {self.above:g}"
+        if self.at_least is not None and value < self.at_least:
+            return f"is below {self.at_least:g}"
+        if self.at_most is not None and value > self.at_most:
+            return f"is above {self.at_most:g}"
+        return ""
+
+
+def parameter(
+    default: Any,
+    description: str,
+    *,
+    name: str = "",
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    choices: Sequence[str] = (),
+    not_empty: bool = False,
+    unique: bool = False,
+    pattern: re.Pattern[str] | None = None,
+    write: str = "",
+    nan: str = "",
+    read_only: bool = False,
+) -> Any:
+    """Return a dataclass field for one parameter. Its type is the field's annotation.
+
+    A type may be float (a whole number is one, too), int, bool, str, a tuple of these (``tuple[str,
+    ...]``, or ``tuple[float, float, float]`` for exactly three), ``X | None``, where None and an
+    empty list are both "not given", or a mapping from names to one of these or to a dataclass.
+    Rules on numbers and texts apply to each in a list or mapping.
+
+    Args:
+        default: the value when it is not given; REQUIRED if it must be.
+        description: one line, with the unit.
+        name: in ROS or YAML, if it is not the field's; may hold dots.
+        above: numbers must be greater.
+        at_least: numbers must be as great.
+        at_most: numbers must not be greater.
+        choices: the only texts allowed.
+        not_empty: neither a text nor a list may be empty.
+        unique: a list must not hold anything twice.
+        pattern: what a text must match.
+        write: what would be right, for errors, such as ``a topic, such as /odom``.
+        nan: what NaN means, such as ``no limit``; empty if the number must be finite.
+        read_only: it is read once, when the node starts.
+    """
+    rule = Rule(
+        description, name, above, at_least, at_most, tuple(choices), not_empty, unique, pattern,
+        write, nan, read_only,
+    )  # fmt: skip
+    metadata = {_RULE: rule}
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def group(kind: type[T], name: str = "") -> T:
+    """Return a dataclass field for a group of parameters, the dataclass ``kind`` by default.
+
+    Args:
+        kind: the dataclass.
+        name: in ROS or YAML, if it is not the field's; may hold dots.
+    """
+    return dataclasses.field(default_factory=kind, metadata={_RULE: Rule(name=name)})
+
+
+# What a dataclass asks for: leaves in groups, and groups with names of the user's own. ----------
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """One parameter."""
+
+    base: type  # float, int, bool or str
+    many: bool
+    length: int | None  # of the list; None for any
+    optional: bool
+    rule: Rule
+
+    def read(self, value: Any) -> Any:
+        """Return ``value`` checked; a ValueError says what is wrong and what would be right."""
+        if self.optional and (value is None or _is_list(value) and not len(value)):
+            return None
+        if value is None:
+            raise ValueError(f"has no value; write {self._wanted(value)}")
+        return self._list(value) if self.many else self._one(value)
+
+    def _list(self, value: Any) -> tuple[Any, ...]:
+        if not _is_list(value):
+            raise ValueError(f"{_shown(value)}; write {self._wanted(value)}")
+        items = tuple(self._one(item) for item in value)
+        if self.length is not None and len(items) != self.length:
+            what = f": {self.rule.description}" if self.rule.description else ""
+            raise ValueError(f"{len(items)} {_PLURAL[self.base]}; write {self.length}{what}")
+        if self.rule.not_empty and not items:
+            raise ValueError(f"is empty; write {self._wanted(value)}")
+        twice = [item for item in dict.fromkeys(items) if items.count(item) > 1]
+        if self.rule.unique and twice:
+            raise ValueError(f'"{twice[0]}" is there twice')
+        return items
+
+    def _one(self, value: Any) -> Any:
+        if self.base is float:
+            return self._number(value)
+        if type(value) is not self.base:
+            raise ValueError(f"{_shown(value)}; write {self._wanted(value)}")
+        if isinstance(value, str):
+            self._check_text(value)
+        elif self.base is int:
+            self._check_range(value)
+        return value
+
+    def _number(self, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{_shown(value)}; write {self._wanted(value)}")
+        if math.isnan(value) and self.rule.nan:
+            return math.nan
+        if not math.isfinite(value):
+            raise ValueError(f"{value} is not finite; write {self._wanted(value)}")
+        self._check_range(value)
+        return float(value)
+
+    def _check_range(self, value: Any) -> None:
+        if beyond := self.rule.beyond(value):
+            unset = f", or .nan for {self.rule.nan}" if self.rule.nan else ""
+            raise ValueError(f"{value:g} {beyond}; write a number {self.rule.range}{unset}")
+
+    def _check_text(self, value: str) -> None:
+        rule = self.rule
+        if rule.choices and value not in rule.choices:
+            raise ValueError(f'no "{value}"{did_you_mean(value, rule.choices)}')
+        if rule.not_empty and not value:
+            raise ValueError(f"is empty; write {self._wanted(value)}")
+        if rule.pattern and not rule.pattern.fullmatch(value):
+            raise ValueError(f'"{value}" is not possible; write {self._wanted(value)}')
+
+    def _wanted(self, value: Any) -> str:
+        """What would be right."""
+        if self.rule.write:
+            return self.rule.write
+        if self.many:
+            length = "" if self.length is None else f"{self.length} "
+            return f"a list of {length}{_PLURAL[self.base]}, such as {self._example()}"
+        if self.rule.choices:
+            return f"one of {', '.join(self.rule.choices)}"
+        if self.base is str and _is_number(value):
+            return f'a text, such as "{value}"'
+        within = f" {self.rule.range}" if self.rule.range else ""
+        return f"{_SINGULAR[self.base]}{within}"
+
+    def _example(self) -> str:
+        words = {str: ["first", "second", "third"], bool: ["true", "false"]}.get(
+            self.base, ["0.0", "1.0", "2.0"] if self.base is float else ["0", "1", "2"]
+        )
+        length = 2 if self.length is None else self.length
+        return f"[{', '.join(words[i % len(words)] for i in range(length))}]"
+
+    @property
+    def constraints(self) -> str:
+        """The rules in words, for a parameter's descriptor."""
+        rule = self.rule
+        words = [rule.range, f"one of {', '.join(rule.choices)}" if rule.choices else ""]
+        words.append(f"{self.length} {_PLURAL[self.base]}" if self.length is not None else "")
+        words.append("not empty" if rule.not_empty else "")
+        words.append("nothing twice" if rule.unique else "")
+        words.append(rule.write)
+        words.append(f"NaN: {rule.nan}" if rule.nan else "")
+        words.append("read when the node starts; restart it to change it" * rule.read_only)
+        return "; ".join(word for word in words if word)
+
+
+_SINGULAR = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+_PLURAL = {float: "numbers", int: "whole numbers", bool: "of true and false", str: "texts"}
+
+
+@dataclass(frozen=True)
+class _Field:
+    """One field of a group."""
+
+    field: str  # its name in the dataclass
+    name: str  # in ROS or YAML
+    shape: "_Shape"
+    default: Any  # REQUIRED if there is none
+
+
+@dataclass(frozen=True)
+class _Group:
+    """A dataclass."""
+
+    kind: type
+    fields: tuple[_Field, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """The names in it; of a group, and of one with names of the user's own, its own name."""
+        return [field.name for field in self.fields]
+
+
+@dataclass(frozen=True)
+class _Named:
+    """Names of the user's own."""
+
+    item: "_Shape"
+
+
+_Shape = _Leaf | _Group | _Named
+
+
+def _group(kind: Any) -> _Group:
+    """What a dataclass asks for."""
+    return _cached_group(kind)
+
+
+@functools.cache
+def _cached_group(kind: Any) -> _Group:
+    hints = typing.get_type_hints(kind)
+    fields = []
+    for one in dataclasses.fields(kind):
+        rule = one.metadata.get(_RULE, Rule())
+        default = one.default
+        if one.default_factory is not MISSING:
+            default = one.default_factory()
+        shape = _shape(hints[one.name], rule)
+        fields.append(_Field(one.name, rule.name or one.name, shape, default))
+    return _Group(kind, tuple(fields))
+
+
+def _shape(hint: Any, rule: Rule) -> _Shape:
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if dataclasses.is_dataclass(hint):
+        return _group(typing.cast(type, hint))
+    if origin in (typing.Union, types.UnionType):
+        (inner,) = (arg for arg in args if arg is not type(None))
+        leaf = _shape(inner, rule)
+        assert isinstance(leaf, _Leaf)
+        return dataclasses.replace(leaf, optional=True)
+    if origin is not None and issubclass(origin, Mapping):
+        return _Named(_shape(args[1], rule))
+    if origin is tuple:
+        return _Leaf(args[0], True, None if args[-1] is Ellipsis else len(args), False, rule)
+    return _Leaf(hint, False, None, False, rule)
+
+
+# Names ----------------------------------------------------------------------------------------
+
+
+class _Unknown(Exception):
+    """A name that is no parameter; the text says what would be right."""
+
+
+def _locate(shape: _Shape, name: str) -> tuple[tuple[str, ...], _Shape]:
+    """Find the parameter or group called ``name``: the fields and items to it, and its shape."""
+    if not name:
+        return (), shape
+    if isinstance(shape, _Group):
+        return _locate_field(shape, name)
+    if isinstance(shape, _Named):
+        item, rest = _split(shape.item, name)
+        path, found = _locate(shape.item, rest)
+        return (item, *path), found
+    raise _Unknown("is one value, not a map")
+
+
+def _locate_field(shape: _Group, name: str) -> tuple[tuple[str, ...], _Shape]:
+    for field in shape.fields:
+        if name == field.name or name.startswith(f"{field.name}."):
+            path, found = _locate(field.shape, name[len(field.name) + 1 :])
+            return (field.field, *path), found
+    remedies: Mapping[str, str] = getattr(shape.kind, "REMEDIES", {})
+    if name in remedies:
+        raise _Unknown(f"no longer a parameter; {remedies[name]}")
+    raise _Unknown(f"no such parameter{did_you_mean(name, shape.names)}")
+
+
+def _split(item: _Shape, name: str) -> tuple[str, str]:
+    """Split off a name of the user's own, which may hold dots, from what is inside."""
+    if isinstance(item, _Leaf):
+        return name, ""
+    if isinstance(item, _Named):
+        first, _, rest = name.partition(".")
+        return first, rest
+    ends = [known for known in item.names if name.endswith(f".{known}")]
+    if ends:
+        end = max(ends, key=len)
+        return name[: -len(end) - 1], end
+    first, dot, last = name.rpartition(".")
+    return (first, last) if dot else (name, "")
+
+
+def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
+    """Return a problem for each of ``names`` that is no parameter of the dataclass ``kind``.
+
+    Those that every node has are none.
+    """
+    problems = []
+    for name in names:
+        if is_of_every_node(name):
+            continue
+        try:
+            _locate(_group(kind), name)
+        except _Unknown as error:
+            problems.append(Problem(name, str(error)))
+    return problems
+
+
+def is_of_every_node(name: str) -> bool:
+    """Whether rclpy declares the parameter ``name`` on every node."""
+    return name in _OF_EVERY_NODE or name.startswith(_OF_EVERY_NODE_PREFIXES)
+
+
+def defaults(kind: type) -> dict[str, Any]:
+    """Return every parameter of the dataclass ``kind`` whose name is fixed, with its default.
+
+    Values are as ROS has them: lists, and an empty one for a list that is not given.
+    """
+    return {name: _as_ros(leaf, default) for name, leaf, default in _leaves(_group(kind), "", None)}
+
+
+def is_parameter(kind: type, name: str) -> bool:
+    """Whether the dataclass ``kind`` has a parameter or group of this name."""
+    try:
+        _locate(_group(kind), name)
+    except _Unknown:
+        return False
+    return True
+
+
+def values_of(config: Any) -> dict[str, Any]:
+    """Return what ``defaults`` does, but with the values of ``config``, a dataclass."""
+    shape = _group(type(config))
+    return {name: _as_ros(leaf, value) for name, leaf, value in _leaves(shape, "", config)}
+
+
+def _leaves(shape: _Group, prefix: str, value: Any) -> Iterator[tuple[str, _Leaf, Any]]:
+    """All parameters with names of their own, with what ``value`` or else the class says."""
+    for field in shape.fields:
+        default = getattr(value, field.field) if value is not None else field.default
+        if isinstance(field.shape, _Group):
+            inner = None if default is REQUIRED else default
+            yield from _leaves(field.shape, f"{prefix}{field.name}.", inner)
+        elif isinstance(field.shape, _Leaf):
+            yield prefix + field.name, field.shape, default
+
+
+def _as_ros(leaf: _Leaf, value: Any) -> Any:
+    if value is REQUIRED or value is None:
+        return [] if leaf.many else None
+    return list(value) if leaf.many else value
+
+
+# Reading --------------------------------------------------------------------------------------
+
+
+def flatten(values: Values, prefix: str = "") -> dict[str, Any]:
+    """Return nested maps as one map of dotted names; an empty map stays, as a value."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value:
+            flat.update(flatten(value, f"{prefix}{key}."))
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None) -> T:
+    """Return ``values`` as the dataclass ``kind``.
+
+    Args:
+        kind: a dataclass of parameters.
+        values: dotted names, or nested maps as YAML has them, to values; what is missing has its
+            default.
+        places: where each was written, such as ``joints.yaml:7``, for the error.
+
+    Raises:
+        ConfigError: with every problem, each naming the parameter and what would be right.
+    """
+    reading = _Reading()
+    config = reading.build(_group(kind), reading.tree(kind, flatten(values)), "")
+    if reading.problems:
+        raise ConfigError(reading.problems, places)
+    return typing.cast(T, config)
+
+
+class _Reading:
+    """Builds one dataclass of values, and collects what is wrong with them."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+
+    def tree(self, kind: type, flat: Values) -> dict[str, Any]:
+        """Sort ``flat`` by the fields they belong to."""
+        tree: dict[str, Any] = {}
+        for name, value in flat.items():
+            if is_of_every_node(name):
+                continue
+            try:
+                path, shape = _locate_field(_group(kind), name)
+            except _Unknown as error:
+                self.problems.append(Problem(name, str(error)))
+                continue
+            if isinstance(shape, _Leaf):
+                _put(tree, path, value)
+            elif value == {}:
+                _put(tree, path, {})
+            else:
+                self.problems.append(Problem(name, f"{_shown(value)}; write a map{_form(shape)}"))
+        return tree
+
+    def build(self, shape: _Shape, content: Any, key: str) -> Any:
+        """Return what ``content`` says; REQUIRED if that cannot be known."""
+        if isinstance(shape, _Leaf):
+            try:
+                return shape.read(content)
+            except ValueError as error:
+                self.problems.append(Problem(key, str(error)))
+                return REQUIRED
+        if isinstance(shape, _Named):
+            items = {
+                name: self.build(shape.item, inner, _join(key, name))
+                for name, inner in content.items()
+            }
+            return {name: item for name, item in items.items() if item is not REQUIRED}
+        return self._build_group(shape, content, key)
+
+    def _build_group(self, shape: _Group, content: Mapping[str, Any], key: str) -> Any:
+        found: dict[str, Any] = {}
+        for field in shape.fields:
+            if field.field in content:
+                found[field.field] = self.build(
+                    field.shape, content[field.field], _join(key, field.name)
+                )
+            elif field.default is REQUIRED:
+                self._missing(field, key)
+                found[field.field] = REQUIRED
+        if any(f.default is REQUIRED and found[f.field] is REQUIRED for f in shape.fields):
+            return REQUIRED
+        result = shape.kind(**{name: v for name, v in found.items() if v is not REQUIRED})
+        if hasattr(result, "check"):
+            self._check(result.check(), key)
+        return result
+
+    def _missing(self, field: _Field, key: str) -> None:
+        rule = field.shape.rule if isinstance(field.shape, _Leaf) else Rule()
+        what = f", {rule.description}" if rule.description else ""
+        if key:  # the group's, because only what is written has a line
+            self.problems.append(Problem(key, f"has no {field.name}{what}"))
+        else:
+            self.problems.append(Problem(field.name, f"is missing{what}"))
+
+    def _check(self, found: Iterable[Problem], prefix: str) -> None:
+        """Take the problems that follow from no other."""
+        fresh = [Problem(_join(prefix, problem.key), problem.text) for problem in found]
+        known = tuple(self.problems)
+        self.problems += [one for one in fresh if not any(map(one.overlaps, known))]
+
+
+def _join(prefix: str, name: str) -> str:
+    return ".".join(part for part in (prefix, name) if part)
+
+
+def _put(tree: dict[str, Any], path: Sequence[str], value: Any) -> None:
+    for step in path[:-1]:
+        tree = tree.setdefault(step, {})
+    if value == {} and path[-1] in tree:
         return
-    # Of an empty list rclpy cannot tell what kind it is: such is set afterwards.
-    first = None if default == [] else default
-    node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True))
-    if default == [] and node.get_parameter(name).value is None:
-        node.set_parameters([parameter(name, default)])
+    tree[path[-1]] = value
 
 
-def parameter(name: str, value: Any) -> Parameter:
-    """Return a parameter of whichever type ``value`` has; None unsets it."""
-    if value == []:
-        return Parameter(name, Parameter.Type.STRING_ARRAY, [])
-    return Parameter(name, value=value)
+def _form(shape: _Shape) -> str:
+    """How a map is written, in words."""
+    if isinstance(shape, _Group):
+        return f" with {', '.join(shape.names)}"
+    assert isinstance(shape, _Named)
+    if isinstance(shape.item, _Leaf):
+        return f", such as {{some_name: {'0.5' if shape.item.base is float else '...'}}}"
+    return f" of names, each a map{_form(shape.item)}"
 
 
 def plain(value: Any) -> Any:
@@ -92,105 +617,113 @@ def plain(value: Any) -> Any:
     return list(value) if isinstance(value, array | tuple | list) else value
 
 
-Values = Mapping[str, Any]
-
-
-class Reader:
-    """Takes typed values out of a flat map of parameters and collects what is wrong with them.
-
-    Attributes:
-        problems: filled as values are read; nothing is raised.
-    """
-
-    def __init__(self, values: Values) -> None:
-        """Read from ``values``: dotted name to value."""
-        self.values = values
-        self.problems: list[Problem] = []
-
-    def complain(self, key: str, text: str) -> None:
-        """Note a problem with the parameter ``key``."""
-        self.problems.append(Problem(key, text))
-
-    def number(self, key: str, default: float) -> float:
-        """A finite number; 10 and 10.0 alike."""
-        value = self.values.get(key, default)
-        if not _is_number(value):
-            self.complain(key, f"{_shown(value)}; write a number, such as {default:.1f}")
-            return default
-        if not math.isfinite(value):
-            self.complain(key, f"{value} is not finite; write an ordinary number")
-            return default
-        return float(value)
-
-    def flag(self, key: str, default: bool) -> bool:
-        """True or false."""
-        value = self.values.get(key, default)
-        if not isinstance(value, bool):
-            self.complain(key, f"{_shown(value)}; write true or false")
-            return default
-        return value
-
-    def text(self, key: str, default: str = "") -> str:
-        """A string."""
-        value = self.values.get(key, default)
-        if not isinstance(value, str):
-            self.complain(key, f'{_shown(value)}; write a text, such as "{value}"')
-            return default
-        return value
-
-    def choice(self, key: str, choices: Sequence[str], default: str) -> str:
-        """One of several words."""
-        value = self.text(key, default)
-        if value not in choices:
-            self.complain(key, f'no "{value}"{did_you_mean(value, choices)}')
-            return default
-        return value
-
-    def numbers(self, key: str) -> tuple[float, ...]:
-        """A list of finite numbers; empty when absent or wrong."""
-        value = self.values.get(key, ())
-        if not _is_list(value) or not all(_is_number(item) for item in value):
-            self.complain(key, f"{_shown(value)}; write a list of numbers, such as [0.0, 1.0]")
-            return ()
-        if not all(math.isfinite(item) for item in value):
-            self.complain(key, f"{list(value)} holds a number that is not finite")
-            return ()
-        return tuple(float(item) for item in value)
-
-    def texts(self, key: str) -> tuple[str, ...]:
-        """A list of strings; empty when absent or wrong."""
-        value = self.values.get(key, ())
-        if not _is_list(value) or not all(isinstance(item, str) for item in value):
-            self.complain(key, f"{_shown(value)}; write a list of texts, such as [first, second]")
-            return ()
-        return tuple(value)
-
-
-def flatten(values: Values, prefix: str = "") -> dict[str, Any]:
-    """Return nested maps as one map of dotted names; a value of None counts as not given."""
-    flat: dict[str, Any] = {}
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            flat.update(flatten(value, f"{prefix}{key}."))
-        elif value is not None:
-            flat[f"{prefix}{key}"] = value
-    return flat
-
-
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _is_list(value: object) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+    return isinstance(value, array | tuple | list)
 
 
 def _shown(value: object) -> str:
     """Name the value and its kind, for an error about its type."""
+    if value is None:
+        return "has no value"
     if isinstance(value, bool):
         return f"{str(value).lower()} is a bool"
     if isinstance(value, str):
         return f'"{value}" is a text'
     if _is_number(value):
         return f"{value} is a number"
-    return f"{value} is a list" if _is_list(value) else f"{value!r} is of no use here"
+    if _is_list(value):
+        return f"{plain(value)} is a list"
+    return "is a map" if isinstance(value, Mapping) else f"{value!r} cannot be used here"
+
+
+# Parameters of nodes --------------------------------------------------------------------------
+
+
+def declare(
+    node: "Node", kind: type, values: Values | None = None, fixed: Values | None = None
+) -> dict[str, Any]:
+    """Declare every parameter of the dataclass ``kind``, with what is known of each.
+
+    Their types are left open, so that 10 and 10.0 are both right: ``read`` checks them.
+
+    Args:
+        node: to declare them on.
+        kind: a dataclass of parameters.
+        values: by name, instead of the defaults; also of names that only the user knows, None
+            for one that the command line sets.
+        fixed: by name, what counts whatever the command line says.
+
+    Returns:
+        All values in force, by dotted name.
+    """
+    first = {**defaults(kind), **(values or {}), **(fixed or {})}
+    for name, default in first.items():
+        _declare(node, name, default, descriptor(kind, name), ignore_override=name in (fixed or {}))
+    found = {name: plain(node.get_parameter(name).value) for name in first}
+    ours = {name: value for name, value in found.items() if is_parameter(kind, name)}
+    return {name: value for name, value in ours.items() if value is not None}
+
+
+def _declare(
+    node: "Node", name: str, default: Any, final: "ParameterDescriptor", ignore_override: bool
+) -> None:
+    from rcl_interfaces.msg import ParameterDescriptor
+    from rclpy.exceptions import InvalidParameterValueException
+
+    if node.has_parameter(name):
+        return
+    empty, untold = default == [], ParameterDescriptor(dynamic_typing=True)
+    try:
+        # Of an empty list rclpy cannot tell what kind it is: such is set afterwards.
+        first, now = (None, untold) if empty else (default, final)
+        node.declare_parameter(name, first, now, ignore_override)
+    except InvalidParameterValueException:
+        # Out of range: ``read`` reports it, with all else that is wrong.
+        node.declare_parameter(name, default, untold)
+    if empty:
+        if node.get_parameter(name).value is None:
+            node.set_parameters([ros_parameter(name, default)])
+        node.set_descriptor(name, final)
+
+
+def descriptor(kind: type, name: str) -> "ParameterDescriptor":
+    """Return what a node publishes about the parameter ``name`` of the dataclass ``kind``."""
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+    result = ParameterDescriptor(dynamic_typing=True)
+    try:
+        _, leaf = _locate(_group(kind), name)
+    except _Unknown:
+        return result
+    if not isinstance(leaf, _Leaf):
+        return result
+    rule = leaf.rule
+    result.description, result.read_only = rule.description, rule.read_only
+    result.additional_constraints = leaf.constraints
+    if leaf.many or rule.nan or not rule.range:
+        return result
+    low = rule.above if rule.above is not None else rule.at_least
+    if leaf.base is float:
+        least, most = _or(low, -sys.float_info.max), _or(rule.at_most, sys.float_info.max)
+        result.floating_point_range = [FloatingPointRange(from_value=least, to_value=most)]
+    elif leaf.base is int:
+        least, most = int(_or(low, -(2**63))), int(_or(rule.at_most, 2**63 - 1))
+        result.integer_range = [IntegerRange(from_value=least, to_value=most, step=1)]
+    return result
+
+
+def _or(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
+
+
+def ros_parameter(name: str, value: Any) -> "Parameter":
+    """Return a parameter of whichever type ``value`` has; None unsets it."""
+    from rclpy.parameter import Parameter
+
+    if value == []:
+        return Parameter(name, Parameter.Type.STRING_ARRAY, [])
+    return Parameter(name, value=value)

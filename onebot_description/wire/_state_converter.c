@@ -1,19 +1,30 @@
-/* A JointState's bytes in, a TFMessage's bytes out: what compiled_path.py tells of, as a builtin.
+/* The bytes of a JointState in, the bytes of a TFMessage out: the compiled way of
+ * state_converter.py, as a builtin function.
  *
- * The interpreter's own code is cold when a message comes in: each of the hundred-odd steps of the
- * long way in Python then takes several times what it takes in a loop. So the usual message is
- * handled in one call. Whatever is not usual is left, untouched, to the long way.
+ * One call, because the interpreter's own code is cold when a message comes in: each of the
+ * hundred-odd steps that the same takes in Python then takes several times what it takes in a loop.
+ * A message that is not recognised is passed on, untouched, to the way through ordinary messages.
  *
  * Python's functions are declared by its stable ABI, as in _tf_message.c.
  */
+#include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 #include <string.h>
 
-#include "_joint_transforms.h"
+#include "../model/_joint.h"
 
 #define EXPORT __attribute__((visibility("default")))
 #define NANO INT64_C(1000000000)
-enum { KNOWN = 8, NAMES_AT = 12, CHUNK = 64 };
+#define MODERATE 1e100 /* as in state_converter.py */
+enum {
+  KNOWN = 64, /* as in state_converter.py */
+  BODY_AT = 4,
+  STAMP_AT = 4, /* in a serialized message that begins with a header */
+  NAMES_AT = 12,
+  CHUNK = 64,
+};
 
 /* ---- Python ---- */
 
@@ -39,29 +50,37 @@ extern PyObject *PyObject_CallFunctionObjArgs(PyObject *, ...);
 extern PyObject *PyTuple_GetItem(PyObject *, intptr_t); /* lends the reference */
 extern void Py_IncRef(PyObject *);
 
-/* ---- What compiled_path.py keeps ---- */
+/* ---- What state_converter.py knows of the messages; offsets and sizes are in bytes ---- */
 
-/* _Layout there. */
+/* A joint that a message moves; a row of the array _JOINT there. */
+struct joint {
+  double half_turn, multiplier, offset;
+  double constant[ONEBOT_POSE], sine[4], slide[3];
+  uint64_t column;              /* of the message's positions */
+  uint64_t stamp_at, values_at; /* in the TFMessage */
+};
+
+/* Messages of one frame_id and one list of joint names; _Layout there. */
 struct layout {
   const unsigned char *block, *mask; /* frame_id, names, number of positions; 0 where it is padding */
-  uint64_t size;                     /* of both, in bytes */
-  uint64_t first, positions;         /* where they begin, in bytes, and how many there are */
-  const struct joint *joints;
-  uint64_t count;       /* of the joints, at least 1 */
-  const int64_t *rows;  /* whose times are theirs */
-  const unsigned char *message; /* the TFMessage of the joints, but for stamps and numbers */
+  uint64_t size;                     /* of both */
+  uint64_t first, positions;         /* where they begin, and how many there are */
+  const struct joint *joints;        /* in the order of their places in the TFMessage */
+  uint64_t count;                    /* of the joints, at least 1 */
+  const int64_t *rows;               /* of the joints in state.times */
+  const unsigned char *message;      /* the TFMessage of the joints, without stamps and numbers */
   uint64_t message_size;
 };
 
 /* _State there. */
 struct state {
   int64_t interval, ignore_timestamp;
-  int64_t *newest_call, *times; /* the times of the last messages, one a joint */
-  uint64_t known, recent;       /* layouts, and the one that served last */
+  int64_t *newest_call, *times; /* stamp of the last publication of each joint */
+  uint64_t known, recent;       /* how many layouts there are; the one that was found last */
   struct layout layouts[KNOWN];
 };
 
-/* ---- One message ---- */
+/* ---- Recognise a message ---- */
 
 static bool same_text(const unsigned char *data, const struct layout *layout) {
   for (uint64_t at = 0; at < layout->size; at += CHUNK) {
@@ -74,30 +93,58 @@ static bool same_text(const unsigned char *data, const struct layout *layout) {
   return true;
 }
 
-/* The known layout that a message has, all of whose positions are there; NULL if none. */
+/* Whether a sequence of doubles begins at `*at` and is whole; `*at` is then behind it. */
+static bool skip_doubles(const unsigned char *data, uint64_t size, uint64_t *at) {
+  uint32_t count;
+  if (size - *at < sizeof count) return false;
+  memcpy(&count, data + *at, sizeof count);
+  *at += sizeof count;
+  if (count == 0) return true;
+  *at += -(*at - BODY_AT) % sizeof(double);
+  if (size < *at || (size - *at) / sizeof(double) < count) return false;
+  *at += count * sizeof(double);
+  return true;
+}
+
+/* Whether positions, velocities and efforts are all there. */
+static bool is_whole(const unsigned char *data, uint64_t size, const struct layout *layout) {
+  uint64_t at = layout->first + layout->positions * sizeof(double);
+  return size >= at && skip_doubles(data, size, &at) && skip_doubles(data, size, &at);
+}
+
+/* The layout that a message has; NULL if it is not known or the message is not whole. */
 static const struct layout *find(struct state *state, const unsigned char *data, uint64_t size) {
   if (size < NAMES_AT || data[0] != 0 || data[1] != 1) return NULL;
-  /* First as the bytes stand; then without the padding, whose bytes are arbitrary. */
+  /* First as the bytes are; then without the padding, whose bytes are arbitrary. */
   for (int masked = 0; masked < 2; masked++) {
     for (uint64_t tried = 0; tried < state->known; tried++) {
       const uint64_t number = (state->recent + tried) % state->known;
       const struct layout *layout = &state->layouts[number];
-      if (size < layout->first + layout->positions * sizeof(double)) continue;
+      if (size - NAMES_AT < layout->size) continue;
       if (masked ? same_text(data + NAMES_AT, layout)
                  : memcmp(data + NAMES_AT, layout->block, layout->size) == 0) {
         state->recent = number;
-        return layout;
+        return is_whole(data, size, layout) ? layout : NULL;
       }
     }
   }
   return NULL;
 }
 
+/* Whether none of the doubles, which need not be aligned, is NaN or larger than MODERATE. */
+static bool all_moderate(const unsigned char *numbers, uint64_t count) {
+  for (uint64_t i = 0; i < count; i++)
+    if (!(fabs(onebot_load(numbers, (int64_t)i)) <= MODERATE)) return false;
+  return true;
+}
+
+/* ---- Publish it ---- */
+
 static int64_t read_stamp(const unsigned char *data) {
   int32_t seconds;
   uint32_t nanoseconds;
-  memcpy(&seconds, data + ONEBOT_STAMP_AT, sizeof seconds);
-  memcpy(&nanoseconds, data + ONEBOT_STAMP_AT + sizeof seconds, sizeof nanoseconds);
+  memcpy(&seconds, data + STAMP_AT, sizeof seconds);
+  memcpy(&nanoseconds, data + STAMP_AT + sizeof seconds, sizeof nanoseconds);
   return seconds * NANO + nanoseconds;
 }
 
@@ -111,18 +158,52 @@ static bool is_early(const struct state *state, const struct layout *layout, int
   return stamp < oldest + state->interval;
 }
 
+/* Transforms of up to ONEBOT_SOME joints. */
+static inline void transforms(const struct joint *joints, size_t count,
+                              const unsigned char *positions, double *out) {
+  double position[ONEBOT_SOME], angle[ONEBOT_SOME] = {0.0};
+  double sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
+  for (size_t i = 0; i < count; i++) {
+    position[i] = onebot_load(positions, (int64_t)joints[i].column);
+    position[i] = position[i] * joints[i].multiplier + joints[i].offset;
+    angle[i] = position[i] * joints[i].half_turn;
+  }
+  onebot_sines(angle, sine, cosine, (int64_t)count);
+  for (size_t i = 0; i < count; i++)
+    onebot_joint_transform(joints[i].constant, joints[i].sine, joints[i].slide, position[i],
+                           sine[i], cosine[i], out + ONEBOT_POSE * i);
+}
+
+/* Write the TFMessage for the JointState `data`, in one pass. */
+static ONEBOT_WIDE void fill(unsigned char *message, const struct layout *layout,
+                             const unsigned char *data) {
+  size_t copied = 0;
+  for (size_t first = 0; first < layout->count; first += ONEBOT_SOME) {
+    const struct joint *some = layout->joints + first;
+    const size_t number = (size_t)onebot_some_of((int64_t)(layout->count - first));
+    double values[ONEBOT_SOME * ONEBOT_POSE];
+    transforms(some, number, data + layout->first, values);
+    const size_t end = some[number - 1].values_at + ONEBOT_POSE * sizeof *values;
+    memcpy(message + copied, layout->message + copied, end - copied);
+    copied = end;
+    for (size_t i = 0; i < number; i++) {
+      memcpy(message + some[i].stamp_at, data + STAMP_AT, 8);
+      memcpy(message + some[i].values_at, values + ONEBOT_POSE * i, ONEBOT_POSE * sizeof *values);
+    }
+  }
+}
+
 static PyObject *publish(struct state *state, const struct layout *layout,
                          const unsigned char *data, int64_t stamp) {
   PyObject *bytes = PyBytes_FromStringAndSize(NULL, (intptr_t)layout->message_size);
   if (!bytes) return NULL;
-  unsigned char *message = (unsigned char *)PyBytes_AsString(bytes);
-  onebot_fill_message(message, layout->message, layout->message_size, layout->joints,
-                      layout->count, data, layout->first);
+  fill((unsigned char *)PyBytes_AsString(bytes), layout, data);
   for (uint64_t i = 0; i < layout->count; i++) state->times[layout->rows[i]] = stamp;
   return bytes;
 }
 
-/* self: the address of a struct state, the long way, and what keeps the memory. */
+/* self: the address of a struct state, the way through ordinary messages, and what keeps the
+ * memory. */
 static PyObject *convert(PyObject *self, PyObject *const *arguments, intptr_t count) {
   if (count != 2)
     return PyErr_Format(PyExc_TypeError, "expected data and now_ns, not %zd arguments", count);
@@ -135,7 +216,7 @@ static PyObject *convert(PyObject *self, PyObject *const *arguments, intptr_t co
   const unsigned char *data = (const unsigned char *)text;
   const struct layout *layout = find(state, data, (uint64_t)size);
   if (layout && now >= *state->newest_call &&
-      onebot_all_moderate(data, layout->first, layout->positions)) {
+      all_moderate(data + layout->first, layout->positions)) {
     const int64_t stamp = read_stamp(data);
     if (stamp != 0 || state->ignore_timestamp) {
       const bool early = is_early(state, layout, stamp);

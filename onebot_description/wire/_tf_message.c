@@ -513,5 +513,5 @@ EXPORT const char *onebot_tf_configure(
 #ifndef ONEBOT_SOURCE_DIGEST
 #define ONEBOT_SOURCE_DIGEST "unknown"
 #endif
-/* Of this file when it was compiled: tells a library that is older than its source. */
-EXPORT const char onebot_tf_source_digest[] = ONEBOT_SOURCE_DIGEST;
+/* Of the sources when they were compiled: reveals a library that is older than they are. */
+EXPORT const char onebot_source_digest[] = ONEBOT_SOURCE_DIGEST;

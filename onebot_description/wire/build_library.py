@@ -1,4 +1,4 @@
-"""Compile the library of TFMessage and the transforms; needs a C compiler or the ``ziglang`` wheel.
+"""Compiles the library of this package; needs a C compiler or the ``ziglang`` wheel.
 
 ``python -m onebot_description.wire.build_library [TARGET]`` builds it in place, or as ``TARGET``.
 The build hook of the wheel loads this file by its path, before the package can be imported: only
@@ -19,11 +19,11 @@ from pathlib import Path
 _FOLDER = Path(__file__).parent
 SOURCES = (
     _FOLDER / "_tf_message.c",
-    _FOLDER / "_joint_transforms.c",
+    _FOLDER / "_cdr.c",
     _FOLDER / "_state_converter.c",
     _FOLDER.with_name("model") / "_kinematics.c",
 )
-_HEADERS = (_FOLDER / "_joint_transforms.h", _FOLDER.with_name("model") / "_joint.h")
+_HEADERS = (_FOLDER.with_name("model") / "_joint.h",)
 LIBRARY = Path(__file__).with_name("_tf_message.so")
 
 # The oldest C library that the ROS 2 wheels themselves run on.
@@ -128,7 +128,7 @@ def _compile(command: list[str], library: Path) -> str | None:
 
 
 def _explain(failures: list[str]) -> str:
-    lines = [f"cannot compile {SOURCES[0].name}, which publishing transforms needs."]
+    lines = [f"cannot compile {LIBRARY.name}, which publishing transforms needs."]
     if failures:
         lines += ["Tried:", *(f"  {failure}" for failure in failures)]
     elif cc := os.environ.get("CC", "").strip():

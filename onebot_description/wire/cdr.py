@@ -1,4 +1,4 @@
-"""CDR bytes <-> arrays, for the two messages of the hot path: JointState in, TFMessage out.
+"""CDR, the format of serialized ROS messages: reads and writes its fields.
 
 The layout is plain CDR (XCDR version 1, little endian), as every Jazzy node puts it on the wire:
 four bytes of encapsulation (00 01 00 00), then the fields in order, each aligned to its size
@@ -7,19 +7,36 @@ bytes; a sequence is its length, then its elements (OMG DDSI-RTPS 2.5, section 1
 section 15.3).
 
 Anything else (big endian, a truncated message) raises WireError: the caller falls back to rclpy's
-own deserialisation, which knows every encoding.
+own deserialization, which knows every encoding.
 """
 
+import ctypes
+import functools
 import struct
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Times as ROS messages have them, and as one number of nanoseconds.
+from onebot_description.wire.library import load_library
+
+Floats = NDArray[np.float64]
 
 NANO = 1_000_000_000  # nanoseconds in a second
+
+ENCAPSULATION = b"\x00\x01\x00\x00"
+_BODY = len(ENCAPSULATION)
+STAMP = slice(_BODY, _BODY + 8)  # where it lies in a message that begins with a header
+DOUBLES_PER_TRANSFORM = 7
+
+_U32 = struct.Struct("<I")
+_STAMP = struct.Struct("<iI")
+# Lists of strings that are kept for the next message: most of the work of decoding is to make them.
+_KEPT = 64
+
+
+class WireError(ValueError):
+    """Bytes that are not the plain little-endian CDR this module reads."""
 
 
 class Stamp(Protocol):
@@ -32,58 +49,6 @@ class Stamp(Protocol):
 def nanoseconds(stamp: Stamp) -> int:
     """Return builtin_interfaces/Time as nanoseconds."""
     return int(stamp.sec) * NANO + int(stamp.nanosec)
-
-
-ENCAPSULATION = b"\x00\x01\x00\x00"
-_BODY = len(ENCAPSULATION)
-_U32 = struct.Struct("<I")
-STAMP = slice(_BODY, _BODY + 8)  # where it lies in a message that begins with a header
-_STAMP = struct.Struct("<iI")
-DOUBLES_PER_TRANSFORM = 7
-
-Floats = NDArray[np.float64]
-
-
-class WireError(ValueError):
-    """Bytes that are not the plain little-endian CDR this module reads."""
-
-
-class TfArrays(NamedTuple):
-    """A TFMessage as arrays; one row a transform.
-
-    Attributes:
-        parents: header.frame_id of each transform, N of them.
-        children: child_frame_id of each.
-        stamps_ns: (N,) int64, nanoseconds.
-        translations: (N, 3), metres.
-        rotations: (N, 4), quaternions x y z w.
-    """
-
-    parents: list[str]
-    children: list[str]
-    stamps_ns: NDArray[np.int64]
-    translations: Floats
-    rotations: Floats
-
-
-class JointStateArrays(NamedTuple):
-    """A JointState as arrays; a field that was left empty has shape (0,).
-
-    Attributes:
-        stamp_ns: header.stamp, nanoseconds.
-        frame_id: header.frame_id.
-        names: joint names.
-        positions: radians or metres.
-        velocities: radians or metres a second.
-        efforts: newton metres or newtons.
-    """
-
-    stamp_ns: int
-    frame_id: str
-    names: tuple[str, ...]
-    positions: Floats
-    velocities: Floats
-    efforts: Floats
 
 
 class Reader:
@@ -133,12 +98,9 @@ class Reader:
         end = self.offset + length
         if end > len(self._data):
             raise WireError("truncated string")
-        text = self._data[self.offset : max(end - 1, self.offset)]
+        text = self._data[self.offset : end]
         self.offset = end
-        try:
-            return text.decode()
-        except UnicodeDecodeError as error:
-            raise WireError("string is not UTF-8") from error
+        return _decode(text)
 
     def count(self, smallest: int) -> int:
         """Read a sequence's length, whose elements take at least ``smallest`` bytes each."""
@@ -158,117 +120,110 @@ class Reader:
         self.offset += 8 * count
         return view
 
+    def strings(self, count: int) -> tuple[str, ...]:
+        """Read ``count`` strings; the same strings are mostly the same object again."""
+        return self._items(count, 1)
 
-def decode_joint_state(data: bytes) -> JointStateArrays:
-    """Read a serialized sensor_msgs/msg/JointState; the arrays are views into ``data``.
+    def transforms(self, count: int) -> tuple[tuple[str, ...], NDArray[np.int64], Floats]:
+        """Read ``count`` of geometry_msgs/TransformStamped.
 
-    Raises:
-        WireError: the bytes are not a whole message in plain little-endian CDR.
-    """
-    reader = Reader(data)
-    stamp = reader.stamp_ns()
-    frame_id = reader.string()
-    names = tuple(reader.string() for _ in range(reader.count(4)))
-    fields = [reader.doubles(reader.count(8)) for _ in range(3)]
-    return JointStateArrays(stamp, frame_id, names, *fields)
+        Returns:
+            Parent and child of each in turn, as from ``strings``; (count,) stamps, nanoseconds;
+            (count, 7) translation x y z in metres, rotation x y z w.
+        """
+        stamps, values = np.empty(count, np.int64), np.empty((count, DOUBLES_PER_TRANSFORM))
+        return self._items(count, 2, stamps, values), stamps, values
+
+    def _items(
+        self,
+        count: int,
+        strings: int,
+        stamps: NDArray[np.int64] | None = None,
+        values: Floats | None = None,
+    ) -> tuple[str, ...]:
+        """Read items of a stamp, so many strings, and doubles; return the strings of all."""
+        text = np.empty(len(self._data) - self.offset, np.uint8)
+        text_size = ctypes.c_uint64()
+        end = _read_items()(
+            self._data,
+            len(self._data),
+            self.offset,
+            count,
+            strings,
+            0 if values is None else values.shape[1],
+            None if stamps is None else stamps.ctypes.data,
+            text.ctypes.data,
+            ctypes.addressof(text_size),
+            None if values is None else values.ctypes.data,
+        )
+        if end < 0:
+            raise WireError("truncated")
+        self.offset = end
+        return _split(text[: text_size.value].tobytes())
 
 
-def decode_tf(data: bytes) -> TfArrays:
-    """Read a serialized tf2_msgs/msg/TFMessage.
-
-    Raises:
-        WireError: the bytes are not a whole message in plain little-endian CDR.
-    """
-    reader = Reader(data)
-    count = reader.count(4 * DOUBLES_PER_TRANSFORM)
-    parents: list[str] = []
-    children: list[str] = []
-    stamps = np.empty(count, np.int64)
-    values = np.empty((count, DOUBLES_PER_TRANSFORM))
-    for row in range(count):
-        stamps[row] = reader.stamp_ns()
-        parents.append(reader.string())
-        children.append(reader.string())
-        values[row] = reader.doubles(DOUBLES_PER_TRANSFORM)
-    return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
+@functools.cache
+def _read_items() -> Any:
+    """Return the compiled function of _cdr.c."""
+    function = load_library().onebot_read_items
+    pointer, size = ctypes.c_void_p, ctypes.c_uint64
+    function.argtypes = [ctypes.c_char_p, *[size] * 5, *[pointer] * 4]
+    function.restype = ctypes.c_int64
+    return function
 
 
-class TfTemplate:
-    """A TFMessage of fixed frames, of which only the stamp and the numbers change.
+@functools.lru_cache(_KEPT)
+def _split(text: bytes) -> tuple[str, ...]:
+    """Return strings, each of which is written with its length before it."""
+    strings = []
+    at = 0
+    while at < len(text):
+        [length] = _U32.unpack_from(text, at)
+        at += _U32.size + length
+        strings.append(_decode(text[at - length : at]))
+    return tuple(strings)
+
+
+def _decode(text: bytes) -> str:
+    """Return a string without the NUL that closes it."""
+    try:
+        return text[:-1].decode()
+    except UnicodeDecodeError as error:
+        raise WireError("string is not UTF-8") from error
+
+
+class Writer:
+    """Writes one CDR message from its start.
 
     Attributes:
-        parents: parent frame of each transform, N of them.
-        children: child frame of each.
-        stamps_at: (N,) where the stamps lie in the message, in bytes.
-        values_at: (N,) where the seven numbers begin.
+        data: what is written so far, from the encapsulation on.
+        mask: as long as ``data``: 255 where something is written, 0 where bytes are left out or
+            pad.
     """
 
-    def __init__(self, parents: Sequence[str], children: Sequence[str]) -> None:
-        """Write the bytes that never change and remember where the others lie."""
-        self.parents, self.children = tuple(parents), tuple(children)
-        body = bytearray(_U32.pack(len(self.children)))
-        stamps, values = [], []
-        for parent, child in zip(self.parents, self.children, strict=True):
-            body += bytes(-len(body) % 4)
-            stamps.append(len(body))
-            body += bytes(_STAMP.size)
-            for name in (parent, child):
-                body += bytes(-len(body) % 4)
-                body += pack_string(name)
-            body += bytes(-len(body) % 8)
-            values.append(len(body))
-            body += bytes(8 * DOUBLES_PER_TRANSFORM)
-        # Four spare bytes before the encapsulation bring the body, and so every double, to its own
-        # alignment; four more than needed behind it let the whole be viewed as doubles.
-        room = np.zeros((2 * _BODY + len(body) + 7) // 8 * 8, np.uint8)
-        room[_BODY : 2 * _BODY + len(body)] = np.frombuffer(ENCAPSULATION + bytes(body), np.uint8)
-        self._message = room[_BODY : 2 * _BODY + len(body)]
-        self._words, self._doubles = room.view("<u4"), room.view("<f8")
-        self.stamps_at = _BODY + np.array(stamps, np.intp)
-        self.values_at = _BODY + np.array(values, np.intp)
-        self._stamps = _slots(stamps, 4, 2)
-        self._values = _slots(values, 8, DOUBLES_PER_TRANSFORM)
+    def __init__(self) -> None:
+        """Write the encapsulation."""
+        self.data, self.mask = bytearray(), bytearray()
+        self._put(ENCAPSULATION)
 
-    def fill(self, stamp: bytes, values: Floats) -> bytes:
-        """Return the serialized message.
+    def u32(self, number: int) -> None:
+        """Write an unsigned 32-bit number."""
+        self.leave_out(0, 4)
+        self._put(_U32.pack(number))
 
-        Args:
-            stamp: eight bytes, seconds and nanoseconds as on the wire (see ``pack_stamp``).
-            values: (N, 7): translation x y z in metres, rotation x y z w.
-        """
-        self._words[self._stamps] = np.frombuffer(stamp, "<u4")
-        self._doubles[self._values] = values
-        return self._message.tobytes()
+    def string(self, text: str) -> None:
+        """Write a string."""
+        encoded = text.encode()
+        self.u32(len(encoded) + 1)
+        self._put(encoded + b"\x00")
 
-    @property
-    def address(self) -> int:
-        """Where the message lies in memory, as long as this object lives."""
-        return int(self._message.ctypes.data)
+    def leave_out(self, size: int, alignment: int) -> int:
+        """Leave out ``size`` bytes at a multiple of ``alignment``; return where they begin."""
+        pad = -(len(self.data) - _BODY) % alignment
+        self.data += bytes(pad + size)
+        self.mask += bytes(pad + size)
+        return len(self.data) - size
 
-    @property
-    def size(self) -> int:
-        """Of the message, in bytes."""
-        return len(self._message)
-
-
-def pack_stamp(stamp_ns: int) -> bytes:
-    """Return a builtin_interfaces/Time as it lies on the wire."""
-    return _STAMP.pack(*divmod(stamp_ns, NANO))
-
-
-def unpack_stamp(stamp: bytes) -> int:
-    """Return the nanoseconds of a builtin_interfaces/Time as it lies on the wire."""
-    seconds, nanoseconds = _STAMP.unpack(stamp)
-    return int(seconds * NANO + nanoseconds)
-
-
-def pack_string(text: str) -> bytes:
-    """Return a string as it lies on the wire: at a multiple of 4 from the body's start."""
-    encoded = text.encode()
-    return _U32.pack(len(encoded) + 1) + encoded + b"\x00"
-
-
-def _slots(offsets: list[int], size: int, count: int) -> NDArray[np.intp]:
-    """(N, count) indices, into the room as ``size``-byte items, of what lies at ``offsets``."""
-    first = (np.array(offsets, np.intp) + 2 * _BODY) // size
-    return first[:, None] + np.arange(count)
+    def _put(self, data: bytes) -> None:
+        self.data += data
+        self.mask += b"\xff" * len(data)

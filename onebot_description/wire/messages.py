@@ -1,10 +1,12 @@
-"""ROS messages <-> arrays, for what does not take the raw way."""
+"""ROS messages as arrays, and arrays as ROS messages.
 
-from __future__ import annotations
+Messages come as bytes. Plain CDR is read in place (see ``cdr``), without objects between; any other
+encoding is deserialized by rclpy, to the same result.
+"""
 
-import array
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -16,74 +18,95 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import (
+    DOUBLES_PER_TRANSFORM,
     NANO,
-    JointStateArrays,
+    Floats,
     Reader,
-    TfArrays,
     WireError,
     nanoseconds,
-    unpack_stamp,
 )
-from onebot_description.wire.repeated import JointStateReader, TfReader
 from onebot_description.wire.tf_message import TFMessage
 
-if TYPE_CHECKING:
-    from onebot_description.wire.state_converter import Transforms
+T = TypeVar("T")
 
-
-# CDR bytes to numbers, for what drives: Odometry, Twist and TwistStamped.
+BAD_MESSAGE = (ValueError, IndexError)  # what is raised for bytes that are no such message
 
 _COVARIANCE = 36
-
-Floats = NDArray[np.float64]
-
 _UNKNOWN: Floats = np.zeros(_COVARIANCE)
+_KEPT = 64  # lists of frames
 
 
-class TwistSample(NamedTuple):
-    """A velocity.
+class TfArrays(NamedTuple):
+    """A TFMessage; one row a transform."""
 
-    Attributes:
-        stamp_ns: header.stamp, nanoseconds; 0 in a message without one.
-        linear: (3,) metres a second.
-        angular: (3,) radians a second.
-    """
-
-    stamp_ns: int
-    linear: Floats
-    angular: Floats
+    parents: list[str]  # header.frame_id of each transform, N of them
+    children: list[str]  # child_frame_id of each
+    stamps_ns: NDArray[np.int64]  # (N,) nanoseconds
+    translations: Floats  # (N, 3) metres
+    rotations: Floats  # (N, 4) quaternions x y z w
 
 
-class OdometrySample(NamedTuple):
-    """An Odometry message without the covariance of its velocities.
-
-    Attributes:
-        stamp_ns: header.stamp, nanoseconds.
-        frame_id: header.frame_id, in which the pose is given.
-        child_frame_id: the frame that moves, in which the velocities are given.
-        translation: (3,) metres.
-        rotation: (4,) quaternion x y z w.
-        linear: (3,) metres a second.
-        angular: (3,) radians a second.
-        covariance: (36,) of the pose, row by row: x, y, z in m, the angles about x, y, z in rad.
-    """
+class JointStateArrays(NamedTuple):
+    """A JointState; a field that was left empty has shape (0,)."""
 
     stamp_ns: int
     frame_id: str
-    child_frame_id: str
-    translation: Floats
-    rotation: Floats
-    linear: Floats
-    angular: Floats
+    names: tuple[str, ...]
+    positions: Floats  # radians or metres
+    velocities: Floats  # radians or metres a second
+    efforts: Floats  # newton metres or newtons
+
+
+class TwistSample(NamedTuple):
+    """A velocity."""
+
+    stamp_ns: int  # 0 in a message without one
+    linear: Floats  # (3,) metres a second
+    angular: Floats  # (3,) radians a second
+
+
+class OdometrySample(NamedTuple):
+    """An Odometry message without the covariance of its velocities."""
+
+    stamp_ns: int
+    frame_id: str  # in which the pose is given
+    child_frame_id: str  # the frame that moves, in which the velocities are given
+    translation: Floats  # (3,) metres
+    rotation: Floats  # (4,) quaternion x y z w
+    linear: Floats  # (3,) metres a second
+    angular: Floats  # (3,) radians a second
+    # (36,) of the pose, row by row: x, y, z in m, the angles about x, y, z in rad
     covariance: Floats = _UNKNOWN
 
 
-def decode_odometry(data: bytes) -> OdometrySample:
-    """Read a serialized nav_msgs/msg/Odometry; the arrays are views into ``data``.
+# From plain CDR. Each raises WireError where the bytes are no whole message in it; the arrays are
+# views into the bytes where they can be.
 
-    Raises:
-        WireError: the bytes are not a whole message in plain little-endian CDR.
-    """
+
+def decode_tf(data: bytes) -> TfArrays:
+    """Read a serialized tf2_msgs/msg/TFMessage. The lists of names may not be changed."""
+    reader = Reader(data)
+    names, stamps, values = reader.transforms(reader.count(4 * DOUBLES_PER_TRANSFORM))
+    return TfArrays(*_frames(names), stamps, values[:, :3], values[:, 3:])
+
+
+@functools.lru_cache(_KEPT)
+def _frames(names: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """Return the parents and the children of names that alternate."""
+    return list(names[::2]), list(names[1::2])
+
+
+def decode_joint_state(data: bytes) -> JointStateArrays:
+    """Read a serialized sensor_msgs/msg/JointState."""
+    reader = Reader(data)
+    stamp, frame_id = reader.stamp_ns(), reader.string()
+    names = reader.strings(reader.count(4))
+    fields = [reader.doubles(reader.count(8)) for _ in range(3)]
+    return JointStateArrays(stamp, frame_id, names, *fields)
+
+
+def decode_odometry(data: bytes) -> OdometrySample:
+    """Read a serialized nav_msgs/msg/Odometry."""
     reader = Reader(data)
     stamp, frame, child = reader.stamp_ns(), reader.string(), reader.string()
     pose = reader.doubles(7 + _COVARIANCE)
@@ -92,21 +115,13 @@ def decode_odometry(data: bytes) -> OdometrySample:
 
 
 def decode_twist(data: bytes) -> TwistSample:
-    """Read a serialized geometry_msgs/msg/Twist.
-
-    Raises:
-        WireError: as ``decode_odometry``.
-    """
+    """Read a serialized geometry_msgs/msg/Twist."""
     twist = Reader(data).doubles(6)
     return TwistSample(0, twist[:3], twist[3:])
 
 
 def decode_twist_stamped(data: bytes) -> TwistSample:
-    """Read a serialized geometry_msgs/msg/TwistStamped.
-
-    Raises:
-        WireError: as ``decode_odometry``.
-    """
+    """Read a serialized geometry_msgs/msg/TwistStamped."""
     reader = Reader(data)
     stamp = reader.stamp_ns()
     reader.string()
@@ -114,55 +129,7 @@ def decode_twist_stamped(data: bytes) -> TwistSample:
     return TwistSample(stamp, twist[:3], twist[3:])
 
 
-def time_message(stamp_ns: int) -> Time:
-    """Return nanoseconds as builtin_interfaces/Time."""
-    sec, nanosec = divmod(stamp_ns, NANO)
-    return Time(sec=sec, nanosec=nanosec)
-
-
-def joint_state_arrays(message: JointState) -> JointStateArrays:
-    """Return a JointState as arrays."""
-    fields: tuple[array.array[float], ...] = (message.position, message.velocity, message.effort)
-    position, velocity, effort = (np.array(field, float) for field in fields)
-    return JointStateArrays(
-        nanoseconds(message.header.stamp),
-        message.header.frame_id,
-        tuple(message.name),
-        position,
-        velocity,
-        effort,
-    )
-
-
-def to_message(transforms: Transforms) -> TFMessage:
-    """Return transforms as a TFMessage of ordinary objects."""
-    stamp = time_message(unpack_stamp(transforms.stamp))
-    template = transforms.plan.template
-    return TFMessage(
-        transforms=[
-            TransformStamped(
-                header=Header(stamp=stamp, frame_id=parent),
-                child_frame_id=child,
-                transform=Transform(
-                    translation=Vector3(x=x, y=y, z=z),
-                    rotation=Quaternion(x=qx, y=qy, z=qz, w=qw),
-                ),
-            )
-            for parent, child, (x, y, z, qx, qy, qz, qw) in zip(
-                template.parents, template.children, transforms.values.tolist(), strict=True
-            )
-        ]
-    )
-
-
-# Raw CDR messages into arrays, quickly; whatever is not plain CDR, as rclpy does it.
-
-T = TypeVar("T")
-Complain = Callable[[Exception], object]
-BAD_MESSAGE = (ValueError, IndexError)  # what is raised for bytes that are no such message
-
-# They remember the names of messages that come again and again.
-_TF, _JOINT_STATES = TfReader(), JointStateReader()
+# From ordinary messages.
 
 
 def deserialize_message(data: bytes, kind: type) -> Any:
@@ -178,109 +145,125 @@ def deserialize_message(data: bytes, kind: type) -> Any:
         raise ValueError(f"it is no {kind.__name__}: {reason}") from error
 
 
-def tf_arrays(data: bytes) -> TfArrays:
-    """Decode a TFMessage."""
-    try:
-        return _TF.read(data)
-    except WireError:
-        transforms = deserialize_message(data, TFMessage).transforms
-    stamps = [nanoseconds(t.header.stamp) for t in transforms]
+def joint_state_arrays(message: JointState) -> JointStateArrays:
+    """Return a JointState as arrays."""
+    fields = (message.position, message.velocity, message.effort)
+    return JointStateArrays(
+        nanoseconds(message.header.stamp),
+        message.header.frame_id,
+        tuple(message.name),
+        *(np.array(field, float) for field in fields),
+    )
+
+
+def _tf_arrays(message: TFMessage) -> TfArrays:
+    transforms = message.transforms
     shifts = [t.transform.translation for t in transforms]
     turns = [t.transform.rotation for t in transforms]
     return TfArrays(
         [t.header.frame_id for t in transforms],
         [t.child_frame_id for t in transforms],
-        np.array(stamps, np.int64),
+        np.array([nanoseconds(t.header.stamp) for t in transforms], np.int64),
         np.array([(v.x, v.y, v.z) for v in shifts], float).reshape(-1, 3),
         np.array([(q.x, q.y, q.z, q.w) for q in turns], float).reshape(-1, 4),
     )
 
 
-def one_joint_state(data: bytes) -> JointStateArrays:
-    """Decode a JointState."""
-    try:
-        return _JOINT_STATES.read(data)
-    except WireError:
-        return one_joint_state(deserialize_message(data, JointState))
-
-
-def tf_batch(messages: Sequence[bytes], complain: Complain) -> list[TfArrays | None]:
-    """Decode TFMessages, for hardly more than one takes, if they repeat.
-
-    Args:
-        messages: in the order they came.
-        complain: is told why a message is none.
-
-    Returns:
-        The message for each; None for one that is none.
-    """
-    return _filled(_TF.read_known(messages), messages, tf_arrays, complain)
-
-
-def joint_state_batch(
-    messages: Sequence[bytes], complain: Complain
-) -> list[JointStateArrays | None]:
-    """Decode JointStates; see ``tf_batch``."""
-    return _filled(_JOINT_STATES.read_known(messages), messages, one_joint_state, complain)
-
-
-def _filled(
-    known: Iterable[T | None],
-    messages: Iterable[bytes],
-    read: Callable[[bytes], T],
-    complain: Complain,
-) -> list[T | None]:
-    """Read on their own what was not known."""
-    found = list(known)
-    for at, data in enumerate(messages):
-        if found[at] is None:
-            try:
-                found[at] = read(data)
-            except BAD_MESSAGE as error:
-                complain(error)
-    return found
-
-
-def odometry_sample(data: bytes) -> OdometrySample:
-    """Decode an Odometry."""
-    try:
-        return decode_odometry(data)
-    except WireError:
-        message = deserialize_message(data, Odometry)
+def _odometry_sample(message: Odometry) -> OdometrySample:
     pose, twist = message.pose.pose, message.twist.twist
+    turn = pose.orientation
     return OdometrySample(
         nanoseconds(message.header.stamp),
         message.header.frame_id,
         message.child_frame_id,
-        _array(pose.position),
-        np.array([pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w]),
-        _array(twist.linear),
-        _array(twist.angular),
+        _vector(pose.position),
+        np.array([turn.x, turn.y, turn.z, turn.w], float),
+        _vector(twist.linear),
+        _vector(twist.angular),
         np.array(message.pose.covariance, float),
     )
 
 
-def twist_sample(data: bytes) -> TwistSample:
-    """Decode a Twist, which has no stamp: its time is 0."""
+def _twist_sample(message: Twist, stamp_ns: int = 0) -> TwistSample:
+    return TwistSample(stamp_ns, _vector(message.linear), _vector(message.angular))
+
+
+def _twist_stamped_sample(message: TwistStamped) -> TwistSample:
+    return _twist_sample(message.twist, nanoseconds(message.header.stamp))
+
+
+def _vector(vector: Any) -> Floats:
+    return np.array([vector.x, vector.y, vector.z], float)
+
+
+# From bytes of any encoding. Each raises one of BAD_MESSAGE for bytes that are no such message.
+
+
+def _read(data: bytes, decode: Callable[[bytes], T], kind: type, convert: Callable[[Any], T]) -> T:
     try:
-        return decode_twist(data)
+        return decode(data)
     except WireError:
-        message = deserialize_message(data, Twist)
-    return TwistSample(0, _array(message.linear), _array(message.angular))
+        return convert(deserialize_message(data, kind))
+
+
+def tf_arrays(data: bytes) -> TfArrays:
+    """Read a TFMessage; the lists of names may not be changed."""
+    return _read(data, decode_tf, TFMessage, _tf_arrays)
+
+
+def one_joint_state(data: bytes) -> JointStateArrays:
+    """Read a JointState."""
+    return _read(data, decode_joint_state, JointState, joint_state_arrays)
+
+
+def odometry_sample(data: bytes) -> OdometrySample:
+    """Read an Odometry."""
+    return _read(data, decode_odometry, Odometry, _odometry_sample)
+
+
+def twist_sample(data: bytes) -> TwistSample:
+    """Read a Twist, which has no stamp: its time is 0."""
+    return _read(data, decode_twist, Twist, _twist_sample)
 
 
 def twist_stamped_sample(data: bytes) -> TwistSample:
-    """Decode a TwistStamped."""
-    try:
-        return decode_twist_stamped(data)
-    except WireError:
-        message = deserialize_message(data, TwistStamped)
-    return TwistSample(
-        nanoseconds(message.header.stamp),
-        _array(message.twist.linear),
-        _array(message.twist.angular),
+    """Read a TwistStamped."""
+    return _read(data, decode_twist_stamped, TwistStamped, _twist_stamped_sample)
+
+
+# To messages.
+
+
+def time_message(stamp_ns: int) -> Time:
+    """Return nanoseconds as builtin_interfaces/Time."""
+    sec, nanosec = divmod(stamp_ns, NANO)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def transforms_message(
+    stamp_ns: int, parents: Sequence[str], children: Sequence[str], values: Floats
+) -> TFMessage:
+    """Return transforms as a TFMessage.
+
+    Args:
+        stamp_ns: of all of them.
+        parents: parent frame of each, N of them.
+        children: child frame of each.
+        values: (N, 7): translation x y z in metres, rotation x y z w.
+    """
+    stamp = time_message(stamp_ns)
+    return TFMessage(
+        transforms=[
+            TransformStamped(
+                header=Header(stamp=stamp, frame_id=parent),
+                child_frame_id=child,
+                transform=Transform(
+                    translation=Vector3(x=x, y=y, z=z),
+                    rotation=Quaternion(x=qx, y=qy, z=qz, w=qw),
+                ),
+            )
+            for parent, child, (x, y, z, qx, qy, qz, qw) in zip(
+                parents, children, values.tolist(), strict=True
+            )
+        ]
     )
-
-
-def _array(vector: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return np.array([vector.x, vector.y, vector.z], float)

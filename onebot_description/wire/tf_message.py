@@ -4,7 +4,6 @@ Both are the same on the wire. Tested: the type's name, hash and description, an
 """
 
 import ctypes
-import functools
 import logging
 import os
 import re
@@ -17,11 +16,9 @@ from geometry_msgs.msg import TransformStamped
 from rosidl_parser.definition import NamespacedType, UnboundedSequence
 
 from onebot_description.errors import OneBotError
-from onebot_description.wire import build_library
+from onebot_description.wire.library import load_library
 
 # Load the compiled type support and hand it to rclpy, after checking that both fit together.
-
-_REMEDY = "Build it with: python -m onebot_description.wire.build_library"
 
 # The ROS packages whose structures _tf_message.c repeats, and their versions in ROS 2 Jazzy.
 _VERSIONS = {
@@ -52,7 +49,8 @@ def load(message_class: type) -> TypeSupport:
         message_class: what received messages become; called without arguments.
 
     Raises:
-        TypeSupportError: the library is missing or outdated, or ROS is not ROS 2 Jazzy.
+        LibraryError: the compiled library is missing or outdated.
+        TypeSupportError: ROS is not ROS 2 Jazzy.
     """
     _check_versions()
     library = load_library()
@@ -116,32 +114,6 @@ def _unfit(detail: str) -> TypeSupportError:
         f"TFMessage is made for ROS 2 Jazzy, and the installed ROS differs: {detail}. "
         "Install the ros-jazzy-* packages that onebot asks for, or the tf2_msgs of the other ROS."
     )
-
-
-@functools.cache
-def load_library() -> ctypes.PyDLL:
-    """Return the compiled library.
-
-    Raises:
-        TypeSupportError: it is missing, outdated or broken.
-    """
-    path = build_library.LIBRARY
-    if not path.exists():
-        raise TypeSupportError(f"The type support of TFMessage is not built. {_REMEDY}")
-    try:
-        library = ctypes.PyDLL(str(path))
-        digest = ctypes.c_char.in_dll(library, "onebot_tf_source_digest")
-    except (OSError, ValueError) as error:
-        raise TypeSupportError(
-            f"The type support of TFMessage cannot be loaded: {error}. {_REMEDY}"
-        ) from error
-    if all(source.exists() for source in build_library.SOURCES):
-        built_from = ctypes.string_at(ctypes.addressof(digest)).decode()
-        if built_from != build_library.source_digest():
-            raise TypeSupportError(
-                f"The type support of TFMessage is not built from the present source. {_REMEDY}"
-            )
-    return library
 
 
 def _configure(library: ctypes.PyDLL, message_class: type) -> None:

@@ -8,7 +8,7 @@ Both write a file. Then both files are read again, and must hold the same.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -28,7 +28,8 @@ from onebot_bringup.viewer.displays.display import SELDOM
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF, TF_ENTITY
 from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
-from onebot_description.wire.cdr import TfTemplate, pack_stamp
+from onebot_description.wire.cdr import DOUBLES_PER_TRANSFORM, NANO, Writer
+from onebot_description.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import Frames, read_frames
@@ -56,14 +57,16 @@ class States(NamedTuple):
         chain: that moves.
         positions: (S, N), rad.
         transforms: (S, N, 7), translation and rotation.
-        template: writes a TFMessage.
+        tf: (S) serialized TFMessages, but for their stamps.
+        stamps_at: (N, 2) where those are in a TFMessage, as words of four bytes.
         joints: (S) serialized JointStates, but for their stamps.
     """
 
     chain: Chain
     positions: Floats
     transforms: Floats
-    template: TfTemplate
+    tf: list[np.ndarray]
+    stamps_at: np.ndarray
     joints: list[bytearray]
 
     @classmethod
@@ -71,7 +74,14 @@ class States(NamedTuple):
         """Return states of a chain of so many joints."""
         chain = Chain(joints)
         positions = chain.positions(_VARIANTS)
-        template = TfTemplate(list(chain.links[:-1]), list(chain.links[1:]))
+        transforms = chain.transforms(positions)
+        parents, children = chain.links[:-1], chain.links[1:]
+        tf = [
+            np.frombuffer(
+                bytearray(serialize_message(transforms_message(0, parents, children, row))), "<u4"
+            )
+            for row in transforms
+        ]
         messages = [
             bytearray(
                 serialize_message(
@@ -80,18 +90,33 @@ class States(NamedTuple):
             )
             for row in positions
         ]
-        return cls(chain, positions, chain.transforms(positions), template, messages)
+        return cls(chain, positions, transforms, tf, _stamps_at(parents, children), messages)
 
     def raw(self, number: int) -> tuple[bytes, bytes]:
         """Return the TFMessage and the JointState of a state, as bytes."""
-        row, stamp = number % _VARIANTS, pack_stamp(self.stamp(number))
-        joints = self.joints[row]
-        joints[4:12] = stamp
-        return self.template.fill(stamp, self.transforms[row]), bytes(joints)
+        row = number % _VARIANTS
+        tf, joints = self.tf[row], self.joints[row]
+        stamp = np.array(divmod(self.stamp(number), NANO), "<u4")
+        tf[self.stamps_at] = stamp
+        joints[4:12] = stamp.tobytes()
+        return tf.tobytes(), bytes(joints)
 
     def stamp(self, number: int) -> int:
         """When a state is, nanoseconds."""
         return _START_NS + number * _PERIOD_NS
+
+
+def _stamps_at(parents: Sequence[str], children: Sequence[str]) -> np.ndarray:
+    """Return where the stamps of transforms are in a TFMessage, (N, 2) words of four bytes."""
+    message = Writer()
+    message.u32(len(parents))
+    stamps = []
+    for parent, child in zip(parents, children, strict=True):
+        stamps.append(message.leave_out(8, 4))
+        message.string(parent)
+        message.string(child)
+        message.leave_out(8 * DOUBLES_PER_TRANSFORM, 8)
+    return np.array(stamps)[:, None] // 4 + np.arange(2)
 
 
 class Viewer:

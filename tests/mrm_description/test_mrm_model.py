@@ -19,13 +19,13 @@ def mrm():
 
 def test_joint_is_exact(mrm):
     """One revolute joint about z on top of the box, with its limits."""
-    assert mrm.links == ("base_link", "link1")
+    assert mrm.link_names == ("base_link", "link1")
     assert mrm.warnings == ()
     [joint] = mrm.joints
     assert joint.name == "base_link__link_01"
     assert joint.kind == "revolute"
     assert (joint.parent, joint.child) == ("base_link", "link1")
-    assert (joint.xyz, joint.rpy) == ((0.0, 0.0, 0.5), (0.0, 0.0, 0.0))
+    assert (joint.origin.xyz, joint.origin.rpy) == ((0.0, 0.0, 0.5), (0.0, 0.0, 0.0))
     assert joint.axis == (0.0, 0.0, 1.0)
     assert (joint.lower, joint.upper) == (-3.14, 3.14)
     assert (joint.velocity, joint.effort) == (0.5, 1000.0)

@@ -9,12 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from onebot_bringup.bags.reader import Bag
-from onebot_bringup.bags.writer import BagWriter, full_definition
+from onebot_bringup.bags.writer import BagWriter
+from onebot_bringup.introspection.interfaces import full_definition
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
 from tests.support import wait_for
@@ -129,6 +130,31 @@ def test_killed_at_any_moment(tmp_path, attempt):
     if not bag.warnings:  # it was not killed within the very call that writes
         found, _ = read_all(tmp_path / "bag")
         assert [stamp for _, stamp, _ in found] == stamps
+        with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
+            in_order = NonSeekingReader(file, validate_crcs=True).iter_messages()
+            assert [message.log_time for _, _, message in in_order] == stamps
+
+
+def test_killed_while_writing(tmp_path):
+    """Of the call that writes, any part may have happened: what was there before can be read."""
+    folder = tmp_path / "bag"
+    path = folder / "bag_0.mcap"
+    bag = BagWriter(folder)
+    number = bag.add_topic(topic())
+    for count in range(5):
+        bag.write(number, count, cdr(f"word {count}"))
+        bag.checkpoint()
+    before = path.read_bytes()
+    for count in range(5, 50):
+        bag.write(number, count, cdr(f"word {count}"))
+    bag.close()
+    after = path.read_bytes()
+    start = next(n for n, pair in enumerate(zip(before, after, strict=False)) if len({*pair}) > 1)
+    for end in range(start, len(after), 7):
+        path.write_bytes(after[:end] + before[end:])
+        half = Bag(folder)
+        stamps = [message.time for message in half.messages(half.topics)]
+        assert stamps in (list(range(5)), list(range(50)))
 
 
 _FILL = """

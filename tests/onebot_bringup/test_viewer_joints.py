@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.joint_limits import hand_strips, read_ranges, scale_strips
+from onebot_bringup.viewer.displays.joint_limits import hand_strips, limited_joints, scale_strips
 from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
 from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.description import load_description
+from onebot_description.description import load_description, read_description
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -34,22 +34,25 @@ TURNING = ARM.replace('type="prismatic"', 'type="revolute"').replace('"0 1 0"', 
 
 
 def _joint(body: str, kind="revolute"):
-    return read_ranges(
-        f'<robot name="r"><joint name="j" type="{kind}"><parent link="a"/><child link="b"/>'
-        f"{body}</joint></robot>"
+    body = body.replace("<limit", '<limit effort="1" velocity="1"')
+    return limited_joints(
+        read_description(
+            f'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="{kind}">'
+            f'<parent link="a"/><child link="b"/>{body}</joint></robot>',
+            "robot_description",
+        )
     )
 
 
 def test_ranges_are_those_of_the_urdf():
     """MRM's joint: its limits, axis and place; OneBot's wheels have none."""
-    mrm = load_description("mrm_description/urdf/mrm.xacro").urdf
-    [joint] = read_ranges(mrm)
+    [joint] = limited_joints(load_description("mrm_description/urdf/mrm.xacro"))
     assert (joint.name, joint.kind) == ("base_link__link_01", "revolute")
     assert (joint.parent, joint.child) == ("base_link", "link1")
     assert (joint.lower, joint.upper) == (-3.14, 3.14)
-    assert joint.xyz == (0.0, 0.0, 0.5) and joint.axis == (0.0, 0.0, 1.0)
-    onebot = load_description("onebot_description/urdf/onebot.urdf.xacro").urdf
-    assert read_ranges(onebot) == ()
+    assert joint.origin.xyz == (0.0, 0.0, 0.5) and joint.axis == (0.0, 0.0, 1.0)
+    onebot = load_description("onebot_description/urdf/onebot.urdf.xacro")
+    assert limited_joints(onebot) == ()
 
 
 @pytest.mark.parametrize(

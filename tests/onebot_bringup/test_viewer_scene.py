@@ -12,7 +12,7 @@ from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_description.errors import OneBotError
-from onebot_description.wire.cdr import TfArrays
+from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.viewer_support import (
     ARM,
     BLUE,
@@ -155,9 +155,9 @@ def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
     describe(live, ARM)
     live.tick(START_NS)
     describe(live, ARM[:-5])
-    with pytest.raises(OneBotError, match="not XML"):
+    with pytest.raises(OneBotError, match="malformed XML"):
         live.tick(START_NS)
-    assert live.robot is not None and live.robot.name == "arm"
+    assert live.robot is not None and live.robot.robot_name == "arm"
     recording.close()
 
 

@@ -11,8 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_description.wire.cdr import TfArrays, TfTemplate, pack_stamp
-from onebot_description.wire.messages import time_message
+from onebot_description.wire.messages import TfArrays, time_message, transforms_message
 
 ORANGE = (255, 107, 10)
 BLUE = (26, 76, 230)
@@ -74,9 +73,9 @@ def take_tf(view: RobotView, arrays: TfArrays, *, static=False) -> None:
     """Give it transforms of one stamp."""
     [stamp_ns] = {*arrays.stamps_ns.tolist()}
     values = np.hstack([arrays.translations, arrays.rotations])
-    data = TfTemplate(arrays.parents, arrays.children).fill(pack_stamp(stamp_ns), values)
-    topic = "/tf_static" if static else "/tf"
-    view.take(topic, "tf2_msgs/msg/TFMessage", data, stamp_ns)
+    message = transforms_message(stamp_ns, arrays.parents, arrays.children, values)
+    data = bytes(serialize_message(message))
+    view.take("/tf_static" if static else "/tf", "tf2_msgs/msg/TFMessage", data, stamp_ns)
 
 
 def take_joints(view: RobotView, stamp_ns: int, names, positions, velocities=()) -> None:

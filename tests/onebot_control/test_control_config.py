@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from onebot_control.parameters import DEFAULTS, ControlConfig
-from onebot_description.parameters.reader import ConfigError
+from onebot_control.parameters import ControlConfig
+from onebot_description.parameters.reader import ConfigError, defaults
 from tests.onebot_control.control_support import WHEELS
 
 
@@ -20,7 +20,7 @@ def problem(**values: Any) -> str:
 
 def test_defaults_are_those_of_diff_drive_controller() -> None:
     """With only the wheels named, every parameter has the documented default."""
-    config = ControlConfig.from_parameters({**DEFAULTS, **WHEELS})
+    config = ControlConfig.from_parameters({**defaults(ControlConfig), **WHEELS})
     assert config == ControlConfig.from_parameters(WHEELS)
     assert config.wheel_separation == config.wheel_radius == 0.0
     assert config.cmd_vel_timeout == 0.5
@@ -75,17 +75,29 @@ def test_a_wheel_is_on_one_side() -> None:
         ({"wheel_radius": math.inf}, "wheel_radius: inf is not finite"),
         ({"cmd_vel_timeout": -1.0}, "cmd_vel_timeout: -1 is below 0"),
         ({"open_loop": 1}, "open_loop: 1 is a number; write true or false"),
-        ({"publish_rate": 0.0}, "publish_rate: 0 Hz; write a rate above 0"),
-        ({"velocity_rolling_window_size": 0}, "velocity_rolling_window_size: 0; write a whole"),
-        ({"velocity_rolling_window_size": 2.5}, "velocity_rolling_window_size: 2.5; write a whole"),
-        ({"pose_covariance_diagonal": [1.0, 2.0]}, "2 numbers; write 6, the variances of x, y, z"),
+        (
+            {"publish_rate": 0.0},
+            "publish_rate: 0 is not above 0; write a number above 0 and",
+        ),
+        ({"velocity_rolling_window_size": 0}, "velocity_rolling_window_size: 0 is below 1"),
+        (
+            {"velocity_rolling_window_size": 2.5},
+            "window_size: 2.5 is a number; write a whole",
+        ),
+        (
+            {"pose_covariance_diagonal": [1.0, 2.0]},
+            "2 numbers; write 6: variances of the odom",
+        ),
         ({"pose_covariance_diagonal": []}, "0 numbers; write 6"),
         ({"twist_covariance_diagonal": [-1.0] * 6}, "twist_covariance_diagonal: -1 is below 0"),
-        ({"twist_covariance_diagonal": [math.nan] * 6}, "a number that is not finite"),
+        (
+            {"twist_covariance_diagonal": [math.nan] * 6},
+            "diagonal: nan is not finite",
+        ),
         ({"odom_frame_id": ""}, "odom_frame_id: is empty; write the name of a frame"),
         ({"cmd_vel_type": "Twits"}, 'no "Twits" (did you mean "Twist"?'),
-        ({"linear__x__max_velocity": -1.0}, "linear.x.max_velocity: -1.0 is below 0"),
-        ({"angular__z__min_jerk": 1.0}, "angular.z.min_jerk: 1.0 is above 0"),
+        ({"linear__x__max_velocity": -1.0}, "linear.x.max_velocity: -1 is below 0"),
+        ({"angular__z__min_jerk": 1.0}, "angular.z.min_jerk: 1 is above 0"),
         ({"linear__x__max_jerk": math.inf}, "linear.x.max_jerk: inf is not finite"),
         ({"real_time_factor": -1.0}, "real_time_factor: -1 is below 0"),
         ({"joint_state_broadcaster__interfaces": ["torque"]}, 'no "torque"'),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from onebot_control.simulation import Settings, Simulation
-from onebot_control.simulation.bodies import bodies_of, physics_urdf
+from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import engine
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
@@ -48,6 +48,11 @@ def silence(capfd):
             '<child link="caster_wheel"/>',
             r'\g<0><dynamics damping="x"/>',
             ["caster_wheel_joint", 'damping="x"'],
+        ),
+        (
+            '<child link="caster_wheel"/>',
+            r'\g<0><dynamics damping="-1"/>',
+            ["caster_wheel_joint", "damping: -1 must be 0 or more"],
         ),
         (f"{_SHELL}|{_CASTER}", "", ["topples over"]),
     ],
@@ -171,7 +176,7 @@ def test_two_bodies_joined_weigh_as_one():
         '<joint name="j" type="fixed"><parent link="a"/><child link="b"/>'
         '<origin xyz="4 0 0" rpy="0 0 1.5707963267948966"/></joint></robot>'
     )
-    (joined,) = bodies_of(parse_description(urdf)).values()
+    (joined,) = rigid_bodies(parse_description(urdf)).values()
     assert joined.mass == 2.0
     assert joined.center == pytest.approx([2.0, 0.0, 0.0])
     assert joined.inertia == pytest.approx(np.diag([1.0 + 2.0, 2.0 + 1.0 + 8.0, 2.0 + 2.0 + 8.0]))
@@ -180,8 +185,8 @@ def test_two_bodies_joined_weigh_as_one():
 def test_fixed_links_cost_no_time():
     """They are part of what they are fixed to."""
     description = robot()
-    text = physics_urdf(description, bodies_of(description))
-    assert text.count("<link ") == len(description.links) - 1
+    text = physics_urdf(description, rigid_bodies(description), {})
+    assert text.count("<link ") == len(description.link_names) - 1
     assert text.count("<joint ") == len(description.joints) - 1
     assert max(map(len, text.splitlines())) < 8191
 

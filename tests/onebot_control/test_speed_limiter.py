@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
+from onebot_description.parameters.reader import ConfigError
 
 
 def run(limits: SpeedLimits, commands: Iterable[float], dt: float = 0.01) -> list[float]:
@@ -101,14 +102,14 @@ def test_never_beyond_the_limits(commands: list[float], speed: float, accelerati
 @pytest.mark.parametrize("name", ["max_velocity", "max_deceleration_reverse", "max_jerk"])
 def test_positive_limits_must_be_positive(name: str) -> None:
     """The error names the limit and the remedy."""
-    with pytest.raises(ValueError, match=f"{name}: -1.0 is below 0; write 0.0 or more"):
+    with pytest.raises(ConfigError, match=f"{name}: -1 is below 0; .* from 0, or .nan for no"):
         SpeedLimiter(SpeedLimits(**{name: -1.0}))
 
 
 @pytest.mark.parametrize("name", ["min_velocity", "max_acceleration_reverse", "min_jerk"])
 def test_negative_limits_must_be_negative(name: str) -> None:
     """The error names the limit and the remedy."""
-    with pytest.raises(ValueError, match=f"{name}: 1.0 is above 0; write 0.0 or less"):
+    with pytest.raises(ConfigError, match=f"{name}: 1 is above 0; .* up to 0, or .nan for minus"):
         SpeedLimiter(SpeedLimits(**{name: 1.0}))
 
 

@@ -245,8 +245,9 @@ def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
         wait_for(lambda: limited[-1].twist.linear.x == 0.1, "0.1 m/s")
         wait_for(lambda: odom[-1].header.frame_id == "wheels", "the new frame")
         wrong = {
-            "wheel_radius": (-1.0, "wheel_radius: -1 is below 0"),
-            "update_rate": (50, "is read when the node starts"),
+            "wheel_radius": (-1.0, "wheel_radius out of range"),
+            "wheel_separation": ("wide", 'wheel_separation: "wide" is a text'),
+            "update_rate": (50, "read-only parameter"),
             "real_time_factor": (2.0, "start it with use_sim_time:=true"),
             "joint_state_broadcaster.joints": (["arm"], 'no joint "arm"'),
             "no_such_thing": (1, ""),
@@ -311,7 +312,7 @@ def test_namespace_names_topics_and_frames(peer: Peer, model: str) -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("wheel_raduis: 0.1", ':5: wheel_raduis: unknown parameter (did you mean "wheel_radius"?'),
+        ("wheel_raduis: 0.1", ':5: wheel_raduis: no such parameter (did you mean "wheel_radius"?'),
         ("wheel_radius: [1.0]", ":5: wheel_radius: [1.0] is a list; write a number"),
         ("wheel_radius: -0.1", ":5: wheel_radius: -0.1 is below 0"),
         ("left_wheel_names: [wheel]", 'has no joint "wheel" that turns'),
@@ -358,4 +359,4 @@ def test_unknown_parameter_on_the_command_line(ros_domain: int, model: str) -> N
     """A misspelt -p is an error with the nearest name, not silence."""
     with NodeProcess(MODULE, model, *ros_args(wheel_raduis=0.1), check=False) as node:
         assert node.wait() == 1
-        assert 'wheel_raduis: unknown parameter (did you mean "wheel_radius"?' in node.output
+        assert 'wheel_raduis: no such parameter (did you mean "wheel_radius"?' in node.output

@@ -2,26 +2,22 @@
 
 from typing import Any
 
-from onebot_description.description import JointSpec, MimicSpec
+from onebot_description.description import Joint, Mimic
 
 
-def joint(name: str, kind: str = "revolute", **changes: Any) -> JointSpec:
+def joint(name: str, kind: str = "revolute", **changes: Any) -> Joint:
     """A joint that goes from -1 to 1 at up to 0.5 a second, unless changed."""
     values: dict[str, Any] = {
         "parent": "base",
         "child": f"{name}_link",
-        "xyz": (0.0, 0.0, 0.0),
-        "rpy": (0.0, 0.0, 0.0),
-        "axis": (1.0, 0.0, 0.0),
         "lower": None if kind == "continuous" else -1.0,
         "upper": None if kind == "continuous" else 1.0,
         "velocity": 0.5,
         "effort": 1.0,
-        "mimic": None,
     }
-    return JointSpec(name=name, kind=kind, **{**values, **changes})
+    return Joint(name=name, kind=kind, **{**values, **changes})
 
 
-def mimic(joint_name: str, multiplier: float = 1.0, offset: float = 0.0) -> MimicSpec:
+def mimic(joint_name: str, multiplier: float = 1.0, offset: float = 0.0) -> Mimic:
     """A mimic tag."""
-    return MimicSpec(joint=joint_name, multiplier=multiplier, offset=offset)
+    return Mimic(joint=joint_name, multiplier=multiplier, offset=offset)

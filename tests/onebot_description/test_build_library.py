@@ -24,11 +24,13 @@ needs_compiler = pytest.mark.skipif(
 USE_MESSAGE = """
 from rclpy.serialization import deserialize_message, serialize_message
 from geometry_msgs.msg import TransformStamped
-from onebot_description.wire import _message, _type_support
-message = _message.TFMessage(transforms=[TransformStamped()])
-type(_message.TFMessage).__import_type_support__()
-assert deserialize_message(serialize_message(message), _message.TFMessage) == message
-print(_type_support.build_library.LIBRARY)
+from onebot_description.wire.build_library import LIBRARY
+from onebot_description.wire.library import load_library
+from onebot_description.wire.tf_message import TFMessage
+message = TFMessage(transforms=[TransformStamped()])
+assert deserialize_message(serialize_message(message), TFMessage) == message
+assert load_library().onebot_link_poses
+print(LIBRARY)
 """
 PYPROJECT = """
 [build-system]
@@ -88,7 +90,7 @@ def test_missing_library(checkout: Path) -> None:
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
     command = "python -m onebot_description.wire.build_library"
-    assert last.endswith(f"The type support of TFMessage is not built. Build it with: {command}")
+    assert last.endswith(f"_tf_message.so is not built. Build it with: {command}")
 
     built = run(*command.split()[1:], cwd=checkout)
     assert built.returncode == 0, built.stderr

@@ -30,18 +30,27 @@ def test_the_file_is_read_as_it_stands():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d["wheel"].pop("radius"), "wheel lacks radius"),
-        (lambda d: d["wheel"].update(radiu=1.0), 'wheel has an unknown key "radiu"'),
+        (lambda d: d["wheel"].pop("radius"), ": wheel: has no radius"),
+        (
+            lambda d: d["wheel"].update(radiu=1.0),
+            'radiu: no such parameter (did you mean "radius"',
+        ),
         (
             lambda d: d["caster"]["wheel"].update(width="wide"),
-            "caster.wheel.width must be a number",
+            'caster.wheel.width: "wide" is a text; write a number',
         ),
-        (lambda d: d["wheel"].update(spokes=5.5), "wheel.spokes must be a whole number"),
-        (lambda d: d["wheel"].update(width=True), "wheel.width must be a number, not True"),
-        (lambda d: d["base"].update(deck=float("nan")), "base.deck must be a number, not nan"),
-        (lambda d: d.update(base=3), "base must be a mapping, not 3"),
-        (lambda d: d.update(densities=[1]), "densities must be a mapping"),
-        (lambda d: d["colors"].update(shell=[1, 1]), "colors.shell must be three numbers"),
+        (
+            lambda d: d["wheel"].update(spokes=5.5),
+            "wheel.spokes: 5.5 is a number; write a whole",
+        ),
+        (lambda d: d["wheel"].update(width=True), "wheel.width: true is a bool; write a number"),
+        (lambda d: d["base"].update(deck=float("nan")), "base.deck: nan is not finite"),
+        (lambda d: d.update(base=3), "base: 3 is a number; write a map with front, rear"),
+        (
+            lambda d: d.update(densities=[1]),
+            "densities: [1] is a list; write a map",
+        ),
+        (lambda d: d["colors"].update(shell=[1, 1]), "colors.shell: 2 numbers; write 3"),
     ],
 )
 def test_a_wrong_key_is_named(tmp_path, change, message):

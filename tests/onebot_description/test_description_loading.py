@@ -9,16 +9,25 @@ import xacro
 
 from onebot_description.description import (
     DescriptionError,
-    JointSpec,
-    MimicSpec,
+    Joint,
+    Mimic,
     load_description,
     parse_description,
+    read_description,
+)
+from onebot_description.description.description import (
+    Box,
+    Cylinder,
+    Geometry,
+    Inertial,
+    Link,
+    Origin,
 )
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 
 
-def joints(name: str, **arguments: str) -> dict[str, JointSpec]:
+def joints(name: str, **arguments: str) -> dict[str, Joint]:
     """Return the joints of a test robot by name."""
     return {joint.name: joint for joint in load_description(ROBOTS / name, arguments).joints}
 
@@ -28,21 +37,19 @@ def test_every_kind_of_joint_is_read() -> None:
     found = joints("good_all_kinds.urdf")
     assert list(found) == ["fixed", "revolute", "continuous", "prismatic", "floating", "planar"]
     assert all(joint.kind == name for name, joint in found.items())
-    assert all(joint.xyz == (0.1, -0.2, 0.3) for joint in found.values())
-    assert all(joint.rpy == (0, 0.5, -1) for joint in found.values())
-    assert found["revolute"] == JointSpec(
+    assert all(joint.origin.xyz == (0.1, -0.2, 0.3) for joint in found.values())
+    assert all(joint.origin.rpy == (0, 0.5, -1) for joint in found.values())
+    assert found["revolute"] == Joint(
         name="revolute",
         kind="revolute",
         parent="base",
         child="on_revolute",
-        xyz=(0.1, -0.2, 0.3),
-        rpy=(0.0, 0.5, -1.0),
+        origin=Origin((0.1, -0.2, 0.3), (0.0, 0.5, -1.0)),
         axis=(0.0, 0.0, 1.0),
         lower=-1.5,
         upper=1.5,
         velocity=2.0,
         effort=10.0,
-        mimic=None,
     )
     assert (found["prismatic"].lower, found["prismatic"].upper) == (0.0, 0.4)
     assert (found["continuous"].lower, found["continuous"].velocity) == (None, 20.0)
@@ -50,16 +57,71 @@ def test_every_kind_of_joint_is_read() -> None:
     assert found["floating"].velocity is None
 
 
+_EVERYTHING = """<robot name="r">
+<material name="grey"><color rgba=".5 .5 .5 1"/></material>
+<link name="a"><inertial><origin xyz="0 0 1"/><mass value="2"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+<visual><geometry><box size="1 2 3"/></geometry><material name="grey"/></visual>
+<collision><origin rpy="0 0 1"/><geometry><cylinder radius=".1" length=".2"/></geometry></collision>
+<contact><lateral_friction value="0.7"/></contact></link>
+<link name="b"/>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/><dynamics damping=".1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/>
+<safety_controller k_velocity="1" soft_upper_limit=".5"/></joint>
+</robot>"""
+
+
+def test_links_and_joints_are_read_whole() -> None:
+    """Shapes, colours, inertials, frictions and soft limits, each with its line."""
+    description = parse_description(_EVERYTHING, "r.urdf")
+    a, b = description.links
+    assert a.inertial == Inertial(Origin((0, 0, 1)), 2.0, (1, 0, 0, 1, 0, 1))
+    assert a.visuals == (Geometry(Box((1, 2, 3)), Origin(), (0.5, 0.5, 0.5, 1.0)),)
+    assert a.collisions == (Geometry(Cylinder(0.1, 0.2), Origin(rpy=(0, 0, 1))),)
+    assert (a.friction, a.where, a.collisions[0].where) == (0.7, "r.urdf:3", "r.urdf:6")
+    assert b == Link("b", (), (), None, None)
+    [joint] = description.joints
+    assert (joint.soft_lower, joint.soft_upper) == (None, 0.5)
+    assert (joint.damping, joint.friction, joint.where) == (0.1, 0.0, "r.urdf:9")
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "words"),
+    [
+        ('soft_upper_limit=".5"', 'soft_upper_limit="x"', ["r.urdf:11", '"x" is not a number']),
+        ('damping=".1"', 'damping="nan"', ["r.urdf:9", "nan is not a finite number"]),
+        ('value="0.7"', 'value="high"', ["r.urdf:7", 'link "a"', "<lateral_friction>"]),
+    ],
+)
+def test_numbers_of_extensions_that_are_used_must_be_numbers(good, bad, words) -> None:
+    """The error names the line, whoever would have used the number."""
+    with pytest.raises(DescriptionError) as caught:
+        parse_description(_EVERYTHING.replace(good, bad), "r.urdf")
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+def test_what_others_publish_is_read_as_far_as_it_can_be() -> None:
+    """Shapes with errors are left out and named; joints with errors are left out."""
+    text = _EVERYTHING.replace('size="1 2 3"', 'size="1 2"').replace('lower="-1"', 'lower="low"')
+    description = read_description(text.replace('mass value="2"', "mass"), "robot_description")
+    assert (description.root_link, description.link_names) == ("a", ("a", "b"))
+    assert description.joints == () and description.links[0].visuals == ()
+    assert len(description.links[0].collisions) == 1
+    [warning] = description.warnings
+    assert warning.startswith('robot_description:5: link "a" <visual> <geometry> <box>: size="1 2"')
+    assert warning.endswith("; not drawn")
+
+
 def test_mimic_chain_is_read() -> None:
     """A joint may follow one that follows another; multiplier 1 and offset 0 are the defaults."""
     found = joints("good_mimic_chain.urdf")
     assert found["a"].mimic is None
-    assert found["b"].mimic == MimicSpec("a", 2.0, 0.1)
-    assert found["c"].mimic == MimicSpec("b", -0.5, 0.0)
+    assert found["b"].mimic == Mimic("a", 2.0, 0.1)
+    assert found["c"].mimic == Mimic("b", -0.5, 0.0)
 
 
 def test_axis_becomes_a_unit_vector_in_the_text_too() -> None:
-    """Readers of the URDF text see the same unit axis as the JointSpec has."""
+    """Readers of the URDF text see the same unit axis as the Joint has."""
     description = load_description(ROBOTS / "warn_long_axis.urdf")
     assert description.joints[0].axis == pytest.approx((0, 0.6, 0.8), abs=1e-15)
     assert parse_description(description.urdf).joints[0].axis == description.joints[0].axis
@@ -76,8 +138,8 @@ def test_extreme_axes_stay_finite(axis: str) -> None:
 
 def test_xacro_arguments_includes_and_yaml() -> None:
     """Arguments take effect, and every file read is listed, the loaded one first."""
-    assert joints("good_arguments.xacro")["left"].xyz == (0.0, 0.2, 0.0)
-    assert joints("good_arguments.xacro", sides="4")["left"].xyz == (0.0, 0.1, 0.0)
+    assert joints("good_arguments.xacro")["left"].origin.xyz == (0.0, 0.2, 0.0)
+    assert joints("good_arguments.xacro", sides="4")["left"].origin.xyz == (0.0, 0.1, 0.0)
     assert "mast" in joints("good_arguments.xacro", extra="true")
     names = ("good_arguments.xacro", "xacro_part_wheel.xacro", "xacro_sizes.yaml")
     files = load_description(ROBOTS / "good_arguments.xacro").files
@@ -99,7 +161,7 @@ def test_argument_used_but_not_declared_may_be_given(tmp_path: Path) -> None:
     text = (ROBOTS / "xacro_argument_without_value.xacro").read_text()
     path = tmp_path / "robot.xacro"
     path.write_text(text)
-    assert load_description(path, {"sied": "left"}).links == ("left_wheel",)
+    assert load_description(path, {"sied": "left"}).link_names == ("left_wheel",)
 
 
 def test_argument_values_are_not_kept() -> None:
@@ -107,7 +169,7 @@ def test_argument_values_are_not_kept() -> None:
     given = {"sides": "4"}
     load_description(ROBOTS / "good_arguments.xacro", given)
     assert given == {"sides": "4"}
-    assert joints("good_arguments.xacro")["left"].xyz == (0.0, 0.2, 0.0)
+    assert joints("good_arguments.xacro")["left"].origin.xyz == (0.0, 0.2, 0.0)
 
 
 def test_xacro_is_left_as_it_was(capfd: pytest.CaptureFixture[str]) -> None:
@@ -125,7 +187,7 @@ def test_threads_may_load_at_once() -> None:
     """Loads in parallel threads each get their own arguments."""
     with ThreadPoolExecutor(4) as pool:
         found = pool.map(lambda n: joints("good_arguments.xacro", sides=str(n)), range(1, 9))
-        assert [joint["left"].xyz[1] for joint in found] == [0.4 / n for n in range(1, 9)]
+        assert [joint["left"].origin.xyz[1] for joint in found] == [0.4 / n for n in range(1, 9)]
 
 
 def test_xacro_warnings_are_collected(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -148,7 +210,7 @@ def test_optional_include_may_be_missing(tmp_path: Path) -> None:
         '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
         '<xacro:include filename="none.xacro" optional="true"/></robot>'
     )
-    assert load_description(path).links == ("base",)
+    assert load_description(path).link_names == ("base",)
 
 
 def test_edit_is_seen(tmp_path: Path) -> None:
@@ -156,9 +218,9 @@ def test_edit_is_seen(tmp_path: Path) -> None:
     for name in ("good_arguments.xacro", "xacro_part_wheel.xacro", "xacro_sizes.yaml"):
         shutil.copy(ROBOTS / name, tmp_path)
     path = tmp_path / "good_arguments.xacro"
-    assert load_description(path).joints[0].xyz[1] == 0.2
+    assert load_description(path).joints[0].origin.xyz[1] == 0.2
     (tmp_path / "xacro_sizes.yaml").write_text("radius: 0.1\nwidth: 1.0\n")
-    assert load_description(path).joints[0].xyz[1] == 0.5
+    assert load_description(path).joints[0].origin.xyz[1] == 0.5
 
 
 def test_package_beside_the_file_is_found(tmp_path: Path) -> None:
@@ -176,7 +238,7 @@ def test_package_beside_the_file_is_found(tmp_path: Path) -> None:
         '<robot><link name="base"><visual><geometry><mesh filename="package://my_robot/cube.stl"/>'
         "</geometry></visual></link></robot>"
     )
-    assert load_description(path).links == ("base",)
+    assert load_description(path).link_names == ("base",)
 
 
 def test_namespace_and_encoding_do_not_reach_other_readers() -> None:

@@ -1,78 +1,31 @@
-"""Where meshes are looked for."""
+"""Mesh files: which are told apart, and what the text for other programs calls them."""
 
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
-from onebot_description.description import (
-    DescriptionError,
-    load_description,
-    resolve_mesh,
-    with_absolute_meshes,
-)
-from onebot_description.description.meshes import is_ascii_stl
+from onebot_description.description import load_description
+from onebot_description.description.checks import is_ascii_stl
+from onebot_description.description.description import Mesh
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 CUBE = ROBOTS / "meshes" / "cube.stl"
 
 
-@pytest.mark.parametrize("uri", ["meshes/cube.stl", str(CUBE), CUBE.as_uri(), f"file:{CUBE}"])
-def test_paths_lead_to_the_file(uri: str) -> None:
-    """Relative and absolute paths and file:// name the same file."""
-    assert resolve_mesh(uri, ROBOTS) == CUBE.resolve()
-
-
-def test_percent_signs_of_a_file_uri_are_decoded(tmp_path: Path) -> None:
-    """A file URI may escape a space."""
-    path = tmp_path / "a cube.stl"
-    path.write_bytes(CUBE.read_bytes())
-    assert resolve_mesh(path.as_uri(), None) == path.resolve()
-    assert "%20" in path.as_uri()
-
-
-def test_package_leads_to_its_share_folder() -> None:
-    """package:// is found through the ament index."""
-    found = resolve_mesh("package://onebot_description/package.xml", None)
-    assert found is not None and found.name == "package.xml"
-
-
-@pytest.mark.parametrize(
-    "uri",
-    [
-        "meshes/none.stl",
-        "package://no_such_package_at_all/a.stl",
-        "package://onebot_description/none.stl",
-        "package://",
-        "package:///a.stl",
-        "file://host/a.stl",
-        "file://[/a.stl",
-        "",
-        "meshes",
-        "a\0b",
-        "x" * 5000,
-    ],
-)
-def test_what_is_not_there_is_none(uri: str) -> None:
-    """What leads to no file gives None, however odd it is."""
-    assert resolve_mesh(uri, ROBOTS) is None
-
-
-@pytest.mark.parametrize("uri", ["http://a.org/b.stl", "HTTPS://a.org/b.stl", "model://b/b.stl"])
-def test_other_schemes_are_refused(uri: str) -> None:
-    """Nothing is fetched from the network, and that is said."""
-    with pytest.raises(DescriptionError, match="is not loaded"):
-        resolve_mesh(uri, ROBOTS)
-
-
-def test_meshes_become_absolute() -> None:
-    """In the text for other programs each mesh is the absolute path of a file."""
-    root = ElementTree.fromstring(
-        with_absolute_meshes(load_description(ROBOTS / "good_meshes.urdf"))
+def test_relative_paths_become_absolute_and_nothing_else_is_changed(tmp_path: Path) -> None:
+    """The text on robot_description has no folder that a relative path could start from."""
+    shutil.copy(CUBE, tmp_path / "cube.stl")
+    uris = ["cube.stl", str(CUBE), CUBE.as_uri(), "package://onebot_description/meshes/wheel.dae"]
+    visuals = "".join(
+        f'<visual><geometry><mesh filename="{uri}"/></geometry></visual>' for uri in uris
     )
-    names = [Path(mesh.get("filename", "")) for mesh in root.iter("mesh")]
-    assert len(names) == 7
-    assert all(name.is_absolute() and name.is_file() for name in names)
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="a">{visuals}</link></robot>')
+    description = load_description(tmp_path / "r.urdf")
+    expected = [str(tmp_path / "cube.stl"), *uris[1:]]
+    meshes = ElementTree.fromstring(description.urdf).iter("mesh")
+    assert [mesh.get("filename") for mesh in meshes] == expected
+    [link] = description.links
+    assert [visual.shape for visual in link.visuals] == [Mesh(uri, (1, 1, 1)) for uri in expected]
 
 
 def test_text_and_binary_stl_are_told_apart(tmp_path: Path) -> None:

@@ -119,16 +119,16 @@ def test_random_tree_is_read_as_written(robot: list[dict[str, Any]]) -> None:
     """Every valid tree is accepted and read to the last bit; yourdfpy reads our text alike."""
     description = parse_description(write(robot))
     assert description.root_link == robot[0]["root"]
-    assert list(description.links) == robot[0]["links"]
+    assert list(description.link_names) == robot[0]["links"]
     assert [joint.name for joint in description.joints] == [joint["name"] for joint in robot[1:]]
     stream = io.BytesIO(description.urdf.encode())
     theirs = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
     for written, joint, their in zip(robot[1:], description.joints, theirs.joints, strict=True):
-        assert (joint.kind, joint.parent, joint.child, joint.xyz, joint.rpy) == tuple(
+        assert (joint.kind, joint.parent, joint.child, joint.origin.xyz, joint.origin.rpy) == tuple(
             written[key] for key in ("kind", "parent", "child", "xyz", "rpy")
         )
         assert (their.name, their.type, their.parent) == (joint.name, joint.kind, joint.parent)
-        assert tuple(their.origin[:3, 3]) == joint.xyz
+        assert tuple(their.origin[:3, 3]) == joint.origin.xyz
         if joint.kind in ("revolute", "prismatic"):
             assert (joint.lower, joint.upper) == (written["lower"], written["upper"])
             assert (their.limit.lower, their.limit.upper) == (joint.lower, joint.upper)

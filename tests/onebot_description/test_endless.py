@@ -106,7 +106,7 @@ def test_a_file_with_one_is_refused(tmp_path, written, complaint):
     (problem,) = error.value.problems
     assert complaint in problem and "robot.xacro" in problem
     file.write_text(robot.format("${math.factorial(3) * 2}$(eval 2**3)"))
-    assert load_description(file).links == ("b128",)
+    assert load_description(file).link_names == ("b128",)
 
 
 @given(st.integers(-20, 20).filter(bool), st.integers(-300, 300))

@@ -414,14 +414,14 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["-p", "rate:=0"], "rate: 0 Hz; write one above 0"),
+        (["-p", "rate:=0"], "rate: 0 is not above 0; write a number above 0 and up to 1000"),
         (["-p", "motions.elbow.position:=0.1"], f'no joint "elbow" (joints that move: {JOINT})'),
         (["-p", "pose:=home"], 'pose: no pose "home"'),
         (["-p", "speed:=1"], "speed: no such parameter"),
         (["--params-file", "none.yaml"], "none.yaml: cannot be read"),
         (["-p", "source_list:=[joint_states]"], "the topic this node publishes"),
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
-        (["-p", "config_file:=5"], "config_file: 5 is no text"),
+        (["-p", "config_file:=5"], 'config_file: 5 is a number; write a text, such as "5"'),
         (["-p", "nonsense"], "bad ROS arguments"),
     ],
 )

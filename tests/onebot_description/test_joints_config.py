@@ -1,4 +1,4 @@
-"""onebot_description.joints.config and .motion_config: parameters checked and converted."""
+"""onebot_description.joints.config: parameters checked and converted."""
 
 import math
 from typing import Any
@@ -102,26 +102,32 @@ def test_sequence_is_read() -> None:
     [
         ({"rates": 5}, 'rates: no such parameter (did you mean "rate"?'),
         ({"motions": {"a": {"frequncy": 1.0}}}, 'did you mean "frequency"?'),
-        ({"motions": {"a": {"type": "sinus"}}}, 'motions.a.type: no motion "sinus"'),
-        ({"motions": {"a": 1.0}}, "motions.a: write a map"),
+        ({"motions": {"a": {"type": "sinus"}}}, 'motions.a.type: no "sinus" (did you mean "sine"?'),
+        ({"motions": {"a": 1.0}}, "motions.a: 1.0 is a number; write a map with type, position"),
         (
             {"motions": {"a": {"type": "constant", "position": "x"}}},
             '"x" is a text; write a number',
         ),
-        ({"motions": {"a": {"position": math.inf}}}, "inf is not finite"),
+        ({"motions": {"a": {"position": math.inf}}}, "inf is not finite; write a number"),
         ({"motions": {"a": {"times": [0.0, math.nan], "positions": [0, 1]}}}, "not finite"),
         ({"motions": {"a": {"times": [0, 1], "positions": [0]}}}, "2 times but 1 positions"),
         ({"motions": {"a": {"times": [1, 1], "positions": [0, 1]}}}, "must increase"),
         ({"motions": {"a": {"times": [-1, 1], "positions": [0, 1]}}}, "must increase"),
         ({"motions": {"a": {"times": [0, 1]}}}, "either positions or poses"),
         ({"motions": {"a": {"times": 1.0, "positions": [0]}}}, "write a list of numbers"),
-        ({"motions": {"a": {"amplitude": 1, "frequency": -1}}}, "is negative"),
+        (
+            {"motions": {"a": {"amplitude": 1, "frequency": -1}}},
+            "motions.a.frequency: -1 is below 0; write a number from 0",
+        ),
         ({"motions": {"a": {"pose": "hme"}}, "poses": {"home": {"a": 0}}}, 'did you mean "home"?'),
         ({"motions": {"a": {"pose": "home"}}, "poses": {"home": {"b": 0}}}, "add poses.home.a"),
         ({"pose": "up", "poses": {"home": {"a": 0}}}, 'pose: no pose "up" (poses: home)'),
         ({"poses": {"home": {"a": "x"}}}, "poses.home.a: "),
-        ({"poses": {"home": 1.0}}, "poses.home: write a map"),
-        ({"sequence": ["home"]}, "sequence: write a map"),
+        (
+            {"poses": {"home": 1.0}},
+            "poses.home: 1.0 is a number; write a map, such as {some_name: 0.5}",
+        ),
+        ({"sequence": ["home"]}, "sequence: ['home'] is a list; write a map with poses, durations"),
         ({"sequence": {"pose": ["home"]}}, 'did you mean "poses"?'),
         (
             {"poses": {"h": {"a": 0}}, "sequence": {"poses": ["h"], "durations": [1, 2]}},
@@ -129,9 +135,12 @@ def test_sequence_is_read() -> None:
         ),
         (
             {"poses": {"h": {"a": 0}}, "sequence": {"poses": ["h"], "durations": [0]}},
-            "above 0 s",
+            "0 is not above 0; write a number above 0",
         ),
-        ({"dependent_joints": {"a": {"factor": 1.0}}}, "write its parent"),
+        (
+            {"dependent_joints": {"a": {"factor": 1.0}}},
+            "dependent_joints.a: has no parent, the joint it depends on",
+        ),
         ({"dependent_joints": {"a": {"parent": "b", "facter": 1.0}}}, 'did you mean "factor"?'),
         ({"delta": -0.1}, "delta: "),
         ({"use_mimic_tags": "no"}, "write true or false"),
@@ -170,7 +179,7 @@ def test_leftovers_of_another_type_are_only_noted() -> None:
     assert "frequency" in config.notes[1].text
 
 
-def test_parameters_of_the_node_itself_are_passed_over() -> None:
+def test_parameters_of_every_node_are_passed_over() -> None:
     """They say nothing about joints."""
-    others = {"use_sim_time": True, "robot_description": "<robot/>", "qos_overrides.a.b": 1}
+    others = {"use_sim_time": True, "start_type_description_service": True, "qos_overrides.a.b": 1}
     assert JointsConfig.from_parameters(others) == JointsConfig()

@@ -1,18 +1,10 @@
 """onebot_description.joints.limits: how far joints go, and where they rest."""
 
-import math
-
 import pytest
 
-from onebot_description.joints.limits import joint_limits, movable, soft_limits, zero_position
+from onebot_description.joints.limits import joint_limits, movable, zero_position
 from onebot_description.parameters.reader import ConfigError
 from tests.onebot_description.joints_support import joint
-
-URDF = """<robot name="r">
-  <joint name="a"><safety_controller soft_lower_limit="-0.5" soft_upper_limit="0.5"/></joint>
-  <joint name="b"><safety_controller k_velocity="1" soft_upper_limit="0.25"/></joint>
-  <joint name="c"/>
-</robot>"""
 
 
 def test_only_joints_with_one_position_move() -> None:
@@ -22,29 +14,21 @@ def test_only_joints_with_one_position_move() -> None:
     assert [j.name for j in movable(joints)] == ["prismatic", "continuous", "revolute"]
 
 
-def test_soft_limits_are_read() -> None:
-    """What is not given does not limit."""
-    assert soft_limits(URDF) == {"a": (-0.5, 0.5), "b": (-math.inf, 0.25)}
-
-
-def test_a_soft_limit_that_is_no_number_is_refused() -> None:
-    """The message names joint and attribute."""
-    with pytest.raises(ConfigError, match='joint "a": soft_lower_limit="x"'):
-        soft_limits(URDF.replace("-0.5", "x"))
-
-
-def test_the_smaller_limit_counts() -> None:
-    """Soft limits narrow hard ones and never widen them."""
-    limits = joint_limits([joint("a"), joint("b")], {"a": (-0.5, 5.0)})
-    assert limits.lower.tolist() == [-0.5, -1.0]
-    assert limits.upper.tolist() == [1.0, 1.0]
-    assert limits.velocity.tolist() == [0.5, 0.5]
+def test_soft_limits_narrow_hard_ones_where_asked() -> None:
+    """They never widen them, and one that is not given does not limit."""
+    joints = [joint("a", soft_lower=-0.5, soft_upper=5.0), joint("b"), joint("c", soft_upper=0.25)]
+    limits = joint_limits(joints, soft=True)
+    assert limits.lower.tolist() == [-0.5, -1.0, -1.0]
+    assert limits.upper.tolist() == [1.0, 1.0, 0.25]
+    assert limits.velocity.tolist() == [0.5, 0.5, 0.5]
+    hard = joint_limits(joints, soft=False)
+    assert hard.lower.tolist() == [-1.0] * 3 and hard.upper.tolist() == [1.0] * 3
 
 
 def test_soft_limits_that_leave_no_range_are_refused() -> None:
-    """The message says how to go on."""
+    """The message says what to change."""
     with pytest.raises(ConfigError, match="use_smallest_joint_limits to false"):
-        joint_limits([joint("a")], {"a": (2.0, 3.0)})
+        joint_limits([joint("a", soft_lower=2.0, soft_upper=3.0)], soft=True)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
@@ -52,12 +36,12 @@ def test_limits_are_needed(kind: str) -> None:
     """The message is that of the standard node."""
     text = f'Limits must be specified for joint "j12" of type "{kind}"'
     with pytest.raises(ConfigError, match=text):
-        joint_limits([joint("j12", kind, lower=None, upper=None)], {})
+        joint_limits([joint("j12", kind, lower=None, upper=None)], soft=True)
 
 
 def test_no_joints_have_no_limits() -> None:
     """An empty robot gives empty arrays."""
-    assert joint_limits([], {}).lower.shape == (0,)
+    assert joint_limits([], soft=True).lower.shape == (0,)
 
 
 @pytest.mark.parametrize(

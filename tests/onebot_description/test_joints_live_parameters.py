@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.joints.config import DEFAULTS
+from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.files import LiveParameters
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError, defaults
 
 NODE = "/jsp"
+DEFAULTS = defaults(JointsConfig)
 
 
 def write(file: Path, parameters: str) -> Path:
@@ -20,7 +21,7 @@ def write(file: Path, parameters: str) -> Path:
 def test_a_save_makes_everything_as_the_file_says(tmp_path: Path) -> None:
     """Set, changed and unset; what was set live goes, what is not about joints stays."""
     file = write(tmp_path / "a.yaml", "rate: 5, zeros: {a: 1.0}")
-    live = LiveParameters([file], NODE)
+    live = LiveParameters([file], NODE, JointsConfig)
     current = {**DEFAULTS, **live.file.values, "pose": "up", "robot_description": "x"}
     write(file, "rate: 6, zeros: {b: 1.0}")
     changes = live.changes(live.read(), current)
@@ -30,7 +31,7 @@ def test_a_save_makes_everything_as_the_file_says(tmp_path: Path) -> None:
 def test_the_command_line_comes_first(tmp_path: Path) -> None:
     """And it is known what was edited in vain."""
     file = write(tmp_path / "a.yaml", "rate: 5, delta: 0.1")
-    live = LiveParameters([file], NODE)
+    live = LiveParameters([file], NODE, JointsConfig)
     current = {**DEFAULTS, "rate": 50, "delta": 0.1}
     live.pin(["rate", "delta"], current)
     write(file, "rate: 6, delta: 0.2")
@@ -42,7 +43,7 @@ def test_the_command_line_comes_first(tmp_path: Path) -> None:
 def test_places_are_only_of_what_the_file_decided(tmp_path: Path) -> None:
     """A value set live was not written on any line."""
     file = write(tmp_path / "a.yaml", "rate: 5, delta: 0.1")
-    live = LiveParameters([file], NODE)
+    live = LiveParameters([file], NODE, JointsConfig)
     assert live.places({"rate": 5, "delta": 0.3}) == {"rate": f"{file}:2"}
 
 
@@ -50,7 +51,7 @@ def test_config_file_comes_last_and_can_change(tmp_path: Path) -> None:
     """A file that cannot be read leaves things as they were."""
     one = write(tmp_path / "one.yaml", "rate: 1")
     two = write(tmp_path / "two.yaml", "rate: 2")
-    live = LiveParameters([one], NODE)
+    live = LiveParameters([one], NODE, JointsConfig)
     live.add(str(two))
     assert live.file.values == {"rate": 2}
     with pytest.raises(ConfigError, match="cannot be read"):

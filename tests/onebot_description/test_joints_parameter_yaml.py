@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.files import (
     plain_value,
     read_files,
+    read_map,
     read_parameters,
     section_matches,
     silence,
@@ -127,6 +129,38 @@ def test_mistakes_name_file_and_line(text: str, words: str) -> None:
     assert words in str(caught.value)
 
 
+def test_other_yaml_files_are_maps_with_lines_too() -> None:
+    """Aliases, nothing at all and mixed lists are right there; an empty map is a value."""
+    text = "a: &b\n  c: [1, 2.5, x]\n  d:\ne: *b\nf: {}\n"
+    found = read_map(text, "view.yaml")
+    assert found.values == {
+        "a.c": [1, 2.5, "x"],
+        "a.d": None,
+        "e.c": [1, 2.5, "x"],
+        "e.d": None,
+        "f": {},
+    }
+    assert (found.places["a.c"], found.places["f"]) == ("view.yaml:2", "view.yaml:5")
+    assert read_map("# nothing\n", "view.yaml").values == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: 1\nb: [", "view.yaml:2: no YAML"),
+        ("a: 1\na: 2\n", 'view.yaml:2: "a" is here twice, first on line 1'),
+        ("1: 2\n", 'view.yaml:1: a name must be a text; write "1" in quotes'),
+        ("just words", "view.yaml:1: "),
+        ("a: !!float x\n", "view.yaml:1: "),
+    ],
+)
+def test_other_yaml_files_can_be_broken(text: str, words: str) -> None:
+    """The error names file and line."""
+    with pytest.raises(ConfigError) as caught:
+        read_map(text, "view.yaml")
+    assert words in str(caught.value)
+
+
 def test_an_empty_file_says_nothing() -> None:
     """Comments only, too."""
     assert read_parameters("# nothing\n", "file.yaml", "/jsp").values == {}
@@ -137,7 +171,7 @@ def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: 
     one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
     one.write_text("/**:\n  ros__parameters: {rate: 5, publish_frequency: 1.0}\n")
     two.write_text("/jsp:\n  ros__parameters: {rate: 6, rates: 7}\n")
-    found = read_files([one, two], "/jsp")
+    found = read_files([one, two], "/jsp", JointsConfig)
     assert found.values == {"rate": 6, "rates": 7}
     assert found.places["rate"] == f"{two}:2"
 
@@ -147,7 +181,7 @@ def test_files_that_say_nothing_to_the_node_are_told(tmp_path: Path) -> None:
     file = tmp_path / "one.yaml"
     file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")
     node = "/joint_state_publisher"
-    remark = silence(read_files([file], node), [file], node)
+    remark = silence(read_files([file], node, JointsConfig), [file], node)
     assert remark is not None
     assert "says nothing to /joint_state_publisher, only to /joint_state_publishr" in remark
 
@@ -155,4 +189,4 @@ def test_files_that_say_nothing_to_the_node_are_told(tmp_path: Path) -> None:
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
     """By name."""
     with pytest.raises(ConfigError, match="nothing.yaml: cannot be read: No such file"):
-        read_files([tmp_path / "nothing.yaml"], "/jsp")
+        read_files([tmp_path / "nothing.yaml"], "/jsp", JointsConfig)

@@ -301,7 +301,7 @@ def test_soft_limits_count_unless_told_otherwise() -> None:
     far = {"motions": {"elbow": {"position": 1.0}}}
     for use, reached in ((True, 0.5), (False, 1.0)):
         config = JointsConfig.from_parameters({**far, "use_smallest_joint_limits": use})
-        source = JointStateSource(ROBOT, config, soft={"elbow": (-0.5, 0.5)})
+        source = JointStateSource([joint("elbow", soft_lower=-0.5, soft_upper=0.5)], config)
         assert settled(source)["elbow"] == reached
 
 

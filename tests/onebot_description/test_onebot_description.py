@@ -17,11 +17,11 @@ from onebot_bringup.viewer.pictures import render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.view_config import load_view
-from onebot_description.description import Description, load_description
-from onebot_description.description.description import Mesh, Robot, read_robot
+from onebot_description.description import Description, load_description, read_description
+from onebot_description.description.description import Cylinder, Mesh, Sphere
 from onebot_description.description.packages import package_share
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.wire.cdr import TfArrays
+from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.viewer_support import describe, take_tf
 from tests.support_rendering import colored, pixels, require_renderer
 
@@ -59,21 +59,11 @@ def test_every_combination_is_clean(combination):
     description = _load(*combination)
     assert description.warnings == ()
     before = NAMESPACES[namespace] + (prefix or "")
-    assert sorted(description.links) == sorted(before + name for name in LINKS)
+    assert sorted(description.link_names) == sorted(before + name for name in LINKS)
     assert [joint.name for joint in description.joints] == [before + name for name in JOINTS]
     assert description.root_link == before + "base_link"
-    shapes = {shape.kind for shape in _visuals(description)}
-    assert (Mesh in {type(shape.shape) for shape in _visuals(description)}) == (
-        mesh in (None, "true", "1", "True")
-    ), shapes
-
-
-def _visuals(description: Description):
-    return [shape for shape in _robot(description).geometries if shape.kind == "visual"]
-
-
-def _robot(description: Description) -> Robot:
-    return read_robot(description.urdf)
+    shapes = {type(visual.shape) for link in description.links for visual in link.visuals}
+    assert (Mesh in shapes) == (mesh in (None, "true", "1", "True")), shapes
 
 
 def test_every_file_is_watched():
@@ -88,7 +78,7 @@ def test_yourdfpy_reads_every_combination(combination):
     description = _load(*combination)
     robot = yourdfpy.URDF.load(io.BytesIO(description.urdf.encode()), load_meshes=True)
     assert robot.validate(), robot.errors
-    assert set(robot.link_map) == set(description.links)
+    assert set(robot.link_map) == set(description.link_names)
     assert len(robot.actuated_joints) == 4
     low, high = robot.scene.bounds
     np.testing.assert_allclose((low[2], high[0] - low[0]), (-RADIUS, 0.425), atol=1e-3)
@@ -148,13 +138,13 @@ def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
 
 def test_rerun_shows_every_combination_without_complaint(combination):
     """The viewer finds nothing that it cannot draw, and every mesh in colours of its own."""
-    robot = _robot(_load(*combination))
+    robot = read_description(_load(*combination).urdf, "robot_description")
     assert robot.warnings == ()
     assert Scene(rr.RecordingStream("onebot_test")).set_robot(robot) == []
-    for shape in robot.geometries:
-        assert shape.kind == "collision" or shape.color is not None
-        if isinstance(shape.shape, Mesh):
-            assert load_mesh(resolve(shape.shape.uri)).colored
+    for visual in (visual for link in robot.links for visual in link.visuals):
+        assert visual.color is not None
+        if isinstance(visual.shape, Mesh):
+            assert load_mesh(resolve(visual.shape.uri)).colored
 
 
 @pytest.mark.parametrize("mesh", ["true", "false"])
@@ -203,7 +193,7 @@ def test_primitives_have_the_size_of_the_meshes():
 def _sizes(description: Description) -> dict[str, np.ndarray]:
     """Return the bounds, (2, 3), of what is seen of each link, in its own frame."""
     sizes = {}
-    for link in description.links:
+    for link in description.link_names:
         robot = ET.fromstring(description.urdf)
         for element in list(robot):
             if element.tag == "joint" or (element.tag == "link" and element.get("name") != link):
@@ -220,8 +210,8 @@ def test_the_drive_is_as_the_dimensions_say():
     for name, side in (("left_wheel_joint", 1), ("right_wheel_joint", -1)):
         joint = joints[name]
         assert joint.kind == "continuous"
-        assert joint.xyz == (0.0, side * wheel["separation"] / 2, 0.0)
-        assert joint.rpy == (0.0, 0.0, 0.0)
+        assert joint.origin.xyz == (0.0, side * wheel["separation"] / 2, 0.0)
+        assert joint.origin.rpy == (0.0, 0.0, 0.0)
         assert joint.axis == (0.0, 1.0, 0.0)
         assert (joint.effort, joint.velocity) == (wheel["effort"], wheel["velocity"])
     assert joints["caster_swivel_joint"].axis == (0.0, 0.0, 1.0)
@@ -232,8 +222,12 @@ def test_all_three_wheels_stand_on_one_plane():
     """The lowest points of the collision shapes are 60 mm below the axle, at any swivel angle."""
     description = _load()
     model = RobotModel.from_description(description)
-    robot = _robot(description)
-    radii = {shape.link: shape.shape.radius for shape in robot.geometries if _rolls(shape)}
+    radii = {
+        link.name: collision.shape.radius
+        for link in description.links
+        for collision in link.collisions
+        if link.name != "base_link" and isinstance(collision.shape, Cylinder | Sphere)
+    }
     assert radii.keys() == {"left_wheel", "right_wheel", "caswheel"}
     for angle in np.linspace(-np.pi, np.pi, 7):
         poses = model.link_poses({"caster_swivel_joint": angle})
@@ -242,18 +236,11 @@ def test_all_three_wheels_stand_on_one_plane():
             assert heights[link] - radius == pytest.approx(-RADIUS, abs=1e-9), (link, angle)
 
 
-def _rolls(shape) -> bool:
-    return shape.kind == "collision" and shape.link != "base_link"
-
-
 def test_the_right_wheel_is_the_left_ones_mirror_image():
     """Its face looks outwards, and its centre of mass lies as far outside."""
-    links = {link.get("name"): link for link in ET.fromstring(_load().urdf).findall("link")}
-    left, right = (
-        [float(value) for value in links[name].find("inertial/origin").get("xyz").split()]
-        for name in ("left_wheel", "right_wheel")
-    )
-    np.testing.assert_allclose(right, (-left[0], -left[1], left[2]))
-    visuals = {shape.link: shape for shape in _visuals(_load())}
-    np.testing.assert_allclose(visuals["left_wheel"].rotation, (0, 0, 0, 1), atol=1e-12)
-    np.testing.assert_allclose(visuals["right_wheel"].rotation, (0, 0, 1, 0), atol=1e-12)
+    links = {link.name: link for link in _load().links}
+    left, right = links["left_wheel"], links["right_wheel"]
+    x, y, z = left.inertial.origin.xyz
+    np.testing.assert_allclose(right.inertial.origin.xyz, (-x, -y, z))
+    assert left.visuals[0].origin.rpy == (0, 0, 0)
+    np.testing.assert_allclose(right.visuals[0].origin.rpy, (0, 0, np.pi), atol=1e-12)

@@ -116,8 +116,9 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
         wait_for(lambda: static[-1].transforms[0].transform.translation.x == 10.0, "x = 10")
         wait_for(lambda: 'xyz="10' in described[-1].data, "the new description")
 
-        [result] = peer.set_parameters("robot_state_publisher", frame_prefix="my_prefix/")
-        assert result.successful
+        for change in ({"publish_frequency": 500}, {"frame_prefix": "my_prefix/"}):
+            [result] = peer.set_parameters("robot_state_publisher", **change)
+            assert result.successful, result.reason
         wait_for(lambda: static[-1].transforms[0].child_frame_id == "my_prefix/plate", "the prefix")
         publisher = peer.publisher(JointState, "joint_states", qos_profile_sensor_data)
         moving.clear()
@@ -131,6 +132,8 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
         assert "linc1" in result.reason and "link1" in result.reason
         [result] = peer.set_parameters("robot_state_publisher", robot_description="")
         assert not result.successful and "empty" in result.reason
+        [result] = peer.set_parameters("robot_state_publisher", frame_prefix=5)
+        assert "frame_prefix: 5 is a number; write a text" in result.reason
         [result] = peer.set_parameters("robot_state_publisher", publish_frequency=2000.0)
         assert not result.successful
         moving.clear()
@@ -217,7 +220,11 @@ def test_bad_messages_leave_it_running(ros_domain, arm):
         (["no/such/robot.urdf"], ["no/such/robot.urdf"]),
         (["a.urdf", "b.urdf"], ["expected one"]),
         (ros_args(robot_description="<robot/>"), ["robot_description", "name"]),
-        (ros_args(publish_frequency="50"), ["publish_frequency", "decimal point"]),
+        (
+            ros_args(publish_frequency="fast"),
+            ["publish_frequency: ", "write a number from 0 to"],
+        ),
+        (ros_args(publish_frequency="2000.0"), ["publish_frequency: 2000 is above 1000"]),
     ],
 )
 def test_user_mistakes_give_one_clear_error(ros_domain, args, fragments):

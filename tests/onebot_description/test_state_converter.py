@@ -1,4 +1,7 @@
-"""The hot path of raw bytes gives, bit by bit, what ordinary messages give."""
+"""The compiled call gives, bit by bit, what ordinary messages give, for any sequence of bytes."""
+
+import gc
+import weakref
 
 import numpy as np
 import pytest
@@ -11,10 +14,7 @@ from std_msgs.msg import Header
 
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
-from onebot_description.wire import state_converter
-from onebot_description.wire.cdr import WireError
-from onebot_description.wire.messages import joint_state_arrays, to_message
-from onebot_description.wire.state_converter import StateConverter
+from onebot_description.wire.state_converter import JointStatePlan, StateConverter
 from onebot_description.wire.tf_message import TFMessage
 from tests.random_robots import chain, robots
 
@@ -36,15 +36,18 @@ def _model(urdf):
     return RobotModel.from_description(parse_description(urdf))
 
 
+def _read(data):
+    return None if data is None else deserialize_message(data, TFMessage)
+
+
 def _both(model, messages, **options):
-    """What the two paths publish for the same messages; each has its own throttle."""
-    raw, plain = StateConverter(model, **options), StateConverter(model, **options)
+    """What the two ways publish for the same messages, all but the first; each with its times."""
+    compiled, ordinary = StateConverter(model, **options), StateConverter(model, **options)
     for message in messages:
-        data = raw.convert_bytes(serialize_message(message), NOW)
-        result = plain.convert(joint_state_arrays(message), NOW)
+        data = serialize_message(message)
         yield (
-            None if data is None else deserialize_message(data, TFMessage),
-            None if result is None else to_message(result),
+            _read(compiled.convert_bytes(data, NOW)),
+            _read(ordinary.convert_message(data, NOW)),
         )
 
 
@@ -72,18 +75,19 @@ def joint_states(draw, joints):
     st.sampled_from(["", "my_prefix/"]),
     st.sampled_from([0, 10**8]),
 )
-def test_raw_path_equals_message_path(urdf, data, ignore_timestamp, prefix, interval):
+def test_the_compiled_call_equals_ordinary_messages(urdf, data, ignore_timestamp, prefix, interval):
     """Equal messages, or nothing from both, on random robots and sequences of joint states."""
     model = _model(urdf)
     messages = data.draw(st.lists(joint_states([*model.joints, "joint_0"]), max_size=6))
+    messages += messages  # the second time, the names are known
     options = {
         "ignore_timestamp": ignore_timestamp,
         "frame_prefix": prefix,
         "interval_ns": interval,
     }
-    for raw, plain in _both(model, messages, **options):
-        assert raw == plain
-        for edge in [] if raw is None else raw.transforms:
+    for compiled, ordinary in _both(model, messages, **options):
+        assert compiled == ordinary
+        for edge in [] if compiled is None else compiled.transforms:
             rotation = edge.transform.rotation
             norm = np.linalg.norm([rotation.x, rotation.y, rotation.z, rotation.w])
             assert norm == pytest.approx(1.0, abs=1e-12)
@@ -92,30 +96,13 @@ def test_raw_path_equals_message_path(urdf, data, ignore_timestamp, prefix, inte
 def test_every_named_joint_is_published_at_its_angle():
     """A known angle gives the known half-angle quaternion, stamped as the message."""
     model = _model(chain(2).replace('rpy="0.1 0.2 0.3"', ""))
-    [(raw, _)] = _both(model, [_message(["joint_1"], [1.0], (7, 9))])
-    [edge] = raw.transforms
+    [_, (compiled, _)] = _both(model, [_message(["joint_1"], [1.0], (7, 9))] * 2)
+    [edge] = compiled.transforms
     assert (edge.header.frame_id, edge.child_frame_id) == ("link_1", "link_2")
     assert (edge.header.stamp.sec, edge.header.stamp.nanosec) == (7, 9)
     assert edge.transform.rotation.z == pytest.approx(np.sin(0.5))
     assert edge.transform.rotation.w == pytest.approx(np.cos(0.5))
     assert edge.transform.translation.z == 0.2
-
-
-def test_padding_bytes_do_not_matter():
-    """Other padding between the names is the same message, since writers leave it uninitialised."""
-    model = _model(chain(2))
-    converter = StateConverter(model)
-    data = serialize_message(_message(["joint_0", "joint_1"], [0.5, 0.25]))
-    first = converter.convert_bytes(data, NOW)
-    start = data.index(b"joint_0\0") + 8
-    other = data.replace(b"\0\0joint_1", b"\0\0joint_1")
-    assert start and other == data  # 8-byte names leave no padding here; the next one does
-    names = ["joint_0", "x", "joint_1"]
-    data = serialize_message(_message(names, [0.5, 0.0, 0.25]))
-    padding = data.index(b"x\0") + 2
-    noisy = data[:padding] + b"\xaa\xbb" + data[padding + 2 :]
-    assert deserialize_message(noisy, JointState) == deserialize_message(data, JointState)
-    assert converter.convert_bytes(data, NOW) == converter.convert_bytes(noisy, NOW) == first
 
 
 def test_throttle_looks_at_the_oldest_joint_of_the_message():
@@ -155,25 +142,11 @@ def test_old_stamps_wait_until_the_clock_is_set_back():
     ],
 )
 def test_unusable_messages_are_ignored_with_a_reason(message, key):
-    """Neither path publishes them, and each says why once."""
+    """Neither way publishes them, and each warns of it once."""
     warnings = []
     options = {"warn": lambda key, _: warnings.append(key)}
     assert list(_both(_model(chain(1)), [message], **options)) == [(None, None)]
     assert warnings == [key, key]
-
-
-@given(st.integers(4, 200), st.binary(max_size=60))
-def test_broken_bytes_raise_wire_error(cut, noise):
-    """A cut or noisy message is refused or ignored, never a crash."""
-    converter = StateConverter(_model(chain(2)))
-    whole = serialize_message(_message(["joint_0", "joint_1"], [0.5, 0.25]))
-    converter.convert_bytes(whole, NOW)
-    for data in (whole[:cut], whole[:cut] + noise, noise):
-        try:
-            result = converter.convert_bytes(data, NOW)
-        except WireError:
-            continue
-        assert result is None or deserialize_message(result, TFMessage)
 
 
 FOLLOWED = """<robot name="arm">
@@ -197,23 +170,192 @@ FOLLOWED = """<robot name="arm">
         (0.5, 1e200, 1e150, {"a", "b", "c"}),
     ],
 )
-@pytest.mark.parametrize("library", [True, False])
-def test_what_overflows_for_a_follower_is_ignored(
-    monkeypatch, position, multiplier, offset, moved, library
-):
-    """As a position that is not finite; both paths agree, and nothing on /tf is ever not finite."""
-    if not library:
-        monkeypatch.setattr(state_converter, "compiled", lambda: None)
+def test_what_overflows_for_a_follower_is_ignored(position, multiplier, offset, moved):
+    """As a position that is not finite; both ways agree, and nothing on /tf is ever not finite."""
     model = _model(FOLLOWED.format(multiplier=multiplier, offset=offset))
     warnings = []
     options = {"warn": lambda key, text: warnings.append((key, text))}
-    message = _message(["lead", "other"], [position, 0.25])
-    ((raw, plain),) = _both(model, [message], **options)
-    assert raw == plain
-    assert {transform.child_frame_id for transform in raw.transforms} == moved
-    for transform in raw.transforms:
+    usual = _message(["lead", "other"], [0.0, 0.25])
+    message = _message(["lead", "other"], [position, 0.25], (101, 0))
+    *_, (compiled, ordinary) = _both(model, [usual, message], **options)
+    assert compiled == ordinary
+    assert {transform.child_frame_id for transform in compiled.transforms} == moved
+    for transform in compiled.transforms:
         translation = transform.transform.translation
         assert np.isfinite([translation.x, translation.y, translation.z]).all()
-    told = [] if "a" in moved else ["finite"] * 2
-    assert [key for key, _ in warnings] == told
+    expected = [] if "a" in moved else ["finite"] * 2
+    assert [key for key, _ in warnings] == expected
     assert all("too large for what follows it: lead; ignored" in text for _, text in warnings)
+
+
+# Any sequence of bytes ----------------------------------------------------------------------
+
+
+@st.composite
+def edits(draw, messages):
+    """Serialized messages, some of them cut, longer, or with another byte somewhere."""
+    data = draw(st.sampled_from(messages))
+    if draw(st.integers(0, 3)):
+        return data
+    place = draw(st.integers(0, len(data)))
+    byte = draw(st.sampled_from([b"", b"\x00", b"\x01", b"\xff"]))
+    return data[:place] + byte + draw(st.sampled_from([data[place + len(byte) :], b"", data]))
+
+
+@settings(deadline=None, max_examples=200)
+@given(robots(), st.data(), st.booleans(), st.sampled_from([0, 1, 10**8, 2**70]))
+def test_any_bytes_give_what_ordinary_messages_give(urdf, data, ignore_timestamp, interval):
+    """Messages and warnings; of several publishers, broken ones, with a clock set back."""
+    model = _model(urdf)
+    warnings = ([], [])
+    options = {"ignore_timestamp": ignore_timestamp, "interval_ns": interval}
+    compiled, ordinary = (
+        StateConverter(model, warn=lambda *text, out=out: out.append(text), **options)
+        for out in warnings
+    )
+    states = data.draw(st.lists(joint_states([*model.joints]), min_size=1, max_size=12))
+    messages = [serialize_message(state) for state in states]
+    steps = st.tuples(edits(messages), st.sampled_from([0, 0, 0, 1, -1]))
+    now = NOW
+    for message, step in data.draw(st.lists(steps, max_size=60)):
+        now += step
+        assert _read(compiled.convert_bytes(message, now)) == _read(
+            ordinary.convert_message(message, now)
+        )
+    assert warnings[0] == warnings[1]
+
+
+def test_a_message_is_whole_or_ignored():
+    """Cut anywhere, also behind the positions, which are all that counts."""
+    warnings = []
+    converter = StateConverter(_model(chain(2)), warn=lambda key, _: warnings.append(key))
+    whole = serialize_message(
+        _message(["joint_0", "joint_1"], [0.5, 0.25], velocity=[1.0, 2.0], effort=[3.0])
+    )
+    assert _read(converter.convert_bytes(whole, NOW)) == _read(converter.convert_bytes(whole, NOW))
+    for size in range(len(whole)):
+        assert converter.convert_bytes(whole[:size], NOW) is None
+    assert warnings == ["bytes"] * len(whole)
+    assert converter.convert_bytes(whole + b"more", NOW) is not None
+
+
+def _count_ordinary(monkeypatch):
+    calls = []
+    ordinary = StateConverter.convert_message
+
+    def counted(self, data, now):
+        calls.append(data)
+        return ordinary(self, data, now)
+
+    monkeypatch.setattr(StateConverter, "convert_message", counted)
+    return calls
+
+
+@pytest.mark.parametrize("publishers", [1, 64])
+def test_the_usual_message_takes_the_compiled_call(monkeypatch, publishers):
+    """All but the first of each publisher, also where their padding differs each time."""
+    calls = _count_ordinary(monkeypatch)
+    converter = StateConverter(_model(chain(9)))
+    for second in range(1, 6):
+        for publisher in range(publishers):
+            names = [f"joint_{publisher % 8}", "odd", f"joint_{publisher % 8 + 1}"]
+            message = _message(names, [0.1, 0.2, 0.3], (second, publisher), f"robot{publisher}")
+            data = serialize_message(message)
+            at = data.index(b"odd\0") + 4
+            data = data[:at] + bytes([second]) * (-at % 4) + data[at + -at % 4 :]
+            assert converter.convert_bytes(data, NOW) is not None
+    assert len(calls) == publishers
+
+
+def test_what_is_not_usual_takes_ordinary_messages(monkeypatch):
+    """Stamp 0, positions that are not moderate, a clock set back; and the next is usual again."""
+    calls = _count_ordinary(monkeypatch)
+    converter = StateConverter(_model(chain(1)))
+
+    def ordinary(position, stamp, now=NOW):
+        calls.clear()
+        converter.convert_bytes(serialize_message(_message(["joint_0"], [position], stamp)), now)
+        return len(calls)
+
+    assert ordinary(0.0, (5, 0)) == 1
+    assert ordinary(0.0, (5, 1)) == 0
+    assert ordinary(np.nan, (5, 2)) == 1
+    assert ordinary(1e101, (5, 2)) == 1
+    assert ordinary(-np.inf, (5, 2)) == 1
+    assert ordinary(0.0, (0, 0)) == 1
+    assert ordinary(0.0, (4, 0), NOW - 1) == 1
+    assert ordinary(0.0, (4, 1), NOW - 1) == 0
+
+
+def test_what_is_not_moderate_is_found_anywhere(monkeypatch):
+    """At every place, and at any alignment."""
+    calls = _count_ordinary(monkeypatch)
+    model = _model(chain(5))
+    for frame in ("", "f", "frames", "frame_id"):
+        converter = StateConverter(model, ignore_timestamp=True)
+        for place in [None, *range(5), None]:
+            positions = [0.0 if at != place else np.nan for at in range(5)]
+            calls.clear()
+            message = _message(model.joints, positions, frame_id=frame)
+            data = converter.convert_bytes(serialize_message(message), NOW)
+            assert len(_read(data).transforms) == 5 - (place is not None)
+            assert (len(calls) == 1) or place is None
+    assert not calls
+
+
+@pytest.mark.parametrize(
+    "arguments", [(), (b"",), (b"", 1, 2), ("text", 1), (b"", "1"), (b"", 2**63)]
+)
+def test_wrong_arguments(arguments):
+    """As a function in Python: an error, whatever it is given."""
+    with pytest.raises((TypeError, OverflowError)):
+        StateConverter(_model(chain(1))).convert_bytes(*arguments)
+
+
+def test_a_converter_goes_with_the_robot_it_served():
+    """Nothing keeps its memory once nobody uses it, and what it gave remains."""
+    converter = StateConverter(_model(chain(3)))
+    data = [serialize_message(_message(["joint_0"], [0.5], (second, 0))) for second in (1, 2)]
+    converter.convert_bytes(data[0], NOW)
+    kept = converter.convert_bytes(data[1], NOW)
+    copy = bytes(bytearray(kept))
+    gone = weakref.ref(converter)
+    del converter
+    gc.collect()
+    assert gone() is None
+    assert kept == copy
+
+
+def test_the_builtin_outlives_its_converter():
+    """Whoever holds the function alone holds all the memory that it reads."""
+    convert = StateConverter(_model(chain(3))).convert_bytes
+    for second in range(1, 100):  # more names than are kept
+        names = [f"joint_{second % 3}", "x" * second]
+        first, again = (
+            serialize_message(_message(names, [0.5, 0.0], (second, nanosecond)))
+            for nanosecond in (0, 1)
+        )
+        ordinary = _read(convert(first, NOW)).transforms
+        gc.collect()
+        compiled = _read(convert(again, NOW)).transforms
+        assert [t.transform for t in compiled] == [t.transform for t in ordinary]
+
+
+# A plan's arithmetic ------------------------------------------------------------------------
+
+
+@settings(deadline=None)
+@given(robots(), st.data())
+def test_a_plan_agrees_with_the_model(urdf, data):
+    """Any kinds, mimics and order: to the rounding of sine and cosine."""
+    model = _model(urdf)
+    names = data.draw(st.permutations(model.joints))
+    size = len(names)
+    positions = np.array(data.draw(st.lists(st.floats(-1e3, 1e3), min_size=size, max_size=size)))
+    plan = JointStatePlan(model, names, "robot/")
+    translations, rotations = model.transforms(dict(zip(names, positions, strict=True)))
+    expected = np.concatenate((translations, rotations), axis=1)
+    # Positions up to 1e3 m, and mimics of mimics: the error grows with them.
+    actual = plan.transforms(positions.astype(float))
+    np.testing.assert_allclose(actual, expected[plan.rows], rtol=1e-12, atol=1e-12)
+    assert plan.children == [f"robot/{child}" for child in model.moving.children]

@@ -25,6 +25,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from type_description_interfaces.srv import GetTypeDescription
 
 from onebot_description.wire import tf_message
+from onebot_description.wire.library import load_library
 from onebot_description.wire.tf_message import TFMessage
 from tests.support import wait_for
 
@@ -541,7 +542,7 @@ def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
 @own_only
 def test_another_transform_stamped_is_refused() -> None:
     """The library itself refuses types that are not the ones it is made for."""
-    library = tf_message.load_library()
+    library = load_library()
     pose = type(PoseStamped)
     if pose._TYPE_SUPPORT is None:
         pose.__import_type_support__()

@@ -17,7 +17,7 @@ import rerun.blueprint as rrb
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.settings import Color
-from onebot_description.description.description import Robot
+from onebot_description.description import Description
 from onebot_description.wire.messages import BAD_MESSAGE, OdometrySample, odometry_sample
 
 if TYPE_CHECKING:
@@ -169,8 +169,7 @@ class Context:
         self.frames = frames
         self.transforms = transforms
         self.clock = clock
-        self.robot: Robot | None = None
-        self.urdf = ""
+        self.robot: Description | None = None
         self.fitting_length = 0.0  # of axes and arcs, metres, by the robot's size; 0: not known yet
         self.joint_colors: dict[str, Color] = {}  # of every joint whose state has come
         self._fixed_frame = fixed_frame
@@ -184,7 +183,7 @@ class Context:
     @property
     def home(self) -> str:
         """A frame that exists: the root link's."""
-        return "" if self.robot is None else self.frame_of(self.robot.root)
+        return "" if self.robot is None else self.frame_of(self.robot.root_link)
 
     def frame_of(self, link: str) -> str:
         """Return the TF frame of ``link``."""

@@ -5,7 +5,6 @@ the child, so that /tf moves the hand along the arc: it is drawn once, and costs
 """
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,32 +15,16 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.displays.display import Context, Display, MessageType, Topic
 from onebot_bringup.viewer.settings import Color, setting
-from onebot_description.description.description import Vector
+from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
 RANGES_ENTITY = "joint_ranges"
-_LIMITED = ("revolute", "prismatic")
 _STEP = math.radians(5.0)  # of an arc
 # On the screen, whatever the zoom (points).
 _ARC_WIDTH, _HAND_WIDTH = 1.5, 2.0
 
 Floats = NDArray[np.float64]
 Strips = list[Floats]
-
-
-@dataclass(frozen=True)
-class JointRange:
-    """A joint with limits."""
-
-    name: str
-    kind: str  # "revolute" or "prismatic"
-    parent: str  # link
-    child: str  # link
-    xyz: Vector  # its origin in the parent's frame, m
-    rpy: Vector  # its origin's turns about x, y, z, rad
-    axis: Vector  # unit vector in its own frame
-    lower: float  # rad or m
-    upper: float
 
 
 @dataclass(frozen=True)
@@ -62,7 +45,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         """Draw nothing yet."""
         super().__init__(context)
         self._settings = JointRangesSettings()
-        self._ranges: tuple[JointRange, ...] = ()
+        self._ranges: tuple[Joint, ...] = ()
         self._made_of: tuple[object, ...] = ()
         self._drawn: dict[str, object] = {}
 
@@ -76,7 +59,8 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
 
     def set_robot(self) -> None:
         """Take the limits of the robot's joints."""
-        self._ranges = read_ranges(self.context.urdf)
+        assert self.context.robot is not None
+        self._ranges = limited_joints(self.context.robot)
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[Any]) -> None:
         """Nothing is subscribed."""
@@ -93,9 +77,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
             self._made_of = made_of
             self._show(ranges, radius, colors)
 
-    def _show(
-        self, joints: Iterable[JointRange], radius: float, colors: Mapping[str, Color]
-    ) -> None:
+    def _show(self, joints: Iterable[Joint], radius: float, colors: Mapping[str, Color]) -> None:
         """Draw the marks of ``joints``, and no other; one without a colour is not drawn yet."""
         wanted: dict[str, tuple[str, Strips, float, Color]] = {}
         for joint in joints:
@@ -124,70 +106,40 @@ def _entity(joint: str, part: str) -> str:
     return rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/")
 
 
-def read_ranges(urdf: str) -> tuple[JointRange, ...]:
-    """Return the joints of ``urdf`` (well-formed XML) that have limits; odd ones are left out."""
-    found = []
-    for joint in ET.fromstring(urdf).findall("joint"):
-        if joint.get("type") in _LIMITED:
-            try:
-                found.append(_range(joint))
-            except ValueError:
-                continue  # robot_state_publisher, and ``onebot check``, explain it
-    return tuple(found)
-
-
-def _range(joint: ET.Element) -> JointRange:
-    limit = _attributes(joint, "limit")
-    lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-    axis = np.array(_vector(_attributes(joint, "axis").get("xyz", "1 0 0")))
-    length = float(np.linalg.norm(axis))
-    if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper and length > 0):
-        raise ValueError("no range")
-    x, y, z = (axis / length).tolist()
-    origin = _attributes(joint, "origin")
-    return JointRange(
-        joint.get("name", ""),
-        joint.get("type", ""),
-        _attributes(joint, "parent").get("link", ""),
-        _attributes(joint, "child").get("link", ""),
-        _vector(origin.get("xyz", "0 0 0")),
-        _vector(origin.get("rpy", "0 0 0")),
-        (x, y, z),
-        lower,
-        upper,
+def limited_joints(description: Description) -> tuple[Joint, ...]:
+    """Return the joints that have a range."""
+    return tuple(
+        joint
+        for joint in description.joints
+        if joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     )
 
 
-def _attributes(joint: ET.Element, tag: str) -> Mapping[str, str]:
-    element = joint.find(tag)
-    return {} if element is None else element.attrib
+def limits(joint: Joint) -> tuple[float, float]:
+    """Return the lower and the upper limit of one of ``limited_joints``, rad or m."""
+    assert joint.lower is not None and joint.upper is not None
+    return joint.lower, joint.upper
 
 
-def _vector(text: str) -> Vector:
-    x, y, z = map(float, text.split())
-    if not all(map(math.isfinite, (x, y, z))):
-        raise ValueError(text)
-    return x, y, z
-
-
-def scale_strips(joint: JointRange, radius: float) -> Strips:
+def scale_strips(joint: Joint, radius: float) -> Strips:
     """Return the arc or bar with its ends marked, (N, 3) points each, m in the parent's frame."""
-    turn, across = to_matrix(from_rpy(joint.rpy)), _across(joint.axis)
+    lower, upper = limits(joint)
+    turn, across = to_matrix(from_rpy(joint.origin.rpy)), _across(joint.axis)
     if joint.kind == "revolute":
         # More than a turn would lie upon itself.
-        upper = min(joint.upper, joint.lower + 2 * math.pi)
-        count = max(2, math.ceil((upper - joint.lower) / _STEP) + 1)
-        rays = [_turned(across, joint.axis, q) for q in np.linspace(joint.lower, upper, count)]
+        upper = min(upper, lower + 2 * math.pi)
+        count = max(2, math.ceil((upper - lower) / _STEP) + 1)
+        rays = [_turned(across, joint.axis, q) for q in np.linspace(lower, upper, count)]
         strips = [radius * np.array(rays)]
         strips += [np.outer((0.9 * radius, 1.1 * radius), ray) for ray in (rays[0], rays[-1])]
     else:
-        ends = np.outer((joint.lower, joint.upper), joint.axis)
+        ends = np.outer((lower, upper), joint.axis)
         tick = 0.2 * radius * across
         strips = [ends, *(np.array([end - tick, end + tick]) for end in ends)]
-    return [strip @ turn.T + np.array(joint.xyz) for strip in strips]
+    return [strip @ turn.T + np.array(joint.origin.xyz) for strip in strips]
 
 
-def hand_strips(joint: JointRange, radius: float) -> Strips:
+def hand_strips(joint: Joint, radius: float) -> Strips:
     """Return what marks the present position, (N, 3) points, metres in the child's frame."""
     across = _across(joint.axis)
     if joint.kind == "revolute":  # a triangle that points at the arc from outside
@@ -197,7 +149,7 @@ def hand_strips(joint: JointRange, radius: float) -> Strips:
     return [np.outer((-0.3 * radius, 0.3 * radius), across)]
 
 
-def _across(axis: Vector) -> Floats:
+def _across(axis: Triple) -> Floats:
     """The direction of position zero: x, or z where x is along the axis, made square to it."""
     along = np.array(axis)
     start = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
@@ -206,7 +158,7 @@ def _across(axis: Vector) -> Floats:
     return square
 
 
-def _turned(vector: Floats, axis: Vector, angle: float) -> Floats:
+def _turned(vector: Floats, axis: Triple, angle: float) -> Floats:
     """``vector``, square to ``axis``, turned about it (Rodrigues' formula)."""
     turned: Floats = math.cos(angle) * vector + math.sin(angle) * np.cross(np.array(axis), vector)
     return turned

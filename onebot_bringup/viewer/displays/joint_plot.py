@@ -18,11 +18,11 @@ from onebot_bringup.viewer.displays.display import (
     MessageType,
     Plot,
     Topic,
+    one_by_one,
 )
-from onebot_bringup.viewer.displays.joint_limits import read_ranges
+from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
 from onebot_bringup.viewer.settings import Color, setting
-from onebot_description.wire.cdr import JointStateArrays
-from onebot_description.wire.messages import joint_state_batch
+from onebot_description.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
@@ -36,7 +36,7 @@ Limits = Mapping[str, tuple[float, float]]
 _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=np.zeros(1)))
 
 JOINT_STATE: MessageType[JointStateArrays] = MessageType(
-    "sensor_msgs/msg/JointState", joint_state_batch, lambda state: state.stamp_ns
+    "sensor_msgs/msg/JointState", one_by_one(one_joint_state), lambda state: state.stamp_ns
 )
 
 
@@ -75,8 +75,9 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     def set_robot(self) -> None:
         """Take the limits of the robot's joints."""
-        ranges = read_ranges(self.context.urdf)
-        self._limits = {joint.name: (joint.lower, joint.upper) for joint in ranges}
+        assert self.context.robot is not None
+        joints = limited_joints(self.context.robot)
+        self._limits = {joint.name: limits(joint) for joint in joints}
         self.apply(self._settings)
 
     def add(
@@ -96,7 +97,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         plot, robot = self._settings, self.context.robot
         position = Plot(POSITION_ENTITY, "Joint positions (rad, m)", plot.window)
         velocity = Plot(VELOCITY_ENTITY, "Joint velocities (rad/s, m/s)", plot.window)
-        moves = robot is not None and robot.moves
+        moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
         shown = [(position, plot.positions and moves)]
         shown += [(velocity, plot.velocities and self._stream.has_velocities)]
         return LayoutPart(views=tuple(view for view, wanted in shown if wanted))

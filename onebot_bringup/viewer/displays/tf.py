@@ -17,12 +17,12 @@ from onebot_bringup.viewer.displays.display import (
     LayoutPart,
     MessageType,
     Topic,
+    one_by_one,
 )
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.settings import name_list, setting
-from onebot_description.description.description import Robot
-from onebot_description.wire.cdr import TfArrays
-from onebot_description.wire.messages import tf_batch
+from onebot_description.description import Description
+from onebot_description.wire.messages import TfArrays, tf_arrays
 
 TF_ENTITY = "tf"
 TF_STATIC_ENTITY = "tf_static"
@@ -38,8 +38,8 @@ def _stamp_ns(message: TfArrays) -> int:
     return int(message.stamps_ns[-1]) if len(message.stamps_ns) else 0
 
 
-TF: MessageType[TfArrays] = MessageType("tf2_msgs/msg/TFMessage", tf_batch, _stamp_ns)
-TF_STATIC: MessageType[TfArrays] = MessageType(TF.name, tf_batch, _stamp_ns, live=False)
+TF: MessageType[TfArrays] = MessageType("tf2_msgs/msg/TFMessage", one_by_one(tf_arrays), _stamp_ns)
+TF_STATIC: MessageType[TfArrays] = MessageType(TF.name, TF.decode, _stamp_ns, live=False)
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class TfDisplay(Display[AxesSettings]):
         self._length = _DEFAULT_LENGTH
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
-        self._robot: Robot | None = None
+        self._robot: Description | None = None
         self._retired: set[str] = set()  # of links of the robot before
         self._retired_at = 0.0
 
@@ -87,9 +87,9 @@ class TfDisplay(Display[AxesSettings]):
         """Draw the axes of the links; hide those of links that are no more."""
         robot, before, frame_of = self.context.robot, self._robot, self.context.frame_of
         assert robot is not None
-        self._show(map(frame_of, robot.links))
-        old = set() if before is None else set(map(frame_of, before.links))
-        self._retired = old - set(map(frame_of, robot.links))
+        self._show(map(frame_of, robot.link_names))
+        old = set() if before is None else set(map(frame_of, before.link_names))
+        self._retired = old - set(map(frame_of, robot.link_names))
         self._retired_at = self.context.clock()
         self._robot = robot
         self.context.transforms.forget(self._retired)
@@ -199,7 +199,7 @@ _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))
 
 
 class Transforms(Protocol):
-    """A TFMessage as arrays (``onebot_description.wire.cdr.TfArrays`` is one)."""
+    """A TFMessage as arrays (``onebot_description.wire.messages.TfArrays`` is one)."""
 
     @property
     def parents(self) -> list[str]: ...  # noqa: D102

@@ -1,0 +1,567 @@
+"""From XML elements to links and joints; whatever cannot be read becomes a finding.
+
+A finding names file, line, element and remedy. Reading goes on after each, so that one run shows
+all of them.
+"""
+
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
+from functools import cached_property
+from typing import Literal, NamedTuple
+from xml.etree import ElementTree
+
+from onebot_description.description.description import (
+    JOINT_KINDS,
+    MOVING_KINDS,
+    ZERO,
+    Box,
+    Capsule,
+    Cylinder,
+    Geometry,
+    Inertial,
+    Joint,
+    Link,
+    Mesh,
+    Mimic,
+    Moments,
+    Origin,
+    Rgba,
+    Shape,
+    Sphere,
+    Triple,
+)
+from onebot_description.description.xml import Document
+from onebot_description.errors import DescriptionError, did_you_mean, listing
+
+Element = ElementTree.Element
+
+SHAPES = ("box", "cylinder", "sphere", "mesh")
+_AXIS_KINDS = (*MOVING_KINDS, "planar")
+_LIMITED_KINDS = ("revolute", "prismatic")
+_DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
+# Further than this from 1, an axis was not merely rounded when written.
+_AXIS_ROUNDING = 1e-3
+
+
+class Finding(NamedTuple):
+    """What is wrong with one element."""
+
+    severity: Literal["error", "warning", "typo"]  # a typo is a warning that may explain errors
+    element: Element
+    text: str  # with file, line and element in front
+
+
+class Findings:
+    """Errors and warnings of one document."""
+
+    def __init__(self, document: Document) -> None:
+        """Start with nothing found in ``document``."""
+        self.document = document
+        self.found: list[Finding] = []
+
+    def error(self, element: Element, text: str) -> None:
+        """Note that ``element`` makes the description unusable."""
+        self._add("error", element, text)
+
+    def warning(self, element: Element, text: str) -> None:
+        """Note that ``element`` works but is probably not what was meant."""
+        self._add("warning", element, text)
+
+    def typo(self, element: Element, text: str) -> None:
+        """Warn of a probable typing error; shown with the errors that it may have caused."""
+        self._add("typo", element, text)
+
+    def _add(
+        self, severity: Literal["error", "warning", "typo"], element: Element, text: str
+    ) -> None:
+        message = f"{self.where(element)}: {self.label(element)}: {text}"
+        self.found.append(Finding(severity, element, message))
+
+    @property
+    def errors(self) -> list[str]:
+        """Texts of the errors."""
+        return [finding.text for finding in self.found if finding.severity == "error"]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Texts of the warnings, typos among them."""
+        return [finding.text for finding in self.found if finding.severity != "error"]
+
+    def errors_in(self, *tags: str) -> list[str]:
+        """Texts of the errors in elements of these tags."""
+        return [
+            finding.text
+            for finding in self.found
+            if finding.severity == "error"
+            and any(element.tag in tags for element in self.path(finding.element))
+        ]
+
+    def raise_errors(self) -> None:
+        """Raise the errors, if there are any.
+
+        Raises:
+            DescriptionError: all errors, then the typos that may explain them.
+        """
+        if errors := self.errors:
+            typos = [finding.text for finding in self.found if finding.severity == "typo"]
+            raise DescriptionError([*errors, *typos])
+
+    def where(self, element: Element) -> str:
+        """Return where ``element`` was written, for example ``robot.urdf:12``."""
+        return self.document.places.get(element, self.document.shown)
+
+    def label(self, element: Element) -> str:
+        """Return for example ``link "base" <visual> <box>``."""
+        inside = [other for other in self.path(element) if other is not self.document.root]
+        return " ".join(map(_short, reversed(inside or [element])))
+
+    def path(self, element: Element) -> Iterator[Element]:
+        """Yield ``element`` and those that it lies in, the root last."""
+        current: Element | None = element
+        while current is not None:
+            yield current
+            current = self._parents.get(current)
+
+    @cached_property
+    def _parents(self) -> dict[Element, Element]:
+        return {child: parent for parent in self.document.root.iter() for child in parent}
+
+
+def local_name(element: Element) -> str:
+    """Return the tag without its namespace."""
+    return element.tag.rpartition("}")[2]
+
+
+def _short(element: Element) -> str:
+    """``joint "hip"`` for what has a name, else ``<limit>``."""
+    name = element.get("name")
+    tag = local_name(element)
+    return f'{tag} "{name}"' if name and tag != "visual" else f"<{tag}>"
+
+
+# Numbers in attributes: as many as needed, finite, and in the range that makes sense.
+
+# What every URDF reader takes for a number. float() would also take "1_000", "nan" and Thai digits.
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
+
+
+def read_numbers(
+    findings: Findings, element: Element, attribute: str, count: int
+) -> tuple[float, ...] | None:
+    """Return the numbers in an attribute; None if it is absent, or wrong (then reported)."""
+    text = element.get(attribute)
+    if text is None:
+        return None
+    written = f'{attribute}="{_cut(text)}"'
+    words = text.split()
+    if "," in text and len(text.replace(",", " ").split()) == count:
+        findings.error(element, f"{written} has commas; separate the numbers by spaces")
+    elif fault := next(filter(None, map(_fault, words)), None):
+        findings.error(element, f"{written}: {fault}")
+    elif len(words) != count:
+        noun = "number" if count == 1 else "numbers"
+        findings.error(element, f"{written} holds {len(words)}; it takes {count} {noun}")
+    else:
+        return tuple(map(float, words))
+    return None
+
+
+def read_triple(findings: Findings, element: Element, attribute: str) -> Triple | None:
+    """Return three numbers; None if there is no such attribute, or it is wrong."""
+    numbers = read_numbers(findings, element, attribute, 3)
+    return None if numbers is None else (numbers[0], numbers[1], numbers[2])
+
+
+def read_number(
+    findings: Findings,
+    element: Element,
+    attribute: str,
+    *,
+    required: bool = False,
+    negative: bool = True,
+) -> float | None:
+    """Return the one number in an attribute; None if it is absent or wrong.
+
+    Args:
+        findings: takes what is wrong.
+        element: has the attribute.
+        attribute: its name.
+        required: whether its absence is an error.
+        negative: whether it may be below zero.
+    """
+    if element.get(attribute) is None:
+        if required:
+            findings.error(element, f'has no {attribute}; write {attribute}="..."')
+        return None
+    numbers = read_numbers(findings, element, attribute, 1)
+    if numbers is None:
+        return None
+    if not negative and numbers[0] < 0:
+        findings.error(element, f'{attribute}="{numbers[0]:g}" is negative; it must not be')
+        return None
+    return numbers[0]
+
+
+def _fault(word: str) -> str | None:
+    """Why ``word`` is no usable number; None if it is one."""
+    if _NUMBER.fullmatch(word):
+        finite = math.isfinite(float(word))
+        return None if finite else f"{_cut(word)} is too large for a number"
+    if _NOT_FINITE.fullmatch(word):
+        return f"{word} is not a finite number"
+    return f'"{_cut(word)}" is not a number'
+
+
+def _cut(text: str) -> str:
+    """A text short enough to show in one line."""
+    flat = " ".join(text.split())
+    return flat if len(flat) <= 60 else flat[:57] + "..."
+
+
+def _read_origin(findings: Findings, element: Element) -> Origin:
+    origin = element.find("origin")
+    if origin is None:
+        return Origin()
+    xyz, rpy = read_triple(findings, origin, "xyz"), read_triple(findings, origin, "rpy")
+    return Origin(xyz or ZERO, rpy or ZERO)
+
+
+# Links: mass and inertia, and one shape in each visual and collision.
+
+
+def read_links(findings: Findings, shapes: Collection[str] = SHAPES) -> dict[Element, Link]:
+    """Read every link, those without a name or with a repeated one among them.
+
+    Args:
+        findings: takes what is wrong.
+        shapes: the shapes that are allowed in a geometry.
+    """
+    root = findings.document.root
+    colors = _named_colors(root)
+    links = {}
+    for element in root.iterfind("link"):
+        visuals: list[Geometry] = []
+        collisions: list[Geometry] = []
+        for part in element:
+            if part.tag in ("visual", "collision"):
+                geometry = _read_geometry(findings, part, colors, shapes)
+                if geometry is not None:
+                    (visuals if part.tag == "visual" else collisions).append(geometry)
+        friction = element.find("contact/lateral_friction")
+        links[element] = Link(
+            element.get("name", ""),
+            tuple(visuals),
+            tuple(collisions),
+            _read_inertial(findings, element),
+            None if friction is None else read_number(findings, friction, "value"),
+            findings.where(element),
+        )
+    return links
+
+
+def _read_inertial(findings: Findings, link: Element) -> Inertial | None:
+    element = link.find("inertial")
+    if element is None:
+        return None
+    origin = _read_origin(findings, element)
+    mass = _read_mass(findings, element)
+    inertia = _read_inertia(findings, element)
+    return None if mass is None or inertia is None else Inertial(origin, mass, inertia)
+
+
+def _read_mass(findings: Findings, inertial: Element) -> float | None:
+    mass = inertial.find("mass")
+    if mass is None:
+        findings.error(inertial, 'has no <mass>; write <mass value="..."/>, in kg')
+        return None
+    return read_number(findings, mass, "value", required=True, negative=False)
+
+
+def _read_inertia(findings: Findings, inertial: Element) -> Moments | None:
+    inertia = inertial.find("inertia")
+    if inertia is None:
+        text = 'has no <inertia>; write ixx="..." iyy="..." izz="..." and the rest'
+        findings.error(inertial, text)
+        return None
+    xx, xy, xz, yy, yz, zz = (
+        read_number(findings, inertia, name, required=True, negative=name[1] != name[2])
+        for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    if xx is None or xy is None or xz is None or yy is None or yz is None or zz is None:
+        return None
+    return xx, xy, xz, yy, yz, zz
+
+
+def _read_geometry(
+    findings: Findings, part: Element, colors: Mapping[str, Rgba], shapes: Collection[str]
+) -> Geometry | None:
+    """Read a <visual> or <collision>; None if it has no one shape."""
+    origin = _read_origin(findings, part)
+    geometry = part.find("geometry")
+    known = f"one of: {', '.join(shapes)}"
+    if geometry is None:
+        findings.error(part, f"has no <geometry>; it takes {known}")
+        return None
+    found = [_read_shape(findings, element, shapes) for element in geometry]
+    if len(found) == 1:
+        color = _color(part.find("material"), colors)
+        return found[0] and Geometry(found[0], origin, color, findings.where(part))
+    if not found:
+        findings.error(geometry, f"is empty; it takes {known}")
+    else:
+        names = listing(str(element.tag) for element in geometry)
+        findings.error(
+            geometry,
+            f"holds {len(found)} shapes ({names}); it takes one; "
+            f"give the link a second <{part.tag}>",
+        )
+    return None
+
+
+def _read_shape(findings: Findings, element: Element, shapes: Collection[str]) -> Shape | None:
+    if element.tag not in shapes:
+        findings.error(element, f"unknown shape{did_you_mean(str(element.tag), shapes)}")
+        return None
+    if element.tag == "mesh":
+        return _read_mesh(findings, element)
+    if element.tag == "box":
+        if element.get("size") is None:
+            findings.error(element, 'has no size; write size="x y z", in m')
+        size = read_triple(findings, element, "size")
+        return Box(size) if size and _is_size(findings, element, "size", size) else None
+    radius = _read_size(findings, element, "radius")
+    if element.tag == "sphere":
+        return None if radius is None else Sphere(radius)
+    length = _read_size(findings, element, "length")
+    if radius is None or length is None:
+        return None
+    return (Cylinder if element.tag == "cylinder" else Capsule)(radius, length)
+
+
+def _read_size(findings: Findings, element: Element, attribute: str) -> float | None:
+    size = read_number(findings, element, attribute, required=True)
+    return size if size is not None and _is_size(findings, element, attribute, (size,)) else None
+
+
+def _is_size(
+    findings: Findings, element: Element, attribute: str, sizes: tuple[float, ...]
+) -> bool:
+    written = f'{attribute}="{element.get(attribute)}"'
+    if min(sizes) == 0:
+        findings.warning(element, f"{written} is zero; sizes are in m and above 0")
+    elif min(sizes) < 0:
+        findings.error(element, f"{written} is negative; sizes are in m and above 0")
+    return min(sizes) >= 0
+
+
+def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
+    uri = element.get("filename")
+    if not uri:
+        findings.error(element, 'names no file; write filename="package://<package>/<path>"')
+    scale: Triple | None = (1.0, 1.0, 1.0)
+    if element.get("scale") is not None:
+        scale = read_triple(findings, element, "scale")
+        if scale is not None and min(scale) <= 0:
+            text = f'scale="{element.get("scale")}" flattens or mirrors the mesh'
+            findings.warning(element, text)
+    return Mesh(uri, scale) if uri and scale else None
+
+
+def _named_colors(root: Element) -> dict[str, Rgba]:
+    """The colour of every material by name; one defined at the top overrides one in a link."""
+    found = {}
+    for material in [*root.iter("material"), *root.iterfind("material")]:
+        color, name = _own_color(material), material.get("name")
+        if color is not None and name:
+            found[name] = color
+    return found
+
+
+def _color(material: Element | None, colors: Mapping[str, Rgba]) -> Rgba | None:
+    if material is None:
+        return None
+    return _own_color(material) or colors.get(material.get("name", ""))
+
+
+def _own_color(material: Element) -> Rgba | None:
+    """The colour in ``material``; the check of materials reports what is wrong with it."""
+    color = material.find("color")
+    words = [] if color is None else color.get("rgba", "").split()
+    if len(words) != 4 or any(map(_fault, words)):
+        return None
+    red, green, blue, alpha = map(float, words)
+    return red, green, blue, alpha
+
+
+# Joints: ends, kind, axis, limits and what they follow.
+
+
+def read_ends(
+    findings: Findings, joints: Mapping[str, Element], links: Mapping[str, Element]
+) -> dict[str, tuple[str, str]]:
+    """Return the parent and child link of each joint whose ends are both known links."""
+    ends = {}
+    for name, joint in joints.items():
+        parent = _read_end(findings, joint, "parent", links)
+        child = _read_end(findings, joint, "child", links)
+        if parent is not None and child is not None:
+            if parent == child:
+                findings.error(
+                    joint, f'connects link "{parent}" with itself; parent or child is wrong'
+                )
+            else:
+                ends[name] = (parent, child)
+    return ends
+
+
+def _read_end(
+    findings: Findings, joint: Element, end: str, links: Mapping[str, Element]
+) -> str | None:
+    element = joint.find(end)
+    if element is None:
+        findings.error(joint, f'has no <{end}>; write <{end} link="..."/>')
+        return None
+    link = element.get("link")
+    if not link:
+        findings.error(element, f'names no link; write <{end} link="..."/>')
+        return None
+    if link not in links:
+        hint = did_you_mean(link, links, "links")
+        findings.error(element, f'there is no link "{link}"{hint}')
+        return None
+    return link
+
+
+def read_joint(
+    findings: Findings, name: str, element: Element, ends: tuple[str, str] | None
+) -> Joint:
+    """Read one joint; what is wrong is reported and replaced by a default."""
+    kind = _read_kind(findings, element)
+    origin = _read_origin(findings, element)
+    lower, upper, velocity, effort = _read_limit(findings, element, kind)
+    soft_lower, soft_upper = _read_soft_limits(findings, element)
+    damping, friction = _read_dynamics(findings, element)
+    parent, child = ends or ("", "")
+    return Joint(
+        name=name,
+        kind=kind,
+        parent=parent,
+        child=child,
+        origin=origin,
+        axis=_read_axis(findings, element, kind),
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        effort=effort,
+        soft_lower=soft_lower,
+        soft_upper=soft_upper,
+        damping=damping,
+        friction=friction,
+        mimic=_read_mimic(findings, element),
+        where=findings.where(element),
+    )
+
+
+def _read_kind(findings: Findings, element: Element) -> str:
+    kind = element.get("type")
+    if kind is None:
+        findings.error(element, f"has no type; write one of: {', '.join(JOINT_KINDS)}")
+    elif kind not in JOINT_KINDS:
+        hint = did_you_mean(kind, JOINT_KINDS)
+        findings.error(element, f'unknown joint type "{kind}"{hint}')
+    else:
+        return kind
+    return ""
+
+
+def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
+    axis = element.find("axis")
+    if axis is None:
+        return _DEFAULT_AXIS
+    if axis.get("xyz") is None:
+        findings.error(axis, 'has no xyz; write for example <axis xyz="0 0 1"/>')
+    xyz = read_triple(findings, axis, "xyz")
+    if xyz is None or kind not in _AXIS_KINDS:
+        return _DEFAULT_AXIS
+    largest = max(abs(value) for value in xyz)
+    if largest == 0:
+        findings.error(
+            axis, f'the axis of a {kind} joint cannot be zero; write for example "0 0 1"'
+        )
+        return _DEFAULT_AXIS
+    # Scaled first, so that neither huge nor tiny numbers leave the range of a float.
+    scaled = [value / largest for value in xyz]
+    norm = math.hypot(*scaled)
+    if abs(norm * largest - 1) > _AXIS_ROUNDING:
+        findings.warning(axis, f"the axis has length {norm * largest:.4g}; it is taken as length 1")
+    unit: Triple = (scaled[0] / norm, scaled[1] / norm, scaled[2] / norm)
+    if abs(norm * largest - 1) > 1e-6:
+        # Rerun turns by wrong angles about axes of another length.
+        axis.set("xyz", " ".join(repr(value) for value in unit))
+        return unit
+    return xyz if abs(norm * largest - 1) < 1e-15 else unit
+
+
+def _read_limit(
+    findings: Findings, element: Element, kind: str
+) -> tuple[float | None, float | None, float | None, float | None]:
+    """Return lower, upper, velocity and effort."""
+    limit = element.find("limit")
+    bounded = kind in _LIMITED_KINDS
+    if limit is None:
+        if bounded:
+            findings.error(
+                element,
+                f"a {kind} joint needs a limit; write "
+                '<limit lower="..." upper="..." effort="..." velocity="..."/>',
+            )
+        return (0.0, 0.0, None, None) if bounded else (None, None, None, None)
+    lower = read_number(findings, limit, "lower")
+    upper = read_number(findings, limit, "upper")
+    needed = kind in MOVING_KINDS
+    effort = read_number(findings, limit, "effort", required=needed, negative=False)
+    velocity = read_number(findings, limit, "velocity", required=needed, negative=False)
+    if not bounded:
+        if kind == "continuous" and (lower or upper):
+            findings.warning(limit, "a continuous joint has no lower or upper; make it revolute")
+        return None, None, velocity, effort
+    low, high = lower or 0.0, upper or 0.0  # as the specification has it
+    if low > high:
+        findings.error(limit, f"lower {low:g} is above upper {high:g}; swap them")
+    elif low == high == 0:
+        findings.warning(limit, "lower and upper are both 0, so the joint cannot move")
+    if velocity == 0:
+        findings.warning(limit, "velocity is 0, so the joint cannot move")
+    return low, high, velocity, effort
+
+
+def _read_soft_limits(findings: Findings, element: Element) -> tuple[float | None, float | None]:
+    safety = element.find("safety_controller")
+    if safety is None:
+        return None, None
+    lower = read_number(findings, safety, "soft_lower_limit")
+    return lower, read_number(findings, safety, "soft_upper_limit")
+
+
+def _read_dynamics(findings: Findings, element: Element) -> tuple[float, float]:
+    """Return damping and friction, of which only the simulation says what they may be."""
+    dynamics = element.find("dynamics")
+    if dynamics is None:
+        return 0.0, 0.0
+    damping = read_number(findings, dynamics, "damping")
+    return damping or 0.0, read_number(findings, dynamics, "friction") or 0.0
+
+
+def _read_mimic(findings: Findings, element: Element) -> Mimic | None:
+    mimic = element.find("mimic")
+    if mimic is None:
+        return None
+    joint = mimic.get("joint")
+    if not joint:
+        findings.error(mimic, 'names no joint; write <mimic joint="..."/>')
+        return None
+    multiplier = read_number(findings, mimic, "multiplier")
+    offset = read_number(findings, mimic, "offset")
+    return Mimic(joint, 1.0 if multiplier is None else multiplier, offset or 0.0)

@@ -1,0 +1,97 @@
+"""What the nodes publish about their parameters: descriptions, ranges, read-only flags."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from onebot_control.parameters import default_control_file
+from onebot_control.velocity_controller import VelocityController
+from onebot_description.description import load_description
+from onebot_description.joint_state_publisher import JointStatePublisher
+from onebot_description.node import RosArguments
+from onebot_description.robot_state_publisher import RobotStatePublisher
+
+# rclpy's own, of every node.
+OTHERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
+MRM = Path("mrm_description/urdf/mrm.xacro")
+
+
+@pytest.fixture
+def start(ros_domain: int) -> Iterator[Callable[..., Node]]:
+    """Makes a node with these parameters set on its command line."""
+    nodes: list[Node] = []
+
+    def make(build: Callable[[], Node], **parameters: Any) -> Node:
+        words = [word for n, v in parameters.items() for word in ("-p", f"{n}:={v}")]
+        rclpy.init(args=["--ros-args", *words])
+        nodes.append(build())
+        return nodes[0]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def described(node: Node) -> dict[str, Any]:
+    """The descriptor of each parameter; each has a description."""
+    names = sorted(n for n in node.get_parameters_by_prefix("") if not n.startswith(OTHERS))
+    found = dict(zip(names, node.describe_parameters(names), strict=True))
+    assert [name for name, one in found.items() if not one.description] == []
+    return found
+
+
+def float_range(descriptor: Any) -> tuple[float, float]:
+    """The least and the greatest value."""
+    (one,) = descriptor.floating_point_range
+    return one.from_value, one.to_value
+
+
+def test_robot_state_publisher(start: Callable[..., Node]) -> None:
+    """All four can be changed while it runs; 50 is as good as 50.0."""
+    node = start(lambda: RobotStatePublisher(load_description(MRM)), publish_frequency=50)
+    found = described(node)
+    assert float_range(found["publish_frequency"]) == (0.0, 1000.0)
+    assert not any(one.read_only for one in found.values())
+    assert node.get_parameter("robot_description").value.startswith("<")
+
+
+def test_joint_state_publisher(start: Callable[..., Node]) -> None:
+    """Those with names of the user's own are described as well, also if set while it runs."""
+    joint = "base_link__link_01"
+    names = [("", f"motions.{joint}.position")]
+    node = start(
+        lambda: JointStatePublisher(str(MRM), RosArguments((), names=names)),
+        **{f"motions.{joint}.position": 0.5},
+    )
+    found = described(node)
+    assert float_range(found["rate"]) == (0.0, 1000.0)
+    assert "above 0" in found["rate"].additional_constraints
+    assert "hold" in found[f"motions.{joint}.position"].description
+    assert node.get_parameter("source_list").value == []
+    new = rclpy.parameter.Parameter(f"zeros.{joint}", value=0.1)
+    assert node.set_parameters([new])[0].successful
+    assert "rests" in described(node)[f"zeros.{joint}"].description
+
+
+def test_velocity_controller(start: Callable[..., Node]) -> None:
+    """What is read at the start only is read-only; no range where NaN is "no limit"."""
+    arguments = RosArguments((default_control_file(),))
+    node = start(lambda: VelocityController(str(ONEBOT), arguments), x=1)
+    found = described(node)
+    read_only = {name for name, one in found.items() if one.read_only}
+    names = {"left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"}
+    assert read_only == {*names, "update_rate"}
+    assert float_range(found["publish_rate"]) == (0.0, 10_000.0)
+    (window,) = found["velocity_rolling_window_size"].integer_range
+    assert window.from_value == 1
+    assert not found["linear.x.max_velocity"].floating_point_range
+    assert "NaN: no limit" in found["linear.x.max_velocity"].additional_constraints
+    assert "one of auto, Twist" in found["cmd_vel_type"].additional_constraints
+    assert node.get_parameter("left_wheel_names").value == ["left_wheel_joint"]
+    assert node.get_parameter("x").value == 1
