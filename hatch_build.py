@@ -1,4 +1,4 @@
-"""Build hook of the wheel: compiles the type support of TFMessage.
+"""Build hook of the wheel: compiles the library of onebot_description.
 
 The result calls Python by its stable functions only, and is loaded with ctypes: one wheel serves
 every Python 3 on its platform. Where no C compiler exists, pip brings one for the time of the

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive import Drive
+from onebot_control.driven_robot import DrivenRobot
 from onebot_control.odometry import Odometry
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose, yaw_of
@@ -199,35 +199,35 @@ def measure(
     Raises:
         OneBotError: robot and config do not suit each other, or cannot be simulated.
     """
-    drive = Drive.of(description, config)
+    robot = DrivenRobot.of(description, config)
     try:
-        began, ticks = time.process_time(), drive.ticks
+        began, ticks = time.process_time(), robot.ticks
         results = []
         for path in paths:
-            drive.reset()
-            results.append(follow(drive, path))
+            robot.reset()
+            results.append(follow(robot, path))
         spent = time.process_time() - began
-        simulated = (drive.ticks - ticks) * drive.period
-        drive.reset()
-        standing = follow(drive, DrivenPath("rest", (Segment(0.0, 0.0, rest),)))
+        simulated = (robot.ticks - ticks) * robot.period
+        robot.reset()
+        standing = follow(robot, DrivenPath("rest", (Segment(0.0, 0.0, rest),)))
         factor = simulated / max(spent, 1e-9)
         return Report(tuple(results), standing.truth_worst, rest, factor, config.update_rate)
     finally:
-        drive.plant.close()
+        robot.plant.close()
 
 
-def follow(drive: Drive, path: DrivenPath) -> Result:
+def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
     """Drive one path with a robot that stands at its odometry's zero."""
-    commanded = Odometry(drive.controller.odometry.kinematics)
-    start = drive.true_pose
+    commanded = Odometry(robot.controller.odometry.kinematics)
+    start = robot.true_pose
     heading = start.yaw
     length = turned = odometry_worst = truth_worst = 0.0
     truth = odometry = planned = PlanarPose()
-    for command in (*_commands(path, drive.period), None):
+    for command in (*_commands(path, robot.period), None):
         # Without a command this is a look at the end, at rest.
         if command is not None:
-            drive.accept(*command)
-        snapshot = drive.begin()
+            robot.accept(*command)
+        snapshot = robot.begin()
         position, rotation = snapshot.pose.translation.tolist(), snapshot.pose.rotation.tolist()
         # Headings are followed round and round.
         heading += math.remainder(yaw_of(*rotation) - heading, 2.0 * math.pi)
@@ -237,12 +237,12 @@ def follow(drive: Drive, path: DrivenPath) -> Result:
         truth_worst = max(truth_worst, deviation(truth, planned).place)
         if command is None:
             break
-        drive.finish()
+        robot.finish()
         linear, angular = snapshot.command.linear, snapshot.command.angular
-        commanded.update_open_loop(linear, angular, drive.period)
+        commanded.update_open_loop(linear, angular, robot.period)
         planned = PlanarPose(commanded.x, commanded.y, commanded.heading)
-        length += abs(linear) * drive.period
-        turned += abs(angular) * drive.period
+        length += abs(linear) * robot.period
+        turned += abs(angular) * robot.period
     return Result(path, planned, odometry, truth, length, turned, odometry_worst, truth_worst)
 
 

@@ -1,4 +1,8 @@
-"""The thread that runs the control cycles, and the only one that touches the robot."""
+"""The thread that runs the control cycles, and the only one that touches the robot.
+
+A ``Pacer`` makes the cycles due on a monotonic clock; ``SystemStamps`` gives them stamps of the
+system clock that are as evenly spaced.
+"""
 
 import ctypes
 import sys
@@ -8,26 +12,18 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from onebot_control.drive import Drive, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_description.errors import OneBotError
 from onebot_description.wire.cdr import NANO
 
-# When the control cycles are due, and what their stamps are.
+T = TypeVar("T")
 
 # The system clock is followed when it is this far from the cycles' own count, ns.
 _DRIFT = 2_000_000
+_PATIENCE = 10.0  # s for the loop to answer
+_PAUSED_WAIT = 0.01  # s between polls of the inbox while simulated time stands still
 # Of Linux's <sys/prctl.h>.
 _PR_SET_TIMERSLACK = 29
-
-
-def wake_exactly() -> None:
-    """Have the calling thread's waits end on time, not up to 50 us later as Linux's usually do.
-
-    Elsewhere, and where it is not allowed, nothing happens.
-    """
-    if sys.platform == "linux":
-        one_ns = ctypes.c_ulong(1)  # 0 would be the default again
-        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, one_ns)
 
 
 class Pacer:
@@ -115,31 +111,26 @@ class Divider:
 
     def due(self) -> bool:
         """Return whether this cycle is picked."""
-        # A hair's breadth, so that rounding errors of the sum drop no cycle.
+        # A little less than 1, so that rounding errors of the sum drop no cycle.
         picked = self._phase >= 1.0 - 1e-9
         self._phase += self._share - (1.0 if picked else 0.0)
         return picked
 
 
-T = TypeVar("T")
-_PATIENCE = 10.0  # s for the loop to answer
-_PAUSED_WAIT = 0.01  # s between looks at the inbox where nothing else sets a pace
-
-
 class ControlLoop:
     """Drives a robot at a fixed pace in a thread of its own.
 
-    Others hand it functions to call between two cycles, so that there is nothing to lock.
+    Other threads pass it functions to call between two cycles, so that there is nothing to lock.
 
     Attributes:
-        drive: the robot; for other threads to read, not to change.
+        robot: the robot; for other threads to read, not to change.
         simulated: whether stamps are simulated time, else the system's.
         paused: whether simulated time stands still.
     """
 
     def __init__(
         self,
-        drive: Drive,
+        robot: DrivenRobot,
         publish: Callable[[Snapshot, int], None],
         *,
         simulated: bool = False,
@@ -149,14 +140,14 @@ class ControlLoop:
         """Get ready; ``start`` starts.
 
         Args:
-            drive: the robot.
+            robot: the robot.
             publish: called in each cycle with the robot's state and its stamp in ns, before the
                 robot moves on.
             simulated: whether stamps are simulated time.
             late: called with the seconds that cycles were left out for.
             failed: called with what ended the loop, if it was not ``stop``.
         """
-        self.drive, self.simulated, self.paused = drive, simulated, False
+        self.robot, self.simulated, self.paused = robot, simulated, False
         self._publish, self._late, self._failed = publish, late, failed
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
@@ -168,7 +159,7 @@ class ControlLoop:
 
     def start(self) -> None:
         """Start with the first cycle."""
-        config = self.drive.config
+        config = self.robot.config
         self._pacer = Pacer(1.0 / config.update_rate, config.real_time_factor)
         self._stamps = SystemStamps()
         self._thread.start()
@@ -195,7 +186,7 @@ class ControlLoop:
         result: list[T] = []
         refused: list[OneBotError] = []
 
-        def job() -> None:
+        def call() -> None:
             try:
                 result.append(function())
             except OneBotError as error:
@@ -203,7 +194,7 @@ class ControlLoop:
             finally:
                 done.set()
 
-        self.post(job)
+        self.post(call)
         if not done.wait(_PATIENCE):
             raise OneBotError("the control loop does not answer")
         if refused:
@@ -212,14 +203,14 @@ class ControlLoop:
             raise OneBotError("the control loop has failed")
         return result[0]
 
-    def use(self, drive: Drive) -> None:
-        """Go on with another robot (call it by ``post`` or ``call``)."""
-        self.drive.plant.close()
-        self.drive = drive
+    def use(self, robot: DrivenRobot) -> None:
+        """Replace the robot (call it by ``post`` or ``call``)."""
+        self.robot.plant.close()
+        self.robot = robot
 
     def set_factor(self, factor: float) -> None:
         """Change the real-time factor (call it by ``post`` or ``call``)."""
-        self._pacer.set(self.drive.period, factor)
+        self._pacer.set(self.robot.period, factor)
 
     def step(self) -> None:
         """Do one cycle although paused (call it by ``call``)."""
@@ -231,33 +222,33 @@ class ControlLoop:
         """Return the current cycle's stamp, ns."""
         if self.simulated:
             # One period ahead, because a stamp of 0 means "not known" in ROS.
-            return round((self.drive.ticks + 1) * NANO / self.drive.config.update_rate)
+            return round((self.robot.ticks + 1) * NANO / self.robot.config.update_rate)
         return self._stamps.at(self._pacer.due)
 
     def _run(self) -> None:
         try:
             wake_exactly()
             while not self._stopped:
-                self._do_jobs()
+                self._call_posted()
                 if not self.paused:
                     self._cycle(self.now_ns())
                 elif not self.simulated:
-                    # Time goes on and whoever listens needs transforms of now.
-                    self._publish(self.drive.snapshot(), self.now_ns())
+                    # The system's time goes on, and subscribers need transforms of now.
+                    self._publish(self.robot.snapshot(), self.now_ns())
                 self._pacer.next(self._wait)
                 if self._pacer.lag:
                     self._late(self._pacer.lag)
         except BaseException as error:
             self._failed(error)
         finally:
-            self.drive.plant.close()
+            self.robot.plant.close()
 
     def _cycle(self, stamp: int) -> None:
-        snapshot = self.drive.begin()
+        snapshot = self.robot.begin()
         self._publish(snapshot, stamp)
-        self.drive.finish()
+        self.robot.finish()
 
-    def _do_jobs(self) -> None:
+    def _call_posted(self) -> None:
         while not self._inbox.empty():
             self._inbox.get()()
 
@@ -266,3 +257,13 @@ class ControlLoop:
             seconds = max(seconds, _PAUSED_WAIT)
         if self._running.acquire(timeout=seconds):
             self._running.release()
+
+
+def wake_exactly() -> None:
+    """Have the calling thread's waits end on time, not up to 50 us later as Linux's usually do.
+
+    Elsewhere, and where it is not allowed, nothing happens.
+    """
+    if sys.platform == "linux":
+        one_ns = ctypes.c_ulong(1)  # 0 would be the default again
+        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, one_ns)

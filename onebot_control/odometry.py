@@ -4,25 +4,23 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-# Differential drive: what the wheels' turning and the body's motion have to do with each other.
+# Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
+_STRAIGHT = 1e-6
 
 
 @dataclass(frozen=True)
 class DiffDriveKinematics:
-    """Two sides of wheels on one axle; the body's frame is in the middle, x forward, y left.
+    """How the wheels' turning and the body's motion depend on each other.
 
-    Attributes:
-        separation: distance between the left and the right wheels, m.
-        left_radius: of the wheels on the left, m.
-        right_radius: of those on the right, m.
+    Two sides of wheels are on one axle; the body's frame is in the middle, x forward, y left.
     """
 
-    separation: float
-    left_radius: float
-    right_radius: float
+    separation: float  # distance between the left and the right wheels, m
+    left_radius: float  # of the wheels on the left, m
+    right_radius: float  # of those on the right, m
 
     def __post_init__(self) -> None:
-        """Refuse what no robot has."""
+        """Check that all are above 0."""
         for name in ("separation", "left_radius", "right_radius"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
@@ -39,7 +37,7 @@ class DiffDriveKinematics:
         return (linear - across) / self.left_radius, (linear + across) / self.right_radius
 
     def body_motion(self, left: float, right: float) -> tuple[float, float]:
-        """Return the body's way forward in m and its turn to the left in rad.
+        """Return how far the body moves forward, m, and turns to the left, rad.
 
         Args:
             left: how far the left wheels have turned, rad (or rad/s, for velocities).
@@ -47,10 +45,6 @@ class DiffDriveKinematics:
         """
         way_left, way_right = left * self.left_radius, right * self.right_radius
         return (way_left + way_right) / 2.0, (way_right - way_left) / self.separation
-
-
-# Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
-_STRAIGHT = 1e-6
 
 
 class RollingMean:
@@ -61,7 +55,7 @@ class RollingMean:
         self._values: deque[float] = deque(maxlen=size)
 
     def add(self, value: float) -> float:
-        """Take one more value; return the mean."""
+        """Add a value; return the mean."""
         self._values.append(value)
         return sum(self._values) / len(self._values)
 
@@ -75,8 +69,8 @@ class RollingMean:
 class Odometry:
     """Pose and twist of a differential drive.
 
-    It begins at zero with the first positions it hears, whatever they are, and looks at durations
-    only, never at a clock: neither wheels that stand elsewhere nor a clock set back make it jump.
+    It begins at zero with the first positions it gets, whatever they are, and uses durations only,
+    never a clock: neither wheels that begin elsewhere nor a clock set back make it jump.
 
     Attributes:
         x: m, in the odometry's frame.

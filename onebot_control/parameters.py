@@ -22,10 +22,10 @@ from onebot_description.parameters.reader import (
     is_of_every_node,
     is_parameter,
     parameter,
-    plain,
     read,
     unknown_parameters,
 )
+from onebot_description.parameters.values import plain
 
 if TYPE_CHECKING:
     from onebot_control.wheel_geometry import WheelGeometry

@@ -16,7 +16,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from onebot_control.control_loop import Divider
-from onebot_control.drive import Drive, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.poses import PlanarPose, prefixed
 from onebot_control.simulation import Twist
 from onebot_description.model import quaternions
@@ -43,9 +43,9 @@ class Publishers:
         self._limited = node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
         self._clock = node.create_publisher(Clock, "/clock", _DEPTH) if simulated else None
 
-    def use(self, drive: Drive) -> None:
+    def use(self, robot: DrivenRobot) -> None:
         """Publish this robot from now on, with its parameters as they are now."""
-        self._drive, config = drive, drive.config
+        self._robot, config = robot, robot.config
         odom, base = (
             prefixed(frame, config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace)
             for frame in (config.odom_frame_id, config.base_frame_id)
@@ -60,11 +60,11 @@ class Publishers:
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
         self._limited_message = TwistStamped()
-        self._joint_message = JointState(name=drive.broadcaster.names)
+        self._joint_message = JointState(name=robot.broadcaster.names)
         for message, frame in (
             (self._transform, odom),
             (self._limited_message, base),
-            (self._joint_message, drive.broadcaster.frame_id),
+            (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
         self._due = Divider(config.publish_rate, config.update_rate)
@@ -86,25 +86,25 @@ class Publishers:
 
     def publish(self, snapshot: Snapshot, stamp_ns: int) -> None:
         """Publish all that is due."""
-        drive = self._drive
+        robot = self._robot
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
         if self._clock is not None:
             self._clock.publish(self._clock_message)
         joints = self._joint_message
-        joints.position, joints.velocity, joints.effort = drive.broadcaster.values(snapshot.joints)
+        joints.position, joints.velocity, joints.effort = robot.broadcaster.values(snapshot.joints)
         self._joint_states.publish(joints)
-        if drive.config.publish_limited_velocity:
+        if robot.config.publish_limited_velocity:
             command = snapshot.command
             _fill_planar(self._limited_message.twist, command.linear, command.angular)
             self._limited.publish(self._limited_message)
         if self._due.due():
             self._publish_odometry(snapshot)
-        if drive.origin != self._origin:
+        if robot.origin != self._origin:
             self._publish_origin(stamp_ns)
 
     def _publish_odometry(self, snapshot: Snapshot) -> None:
         pose = _transform_values(snapshot.odometry)
-        if self._drive.config.enable_odom_tf:
+        if self._robot.config.enable_odom_tf:
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
         _fill_pose(self._odom_message.pose.pose, pose)
@@ -117,14 +117,14 @@ class Publishers:
     def _true_pose(self, snapshot: Snapshot) -> Sequence[float]:
         translation, rotation = snapshot.pose
         if not self._world:
-            back = np.array(_transform_values(self._drive.origin.inverse()))
+            back = np.array(_transform_values(self._robot.origin.inverse()))
             translation = back[:3] + quaternions.rotate(back[3:], translation)
             rotation = quaternions.multiply(back[3:], rotation)
         return (*translation.tolist(), *rotation.tolist())
 
     def _publish_origin(self, stamp_ns: int) -> None:
         """Publish where the odometry's zero is in the world."""
-        self._origin = self._drive.origin
+        self._origin = self._robot.origin
         if self._world:
             message = TransformStamped(child_frame_id=self.odom_frame)
             message.header.frame_id = self._world

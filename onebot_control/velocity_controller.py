@@ -10,10 +10,10 @@ Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
         linear.x and angular.z count. See cmd_vel_type.
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): puts the robot there, at rest; frame_id is
-        world_frame_id (or empty) or the odometry's. The odometry takes no notice.
-    ~/set_odometry (geometry_msgs/msg/PoseStamped, depth 10): makes the odometry say this pose.
+        world_frame_id (or empty) or the odometry's. The odometry does not change.
+    ~/set_odometry (geometry_msgs/msg/PoseStamped, depth 10): sets the odometry to this pose.
     robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or a path as
-        the parameter gives it; a changed one is taken up where the robot stands.
+        the parameter gives it; a changed one is applied where the robot is.
 
 Publishes (reliable, depth 10, if not said otherwise):
     joint_states (sensor_msgs/msg/JointState): every control cycle; rad, rad/s, Nm.
@@ -35,8 +35,8 @@ Services:
 
 Parameters: those of diff_drive_controller, and (* is read at the start only)
     cmd_vel_type (string, default auto): Twist, TwistStamped, or auto: the one that is published.
-    robot_description* (string, default ""): the URDF to start with, before the topic tells one, or
-        the path of a URDF or xacro file.
+    robot_description* (string, default ""): the URDF to start with, before one is published, or the
+        path of a URDF or xacro file.
     x*, y* (double, m), yaw* (double, rad; default 0.0): where the robot starts in the world.
     update_rate* (double or integer, Hz, default 100): control cycles; controller_manager's.
     real_time_factor (double, default 1.0): simulated seconds a second; 0.0 is as fast as possible.
@@ -64,8 +64,13 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.control_loop import ControlLoop
-from onebot_control.drive import Drive, JointStateBroadcaster, geometry_of
-from onebot_control.parameters import ControlParameters, default_control_file, read_control_files
+from onebot_control.driven_robot import DrivenRobot, JointStateBroadcaster, geometry_of
+from onebot_control.parameters import (
+    ControlConfig,
+    ControlParameters,
+    default_control_file,
+    read_control_files,
+)
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Publishers
 from onebot_description.description import Description, load_description, parse_description
@@ -81,386 +86,18 @@ from onebot_description.node import (
 from onebot_description.parameters.reader import ConfigError
 from onebot_description.wire.cdr import nanoseconds
 
-# velocity_controller's services: back to the start, and the passing of simulated time.
-
-
-class Services:
-    """~/reset, ~/reset_odometry, ~/pause and ~/step."""
-
-    def __init__(self, node: Node, robot: Callable[[], ControlLoop | None]) -> None:
-        """Offer them.
-
-        Args:
-            node: of which the services are.
-            robot: returns the loop that drives the robot, None as long as there is no robot.
-        """
-        self._robot = robot
-        node.create_service(Trigger, "~/reset", self._on_reset)
-        node.create_service(Trigger, "~/reset_odometry", self._on_reset_odometry)
-        node.create_service(SetBool, "~/pause", self._on_pause)
-        node.create_service(Trigger, "~/step", self._on_step)
-
-    def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.drive.reset())
-
-    def _on_reset_odometry(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.drive.place_odometry(PlanarPose()))
-
-    def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
-        return self._answer(answer, lambda loop: setattr(loop, "paused", request.data))
-
-    def _on_step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.step())
-
-    def _answer(
-        self,
-        answer: Trigger.Response | SetBool.Response,
-        action: Callable[[ControlLoop], object],
-    ) -> Trigger.Response | SetBool.Response:
-        loop = self._robot()
-        try:
-            if loop is None:
-                raise OneBotError("there is no robot yet")
-            loop.call(lambda: action(loop))
-            answer.success = True
-        except OneBotError as error:
-            answer.success, answer.message = False, str(error)
-        return answer
-
-
-# The topics that put velocity_controller's robot, or its odometry, somewhere else.
-
 _DEPTH = 10  # ROS's system default
-
-
-class PoseTopics:
-    """~/teleport and ~/set_odometry."""
-
-    def __init__(
-        self,
-        node: Node,
-        robot: Callable[[], ControlLoop | None],
-        odom_frame: Callable[[], str],
-        warn: Callable[[str, str], None],
-    ) -> None:
-        """Subscribe.
-
-        Args:
-            node: of which the topics are.
-            robot: returns the loop that drives the robot, None as long as there is no robot.
-            odom_frame: returns the frame of the robot's odometry.
-            warn: called with a key and a text to warn of.
-        """
-        self._robot, self._odom_frame, self._warn = robot, odom_frame, warn
-        node.create_subscription(PoseStamped, "~/teleport", self._on_teleport, _DEPTH)
-        node.create_subscription(PoseStamped, "~/set_odometry", self._on_set_odometry, _DEPTH)
-
-    def _on_teleport(self, message: PoseStamped) -> None:
-        self._with_pose("teleport", message, self._teleport)
-
-    def _on_set_odometry(self, message: PoseStamped) -> None:
-        self._with_pose("set_odometry", message, self._place_odometry)
-
-    def _with_pose(
-        self, topic: str, message: PoseStamped, use: Callable[[ControlLoop, str, PlanarPose], None]
-    ) -> None:
-        loop, pose = self._robot(), planar_pose(message)
-        if loop is None:
-            self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
-        elif not all(math.isfinite(value) for value in pose):
-            text = "the pose is not finite, or its orientation no unit quaternion"
-            self._warn(topic, f"~/{topic} is ignored: {text}")
-        else:
-            try:
-                loop.call(lambda: use(loop, message.header.frame_id, pose))
-            except (OneBotError, ValueError) as error:
-                self._warn(topic, f"~/{topic} is ignored: {error}")
-
-    def _teleport(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
-        world, odom = loop.drive.config.world_frame_id, self._odom_frame()
-        if frame == odom or not (frame or world):
-            pose = loop.drive.origin.then(pose)
-        elif frame not in ("", world):
-            raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
-        loop.drive.teleport(pose)
-
-    def _place_odometry(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
-        odom = self._odom_frame()
-        if frame not in ("", odom):
-            raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
-        loop.drive.place_odometry(pose)
-
-
-def planar_pose(message: PoseStamped) -> PlanarPose:
-    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
-    p, q = message.pose.position, message.pose.orientation
-    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
-    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
-    return PlanarPose(p.x, p.y, yaw)
-
-
-# ~/cmd_vel, as Twist or as TwistStamped, whichever is published.
-
-_TOPIC = "~/cmd_vel"
-_TYPES = {"Twist": Twist, "TwistStamped": TwistStamped}
-_NAMES = {f"geometry_msgs/msg/{name}": name for name in _TYPES}
-
-
-class CommandTopic:
-    """Hears commands of either type.
-
-    Attributes:
-        kind: the type subscribed to, "Twist" or "TwistStamped".
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        choice: str,
-        heard: Callable[[float, float, int | None], None],
-        warn: Callable[[str, str], None],
-    ) -> None:
-        """Subscribe.
-
-        Args:
-            node: of which ~/cmd_vel is.
-            choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
-            heard: called with linear.x in m/s, angular.z in rad/s, and the stamp in ns (None for a
-                Twist, which has none).
-            warn: called with a key and a text to warn of.
-        """
-        self._node, self._heard, self._warn = node, heard, warn
-        self.kind = ""
-        self._subscription: Subscription | None = None
-        self._choice = choice
-        self._wanted = "Twist" if choice == "auto" else choice
-        self._subscribe(self._wanted)
-
-    def choose(self, choice: str) -> None:
-        """Change over to another choice (see the constructor); with the next ``follow``."""
-        self._choice = choice
-        if choice not in ("auto", self._wanted):
-            self._wanted = choice
-            self._leave()
-
-    def follow(self) -> None:
-        """Look at who publishes, and change over if it is only the other type.
-
-        To be called several times a second.
-        """
-        if self._subscription is None:
-            self._subscribe(self._wanted)
-            return
-        infos = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(_TOPIC))
-        kinds = {info.topic_type for info in infos}
-        published = {_NAMES[kind] for kind in kinds if kind in _NAMES}
-        if self._choice == "auto" and published and self.kind not in published:
-            self._wanted = published.pop()
-            self._leave()
-            return
-        ignored = sorted(kinds - {f"geometry_msgs/msg/{self.kind}"})
-        if ignored:
-            hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
-            text = f"{_TOPIC} is also published as {', '.join(ignored)}, which is ignored{hint}"
-            self._warn("type", f"{text}; {self.kind} is heard")
-
-    def _leave(self) -> None:
-        """Give up the subscription; a new one of this name can only be made once it is gone.
-
-        The executor lets go of it after the callback this is called from, so not before then.
-        """
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
-
-    def _subscribe(self, kind: str) -> None:
-        callback = self._on_twist if kind == "Twist" else self._on_stamped
-        self._subscription = self._node.create_subscription(_TYPES[kind], _TOPIC, callback, _DEPTH)
-        if self.kind:
-            self._node.get_logger().info(f"commands are {kind} now")
-        self.kind = kind
-
-    def _on_twist(self, message: Twist) -> None:
-        self._heard(message.linear.x, message.angular.z, None)
-
-    def _on_stamped(self, message: TwistStamped) -> None:
-        twist = message.twist
-        self._heard(twist.linear.x, twist.angular.z, nanoseconds(message.header.stamp))
-
-
-# What velocity_controller does: a robot that is driven, as topics, services and parameters.
-
-_LOOK_EVERY = 0.1  # s between looks at who publishes commands
+_POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _TOO_LATE = 0.05  # s of lag worth a warning
-
-
-class Driving:
-    """Drives the robot of a node, whose docstring says what it publishes, subscribes and takes."""
-
-    def __init__(self, node: Node, arguments: RosArguments) -> None:
-        """Declare and announce everything; ``start`` starts.
-
-        Args:
-            node: velocity_controller.
-            arguments: parameter files and the names of parameters set on the command line.
-
-        Raises:
-            OneBotError: the parameters cannot be used.
-        """
-        self._node = node
-        self._loop: ControlLoop | None = None
-        self._failure: BaseException | None = None
-        self._warn = Throttled(node.get_logger().warning)
-        self._settings = ControlParameters(node, arguments)
-        config = self._settings.config
-        self._simulated = node.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
-        self._output = Publishers(node, self._simulated)
-        self._commands = CommandTopic(node, config.cmd_vel_type, self._on_command, self._warn)
-        PoseTopics(node, self._robot, lambda: self._output.odom_frame, self._warn)
-        Services(node, self._robot)
-        node.add_on_set_parameters_callback(self._validate)
-        node.add_post_set_parameters_callback(self._accept)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_LOOK_EVERY, self._look, clock=steady)
-
-    def start(self, file: str | None) -> None:
-        """Drive the robot whose description is at hand, or wait for one on the topic.
-
-        Raises:
-            OneBotError: the description cannot be used.
-        """
-        text = self._settings.values["robot_description"]
-        if file:
-            self._drive(load_description(file))
-        elif text:
-            self._drive(described_by(text))
-        if not file and not is_path(text):
-            DescriptionTopic(self._node, self._on_description, lambda: self._loop is not None)
-
-    def stop(self) -> None:
-        """Stop the control loop, and with it the robot."""
-        if self._loop is not None:
-            self._loop.stop()
-
-    def _drive(self, description: Description) -> None:
-        try:
-            drive = Drive.of(description, self._settings.config)
-        except ConfigError as error:
-            raise self._settings.located(error) from None
-        self._output.use(drive)
-        self._loop = ControlLoop(
-            drive,
-            self._output.publish,
-            simulated=self._simulated,
-            late=self._say_late,
-            failed=self._fail,
-        )
-        # From here on, what lives need not be looked through for garbage again and again.
-        gc.freeze()
-        self._loop.start()
-        # Only now: a process's first line of log takes rclpy 20 ms.
-        for warning in description.warnings:
-            self._node.get_logger().warning(warning)
-        separation, radius = drive.geometry
-        self._node.get_logger().info(
-            f'driving robot "{description.robot_name}": wheels {separation:g} m apart, of radius '
-            f"{radius:g} m"
-        )
-
-    def _robot(self) -> ControlLoop | None:
-        return self._loop
-
-    def _on_description(self, urdf: str) -> None:
-        loop = self._loop
-        if loop is not None and loop.drive.description.urdf == urdf:
-            return
-        try:
-            description = parse_description(urdf, "robot_description")
-            if loop is None:
-                self._drive(description)
-            elif description.urdf != loop.drive.description.urdf:
-                loop.call(lambda: self._replace(loop, description))
-                self._node.get_logger().info("changed robot description taken up")
-        except OneBotError as error:
-            if loop is None:
-                raise
-            self._node.get_logger().error(
-                f"robot description refused, going on as before:\n{error}"
-            )
-
-    def _replace(self, loop: ControlLoop, description: Description) -> None:
-        drive = loop.drive.replaced(description)
-        self._output.use(drive)
-        loop.use(drive)
-
-    # Commands --------------------------------------------------------------------------------
-
-    def _on_command(self, linear: float, angular: float, stamp: int | None) -> None:
-        loop = self._loop
-        if loop is None:
-            return
-        if stamp == 0:
-            text = "~/cmd_vel has stamp 0, which is taken as now (said once)"
-            self._warn("stamp", text, every=math.inf)
-        now = loop.now_ns() if self._simulated else time.time_ns()
-        age = (now - stamp) * 1e-9 if stamp else 0.0
-        loop.post(lambda: self._take(loop.drive, linear, angular, age))
-
-    def _take(self, drive: Drive, linear: float, angular: float, age: float) -> None:
-        refused = drive.accept(linear, angular, age)
-        if refused:
-            self._warn("command", f"~/cmd_vel is ignored: {refused}")
-
-    # Parameters ------------------------------------------------------------------------------
-
-    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            config = self._settings.changed(parameters, self._simulated)
-            if self._loop is not None:
-                drive = self._loop.drive
-                geometry_of(drive.description, config)
-                JointStateBroadcaster(config.broadcaster, drive.plant.joints)
-        except OneBotError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _accept(self, parameters: Sequence[Parameter]) -> None:
-        before = self._settings.config
-        self._settings.accept(parameters)
-        config, loop = self._settings.config, self._loop
-        if config == before:
-            return
-        if config.cmd_vel_type != before.cmd_vel_type:
-            self._commands.choose(config.cmd_vel_type)
-        if loop is not None:
-
-            def take_up() -> None:
-                loop.drive.configure(config)
-                loop.set_factor(config.real_time_factor)
-                self._output.use(loop.drive)
-
-            loop.call(take_up)
-
-    # What is said ----------------------------------------------------------------------------
-
-    def _look(self) -> None:
-        if self._failure is not None:
-            raise self._failure
-        self._commands.follow()
-
-    def _fail(self, error: BaseException) -> None:
-        self._failure = error
-
-    def _say_late(self, lag: float) -> None:
-        if lag > _TOO_LATE:
-            text = f"control cycles were left out for {lag:.3f} s: the machine is too busy"
-            self._warn("late", text)
-
-
-# Imported when the node is there; who stands by for it may import it before (see start_module).
-IMPORTED_LATER = ("onebot_control.velocity_controller",)
 # s after which the interpreter hands its lock to the control thread; 5 ms by default.
 _SWITCH_INTERVAL = 0.0005
+
+_COMMAND_TOPIC = "~/cmd_vel"
+_COMMAND_TYPES = {"Twist": Twist, "TwistStamped": TwistStamped}
+_COMMAND_NAMES = {f"geometry_msgs/msg/{name}": name for name in _COMMAND_TYPES}
+
+Warn = Callable[[str, str], None]  # key, text
+GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
 
 class VelocityController(Node):
@@ -477,17 +114,335 @@ class VelocityController(Node):
             OneBotError: the parameters or the description cannot be used.
         """
         super().__init__("velocity_controller")
-        # Only now: meanwhile this process and the others find each other, which takes as long.
-
-        self._driving = Driving(self, arguments or RosArguments())
+        self._loop: ControlLoop | None = None
+        self._failure: BaseException | None = None
+        self._warn = Throttled(self.get_logger().warning)
+        self._settings = ControlParameters(self, arguments or RosArguments())
+        config = self._settings.config
+        self._simulated = self.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
+        self._publishing = Publishers(self, self._simulated)
+        self._commands = CommandTopic(self, config.cmd_vel_type, self._on_command, self._warn)
+        PoseTopics(self, lambda: self._loop, lambda: self._publishing.odom_frame, self._warn)
+        Services(self, lambda: self._loop)
+        self.add_on_set_parameters_callback(self._validate)
+        self.add_post_set_parameters_callback(self._apply)
+        self.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
         # Last, because from here on the robot moves: whoever stops us must find a whole node.
-        self._driving.start(file)
+        self._start(file)
 
     def destroy_node(self) -> None:
         """Stop the control loop, and with it the robot, and then the node."""
-        if hasattr(self, "_driving"):
-            self._driving.stop()
+        if loop := getattr(self, "_loop", None):
+            loop.stop()
         super().destroy_node()
+
+    def _start(self, file: str | None) -> None:
+        """Drive the robot whose description is given, or wait for one on the topic."""
+        text = self._settings.values["robot_description"]
+        if file:
+            self._drive(load_description(file))
+        elif text:
+            self._drive(described_by(text))
+        if not file and not is_path(text):
+            DescriptionTopic(self, self._on_description, lambda: self._loop is not None)
+
+    def _drive(self, description: Description) -> None:
+        try:
+            robot = DrivenRobot.of(description, self._settings.config)
+        except ConfigError as error:
+            raise self._settings.located(error) from None
+        self._publishing.use(robot)
+        self._loop = ControlLoop(
+            robot,
+            self._publishing.publish,
+            simulated=self._simulated,
+            late=self._warn_late,
+            failed=self._fail,
+        )
+        # From here on, what lives need not be searched for garbage again and again.
+        gc.freeze()
+        self._loop.start()
+        # Only now: a process's first line of log takes rclpy 20 ms.
+        for warning in description.warnings:
+            self.get_logger().warning(warning)
+        separation, radius = robot.geometry
+        self.get_logger().info(
+            f'driving robot "{description.robot_name}": wheels {separation:g} m apart, of radius '
+            f"{radius:g} m"
+        )
+
+    def _on_description(self, urdf: str) -> None:
+        loop = self._loop
+        if loop is not None and loop.robot.description.urdf == urdf:
+            return
+        try:
+            description = parse_description(urdf, "robot_description")
+            if loop is None:
+                self._drive(description)
+            elif description.urdf != loop.robot.description.urdf:
+                loop.call(lambda: self._replace(loop, description))
+                self.get_logger().info("now driving by the changed robot description")
+        except OneBotError as error:
+            if loop is None:
+                raise
+            self.get_logger().error(f"robot description refused, going on as before:\n{error}")
+
+    def _replace(self, loop: ControlLoop, description: Description) -> None:
+        robot = loop.robot.replaced(description)
+        self._publishing.use(robot)
+        loop.use(robot)
+
+    def _on_command(self, linear: float, angular: float, stamp: int | None) -> None:
+        loop = self._loop
+        if loop is None:
+            return
+        if stamp == 0:
+            text = "~/cmd_vel has stamp 0, which is taken as now (logged once)"
+            self._warn("stamp", text, every=math.inf)
+        now = loop.now_ns() if self._simulated else time.time_ns()
+        age = (now - stamp) * 1e-9 if stamp else 0.0
+        loop.post(lambda: self._command(loop.robot, linear, angular, age))
+
+    def _command(self, robot: DrivenRobot, linear: float, angular: float, age: float) -> None:
+        refused = robot.accept(linear, angular, age)
+        if refused:
+            self._warn("command", f"~/cmd_vel is ignored: {refused}")
+
+    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            config = self._settings.changed(parameters, self._simulated)
+            if self._loop is not None:
+                robot = self._loop.robot
+                geometry_of(robot.description, config)
+                JointStateBroadcaster(config.broadcaster, robot.plant.joints)
+        except OneBotError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        before = self._settings.config
+        self._settings.accept(parameters)
+        config, loop = self._settings.config, self._loop
+        if config == before:
+            return
+        if config.cmd_vel_type != before.cmd_vel_type:
+            self._commands.choose(config.cmd_vel_type)
+        if loop is not None:
+            loop.call(lambda: self._configure(loop, config))
+
+    def _configure(self, loop: ControlLoop, config: ControlConfig) -> None:
+        loop.robot.configure(config)
+        loop.set_factor(config.real_time_factor)
+        self._publishing.use(loop.robot)
+
+    def _poll(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        self._commands.follow()
+
+    def _fail(self, error: BaseException) -> None:
+        self._failure = error
+
+    def _warn_late(self, lag: float) -> None:
+        if lag > _TOO_LATE:
+            text = f"control cycles were left out for {lag:.3f} s: the machine is too busy"
+            self._warn("late", text)
+
+
+class CommandTopic:
+    """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published.
+
+    Attributes:
+        kind: the type subscribed to, "Twist" or "TwistStamped".
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        choice: str,
+        received: Callable[[float, float, int | None], None],
+        warn: Warn,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: of which ~/cmd_vel is.
+            choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
+            received: called with linear.x in m/s, angular.z in rad/s, and the stamp in ns (None
+                for a Twist, which has none).
+            warn: called with a key and a text to warn of.
+        """
+        self._node, self._received, self._warn = node, received, warn
+        self.kind = ""
+        self._subscription: Subscription | None = None
+        self._choice = choice
+        self._wanted = "Twist" if choice == "auto" else choice
+        self._subscribe(self._wanted)
+
+    def choose(self, choice: str) -> None:
+        """Change over to another choice (see the constructor); with the next ``follow``."""
+        self._choice = choice
+        if choice not in ("auto", self._wanted):
+            self._wanted = choice
+            self._unsubscribe()
+
+    def follow(self) -> None:
+        """Change over to the other type if only that is published.
+
+        To be called several times a second.
+        """
+        if self._subscription is None:
+            self._subscribe(self._wanted)
+            return
+        infos = self._node.get_publishers_info_by_topic(
+            self._node.resolve_topic_name(_COMMAND_TOPIC)
+        )
+        kinds = {info.topic_type for info in infos}
+        published = {_COMMAND_NAMES[kind] for kind in kinds if kind in _COMMAND_NAMES}
+        if self._choice == "auto" and published and self.kind not in published:
+            self._wanted = published.pop()
+            self._unsubscribe()
+            return
+        ignored = sorted(kinds - {f"geometry_msgs/msg/{self.kind}"})
+        if ignored:
+            hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
+            text = f"{_COMMAND_TOPIC} is also published as {', '.join(ignored)}, which is ignored"
+            self._warn("type", f"{text}{hint}; {self.kind} is subscribed to")
+
+    def _unsubscribe(self) -> None:
+        """End the subscription; a new one of this name can only be made once it is gone.
+
+        The executor frees it after the callback this is called from, so not before then.
+        """
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _subscribe(self, kind: str) -> None:
+        callback = self._on_twist if kind == "Twist" else self._on_stamped
+        self._subscription = self._node.create_subscription(
+            _COMMAND_TYPES[kind], _COMMAND_TOPIC, callback, _DEPTH
+        )
+        if self.kind:
+            self._node.get_logger().info(f"commands are {kind} now")
+        self.kind = kind
+
+    def _on_twist(self, message: Twist) -> None:
+        self._received(message.linear.x, message.angular.z, None)
+
+    def _on_stamped(self, message: TwistStamped) -> None:
+        twist = message.twist
+        self._received(twist.linear.x, twist.angular.z, nanoseconds(message.header.stamp))
+
+
+class PoseTopics:
+    """~/teleport and ~/set_odometry: put the robot, or its odometry, somewhere else."""
+
+    def __init__(
+        self,
+        node: Node,
+        loop: GetLoop,
+        odom_frame: Callable[[], str],
+        warn: Warn,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: of which the topics are.
+            loop: returns the loop that drives the robot.
+            odom_frame: returns the frame of the robot's odometry.
+            warn: called with a key and a text to warn of.
+        """
+        self._loop, self._odom_frame, self._warn = loop, odom_frame, warn
+        node.create_subscription(PoseStamped, "~/teleport", self._on_teleport, _DEPTH)
+        node.create_subscription(PoseStamped, "~/set_odometry", self._on_set_odometry, _DEPTH)
+
+    def _on_teleport(self, message: PoseStamped) -> None:
+        self._with_pose("teleport", message, self._teleport)
+
+    def _on_set_odometry(self, message: PoseStamped) -> None:
+        self._with_pose("set_odometry", message, self._place_odometry)
+
+    def _with_pose(
+        self, topic: str, message: PoseStamped, use: Callable[[ControlLoop, str, PlanarPose], None]
+    ) -> None:
+        loop, pose = self._loop(), planar_pose(message)
+        if loop is None:
+            self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
+        elif not all(math.isfinite(value) for value in pose):
+            text = "the pose is not finite, or its orientation no unit quaternion"
+            self._warn(topic, f"~/{topic} is ignored: {text}")
+        else:
+            try:
+                loop.call(lambda: use(loop, message.header.frame_id, pose))
+            except (OneBotError, ValueError) as error:
+                self._warn(topic, f"~/{topic} is ignored: {error}")
+
+    def _teleport(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
+        world, odom = loop.robot.config.world_frame_id, self._odom_frame()
+        if frame == odom or not (frame or world):
+            pose = loop.robot.origin.then(pose)
+        elif frame not in ("", world):
+            raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
+        loop.robot.teleport(pose)
+
+    def _place_odometry(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
+        odom = self._odom_frame()
+        if frame not in ("", odom):
+            raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
+        loop.robot.place_odometry(pose)
+
+
+def planar_pose(message: PoseStamped) -> PlanarPose:
+    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
+    p, q = message.pose.position, message.pose.orientation
+    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
+    return PlanarPose(p.x, p.y, yaw)
+
+
+class Services:
+    """~/reset, ~/reset_odometry, ~/pause and ~/step: the start again, and simulated time."""
+
+    def __init__(self, node: Node, loop: GetLoop) -> None:
+        """Offer them.
+
+        Args:
+            node: that offers them.
+            loop: returns the loop that drives the robot.
+        """
+        self._loop = loop
+        node.create_service(Trigger, "~/reset", self._on_reset)
+        node.create_service(Trigger, "~/reset_odometry", self._on_reset_odometry)
+        node.create_service(SetBool, "~/pause", self._on_pause)
+        node.create_service(Trigger, "~/step", self._on_step)
+
+    def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        return self._answer(answer, lambda loop: loop.robot.reset())
+
+    def _on_reset_odometry(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        return self._answer(answer, lambda loop: loop.robot.place_odometry(PlanarPose()))
+
+    def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
+        return self._answer(answer, lambda loop: setattr(loop, "paused", request.data))
+
+    def _on_step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        return self._answer(answer, lambda loop: loop.step())
+
+    def _answer(
+        self,
+        answer: Trigger.Response | SetBool.Response,
+        action: Callable[[ControlLoop], object],
+    ) -> Trigger.Response | SetBool.Response:
+        loop = self._loop()
+        try:
+            if loop is None:
+                raise OneBotError("there is no robot yet")
+            loop.call(lambda: action(loop))
+            answer.success = True
+        except OneBotError as error:
+            answer.success, answer.message = False, str(error)
+        return answer
 
 
 def main(args: list[str] | None = None) -> int:

@@ -54,7 +54,7 @@ def wheel_geometry(
     """Read the drive's geometry from a description.
 
     Raises:
-        OneBotError: a joint is missing, or the description does not say.
+        OneBotError: a joint is missing, or the description does not define it.
     """
     return WheelGeometry(
         wheel_separation(description, left_names, right_names),

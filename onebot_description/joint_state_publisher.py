@@ -74,9 +74,9 @@ from onebot_description.parameters.reader import (
     declare,
     defaults,
     descriptor,
-    plain,
     ros_parameter,
 )
+from onebot_description.parameters.values import plain
 
 # joint_state_publisher's parameters: declared, read from files, and checked against each other.
 

@@ -3,13 +3,9 @@
 import argparse
 import math
 import os
-import signal
-import socket
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,65 +25,7 @@ from std_msgs.msg import String
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share, use_environment_prefix
 from onebot_description.errors import OneBotError
-
-# SIGINT and SIGTERM as a call: at once, whatever the main thread is in.
-
-
-class StopSignals:
-    """While open, calls ``on_stop`` from a thread as soon as SIGINT or SIGTERM arrives.
-
-    A Python handler alone would run only once the executor's C++ code returns to Python. The
-    wake-up socket is written by the C-level handler, whatever the main thread is in.
-    """
-
-    def __init__(self, on_stop: Callable[[], None]) -> None:
-        """Nothing is changed until it is entered, in the main thread."""
-        self._on_stop = on_stop
-        self._arrived = self._interrupting = False
-        self._read, self._write = socket.socketpair()
-        self._write.setblocking(False)
-
-    @contextmanager
-    def interrupting(self) -> Iterator[None]:
-        """Within this context, a signal also raises KeyboardInterrupt in the main thread.
-
-        Around what may take seconds and can be given up at any point. One that came before counts.
-        """
-        self._interrupting = True
-        try:
-            if self._arrived:
-                raise KeyboardInterrupt
-            yield
-        finally:
-            self._interrupting = False
-
-    def __enter__(self) -> "StopSignals":
-        """Install the handlers."""
-        self._old_fd = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
-        self._old = {
-            number: signal.signal(number, self._handle)
-            for number in (signal.SIGINT, signal.SIGTERM)
-        }
-        threading.Thread(target=self._watch, daemon=True).start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Put the former handlers back."""
-        signal.set_wakeup_fd(self._old_fd)
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
-        self._write.close()  # ends the thread's recv
-
-    def _handle(self, *_: object) -> None:
-        self._arrived = True
-        if self._interrupting:
-            self._interrupting = False  # once is enough: cleaning up must not be interrupted
-            raise KeyboardInterrupt
-
-    def _watch(self) -> None:
-        if self._read.recv(1):
-            self._on_stop()
-
+from onebot_description.signals import StopSignals
 
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600

@@ -8,12 +8,15 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
+from onebot_bringup.bags.bag_recorder import BagRecorder
+from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_control.parameters import default_control_file
 from onebot_control.velocity_controller import VelocityController
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.node import RosArguments
 from onebot_description.robot_state_publisher import RobotStatePublisher
+from tests.ros_support import ros_args
 
 # rclpy's own, of every node.
 OTHERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -27,8 +30,7 @@ def start(ros_domain: int) -> Iterator[Callable[..., Node]]:
     nodes: list[Node] = []
 
     def make(build: Callable[[], Node], **parameters: Any) -> Node:
-        words = [word for n, v in parameters.items() for word in ("-p", f"{n}:={v}")]
-        rclpy.init(args=["--ros-args", *words])
+        rclpy.init(args=ros_args(**parameters))
         nodes.append(build())
         return nodes[0]
 
@@ -95,3 +97,19 @@ def test_velocity_controller(start: Callable[..., Node]) -> None:
     assert "one of auto, Twist" in found["cmd_vel_type"].additional_constraints
     assert node.get_parameter("left_wheel_names").value == ["left_wheel_joint"]
     assert node.get_parameter("x").value == 1
+
+
+def test_steering_page(start: Callable[..., Node]) -> None:
+    """All are read when it starts; a rate of 20 is as good as 20.0."""
+    found = described(start(SteeringPage, port=0, open_browser="false", rate=20))
+    assert all(one.read_only for one in found.values())
+    assert float_range(found["rate"]) == (5.0, 100.0)
+    (port,) = found["port"].integer_range
+    assert (port.from_value, port.to_value) == (0, 65535)
+
+
+def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:
+    """All are read when it starts."""
+    found = described(start(BagRecorder, folder=tmp_path / "run"))
+    assert set(found) == {"folder", "topics", "compression"}
+    assert all(one.read_only for one in found.values())

@@ -13,11 +13,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def launch() -> int:
         # Here, where Ctrl-C is already answered: importing takes a moment.
-        from onebot_bringup.launch.bringup import Robot, bring_up
+        from onebot_bringup.launch.bringup import Bringup, bring_up
         from onebot_description.description.packages import package_share
 
         share = package_share("mrm_description").resolve()  # where edits are made
-        mrm = Robot(
+        mrm = Bringup(
             program="mrm_bringup",
             summary="Brings MRM up on ROS 2, moving, and shows it.",
             model=str(share / "urdf/mrm.xacro"),

@@ -23,17 +23,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.bags.writer import BagWriter, Qos, Topic
 from onebot_bringup.introspection.interfaces import full_definition, message_class
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError
 from onebot_description.node import run_node
+from onebot_description.parameters.reader import REQUIRED, declare, parameter, read
 
 # How a bag recorder hears a topic: as reliably as all of its publishers offer, and no more.
 
@@ -288,6 +287,23 @@ _WRITE_EVERY = 1.0  # seconds, and rarer where writing takes long:
 _LEAST_IDLE = 10.0  # 9/10 of the time at least are left for messages
 
 
+@dataclass(frozen=True)
+class RecorderParameters:
+    """The parameters."""
+
+    folder: str = parameter(
+        REQUIRED,
+        "where to record to, a new folder",
+        not_empty=True,
+        write="where to record to, as in -p folder:=run1",
+        read_only=True,
+    )
+    topics: tuple[str, ...] = parameter((), "record only these; empty: all", read_only=True)
+    compression: str = parameter(
+        "zstd", "of the chunks of messages", choices=COMPRESSIONS, read_only=True
+    )
+
+
 class BagRecorder(Node):
     """The node; see the module's docstring."""
 
@@ -299,17 +315,10 @@ class BagRecorder(Node):
         """
         super().__init__("bag_recorder")
         self._bag: BagWriter | None = None
-        for name, default, descriptor in (
-            ("folder", "", ParameterDescriptor(description="the recording, a new folder")),
-            # No default: rclpy takes an empty list for one of bytes.
-            ("topics", Parameter.Type.STRING_ARRAY, ParameterDescriptor(description="if not all")),
-            ("compression", "zstd", ParameterDescriptor(description="zstd or none")),
-        ):
-            descriptor.read_only = True
-            self.declare_parameter(name, default, descriptor)
-        self._bag = BagWriter(self._folder(), compress=self._compression() == "zstd")
-        wanted = self.get_parameter_or("topics", Parameter("topics")).value or []
-        self._topics = BagTopics(self, self._bag, wanted)
+        given = read(RecorderParameters, declare(self, RecorderParameters))
+        folder = Path(given.folder).expanduser().absolute()
+        self._bag = BagWriter(folder, compress=given.compression == "zstd")
+        self._topics = BagTopics(self, self._bag, given.topics)
         self._next_write = 0.0
         # Not ROS time: it may stand still or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -317,19 +326,6 @@ class BagRecorder(Node):
         self.create_timer(_WRITE_EVERY, self._write, clock=steady)
         self._topics.watch()
         self.get_logger().info(f"recording to {self._bag.folder}")
-
-    def _folder(self) -> Path:
-        text = str(self.get_parameter("folder").value)
-        if not text:
-            raise OneBotError("folder: say where to record to, as in -p folder:=run1")
-        return Path(text).expanduser().absolute()
-
-    def _compression(self) -> str:
-        text = str(self.get_parameter("compression").value)
-        if text not in COMPRESSIONS:
-            known = did_you_mean(text, COMPRESSIONS, "choices")
-            raise OneBotError(f"compression:={text}: there is no such compression{known}")
-        return text
 
     def _write(self) -> None:
         assert self._bag is not None

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from onebot_bringup.launch.arguments import Argument, UsageError, check_port, complete, split, table
+from onebot_bringup.launch.arguments import Argument, UsageError, complete, port, split, table
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError
 
@@ -32,8 +32,8 @@ ARGUMENTS = (
     Argument("fixed_frame", "", "the frame that stands still; empty: the view's"),
     Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
     Argument("namespace", "", "of the robot to show, where several are recorded"),
-    Argument("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),
-    Argument("web_port", "9090", "of the page on 127.0.0.1; 0: any"),
+    port("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),
+    port("web_port", "9090", "of the page on 127.0.0.1; 0: any"),
     Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
 )
 _RRD = ".rrd"
@@ -64,8 +64,6 @@ def run(argv: Sequence[str]) -> int:
 
 def _values(given: Mapping[str, str]) -> dict[str, str]:
     values = complete(ARGUMENTS, given)
-    for name in ("grpc_port", "web_port"):
-        check_port(name, values[name])
     if values["viewer"] == "none" and not values["save"]:
         raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
     return values

@@ -10,12 +10,11 @@ from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import (
     Argument,
     UsageError,
-    check_domain,
-    check_namespace,
-    check_number,
-    check_port,
     complete,
+    number,
+    port,
     refuse_positional,
+    ros_settings,
     split,
     switch,
     table,
@@ -32,11 +31,11 @@ _ARGUMENTS = [
     Argument("topic", _TOPIC, "to steer, Twist or TwistStamped; the page can change it"),
     Argument("odom_topic", "", "the odometry to show; empty: the robot's own"),
     Argument("host", "127.0.0.1", "where the page is served; 0.0.0.0: to other computers, too"),
-    Argument("port", "8080", "of the page; another if it is in use, 0: any"),
+    port("port", "8080", "of the page; another if it is in use, 0: any"),
     Argument("token", "", "asked for in the page's address; made anew if others can reach it"),
-    Argument("rate", "20.0", "commands a second, Hz, 5 to 100"),
-    Argument("max_linear", "0.0", "the most to ask for, m/s; 0: what the controller allows"),
-    Argument("max_angular", "0.0", "the most to ask for, rad/s; 0: what the controller allows"),
+    number("rate", "20.0", "commands a second, Hz, 5 to 100", 5.0, 100.0),
+    number("max_linear", "0.0", "the most to ask for, m/s; 0: what the controller allows", 0.0),
+    number("max_angular", "0.0", "the most to ask for, rad/s; 0: what the controller allows", 0.0),
     Argument(
         "viewer",
         "auto",
@@ -45,20 +44,9 @@ _ARGUMENTS = [
     ),
     Argument("view", "", "what a viewer started here shows and from where, a YAML file"),
     switch("open_browser", True, "open the page, if there is a display"),
-    Argument("namespace", "", "the namespace of all nodes"),
-    Argument("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's"),
-    Argument(
-        "discovery",
-        "localhost",
-        "who sees the nodes; ROS_AUTOMATIC_DISCOVERY_RANGE goes before this default",
-        ("localhost", "subnet"),
-    ),
+    *ros_settings(),
 ]
-_NUMBERS = {
-    "rate": (5.0, 100.0),
-    "max_linear": (0.0, 1e6),
-    "max_angular": (0.0, 1e6),
-}
+_NUMBERS = ("rate", "max_linear", "max_angular")
 _HELP = f"""usage: onebot steer [TOPIC] [name:=value ...] [--ros-args ...]
 
 Serves a page to steer a robot from, and prints its address. Hold the pad (mouse or finger), an
@@ -118,7 +106,8 @@ def _launch(folder: Path, values: Mapping[str, str], place: Place, ros_args: Seq
             make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
         )
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
-    return Launcher(nodes, name="onebot steer", started_message=hint, temporary=[folder]).run()
+    with Launcher("onebot steer") as launcher:
+        return launcher.run(nodes, started_message=hint, temporary=[folder])
 
 
 def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
@@ -156,17 +145,12 @@ def _answers(address: str) -> bool:
 
 
 def _check(values: Mapping[str, str]) -> None:
-    """Complain about values that are not possible.
+    """Refuse values that are not possible together, or with these files.
 
     Raises:
         UsageError: there is one.
         OneBotError: the view's file does not exist.
     """
-    for name, (least, most) in _NUMBERS.items():
-        check_number(name, values[name], least, most)
-    check_port("port", values["port"])
-    check_domain(values["domain_id"])
-    check_namespace(values["namespace"])
     if not values["topic"]:
         raise UsageError("topic:= must not be empty")
     if values["view"] not in ("", "none") and not Path(values["view"]).is_file():

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from onebot_bringup.launch.bringup import Robot, bring_up
+from onebot_bringup.launch.bringup import Bringup, bring_up
 
 
 def run(argv: Sequence[str]) -> int:
@@ -11,9 +11,9 @@ def run(argv: Sequence[str]) -> int:
     Raises:
         OneBotError: the description has problems, or the command line is wrong.
     """
-    robot = Robot(
+    command = Bringup(
         program="onebot view",
         summary="Brings up any robot from its URDF or xacro file, with its joints moving.",
         takes_file=True,
     )
-    return bring_up(robot, argv)
+    return bring_up(command, argv)

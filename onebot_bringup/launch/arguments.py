@@ -4,13 +4,15 @@ Given twice, the last one wins, so that a script can put ``"$@"`` behind its own
 follows ``--ros-args`` is kept apart, for every node.
 """
 
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Any
 
 from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean
+from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
@@ -20,19 +22,35 @@ _SHOW = ("--show-args", "-s")
 
 @dataclass(frozen=True)
 class Argument:
-    """One launch argument.
+    """One launch argument."""
 
-    Attributes:
-        name: as written before ``:=``.
-        default: as it would be written.
-        description: one line; for ``choices`` these are added to it.
-        choices: the only values allowed; none means any.
-    """
+    name: str  # as written before :=
+    default: str  # as it would be written; if it is empty, the argument may be
+    description: str  # one line; for choices these are added to it
+    choices: tuple[str, ...] = ()  # the only values allowed; none means any
+    type: ValueType = ValueType(str)  # what its text must stand for
 
-    name: str
-    default: str
-    description: str
-    choices: tuple[str, ...] = ()
+    def problem(self, text: str) -> str:
+        """Return what is wrong with the argument written as ``text``, and what would be right."""
+        if self.choices and text not in self.choices:
+            return self._not_possible(text, f"it can be one of: {', '.join(self.choices)}")
+        if not text and not self.default:
+            return ""
+        try:
+            self.type.checked(self._value(text))
+        except ValueError:
+            return self._not_possible(text, f"write {self.type.wanted()}")
+        return ""
+
+    def _value(self, text: str) -> Any:
+        # The nodes and ROS read it anew, and do not take all that Python takes, such as 1_000.
+        if text.isascii() and "_" not in text:
+            with suppress(ValueError):
+                return self.type.base(text)
+        return text
+
+    def _not_possible(self, text: str, possible: str) -> str:
+        return f"{self.name}:={text} is not possible; {possible}"
 
 
 def switch(name: str, default: bool, description: str) -> Argument:
@@ -40,27 +58,42 @@ def switch(name: str, default: bool, description: str) -> Argument:
     return Argument(name, "true" if default else "false", description, (*_TRUE, *_FALSE))
 
 
+def number(
+    name: str,
+    default: str,
+    description: str,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Argument:
+    """Return an argument that is a finite number."""
+    kind = ValueType(float, Rule(at_least=at_least, at_most=at_most))
+    return Argument(name, default, description, type=kind)
+
+
+def whole(name: str, default: str, description: str, at_least: int, at_most: int) -> Argument:
+    """Return an argument that is a whole number."""
+    kind = ValueType(int, Rule(at_least=at_least, at_most=at_most))
+    return Argument(name, default, description, type=kind)
+
+
+def port(name: str, default: str, description: str) -> Argument:
+    """Return an argument that is a port, 0 for any."""
+    return whole(name, default, description, 0, MAX_PORT)
+
+
 @dataclass(frozen=True)
 class Arguments:
-    """A command line taken apart, before it is known which names are right.
+    """A command line split into its parts, before it is known which names are right."""
 
-    Attributes:
-        given: name to value, of all ``name:=value``.
-        positional: words of any other form.
-        ros_args: what follows ``--ros-args``.
-        help: ``--help`` was given.
-        show: ``--show-args`` was given.
-    """
-
-    given: Mapping[str, str] = field(default_factory=dict)
-    positional: tuple[str, ...] = ()
-    ros_args: tuple[str, ...] = ()
-    help: bool = False
-    show: bool = False
+    given: Mapping[str, str] = field(default_factory=dict)  # name to value, of all name:=value
+    positional: tuple[str, ...] = ()  # words of any other form
+    ros_args: tuple[str, ...] = ()  # what follows --ros-args
+    help: bool = False  # --help was given
+    show: bool = False  # --show-args was given
 
 
 def split(argv: Sequence[str]) -> Arguments:
-    """Take a command line apart.
+    """Split a command line into its parts.
 
     Raises:
         UsageError: an option that does not exist, or no name before ``:=``.
@@ -107,7 +140,7 @@ def _option(word: str) -> str:
 
 
 def refuse_positional(words: Sequence[str]) -> None:
-    """Complain about words that are no ``name:=value``, where a command takes none.
+    """Refuse words that are no ``name:=value``, where a command takes none.
 
     Raises:
         UsageError: there is one.
@@ -133,27 +166,21 @@ def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str
         value = given.get(name, argument.default)
         if argument.choices == (*_TRUE, *_FALSE):
             value = _switch_value(value)
-        if argument.choices and value not in argument.choices:
-            problems.append(_not_allowed(argument, value))
+        problems.append(argument.problem(value))
         values[name] = value
-    if problems:
-        raise UsageError("\n".join(problems))
+    if any(problems):
+        raise UsageError("\n".join(filter(None, problems)))
     return values
 
 
 def unknown(name: str, known: Iterable[str], what: str = "arguments") -> str:
-    """Return the complaint about an argument that does not exist."""
+    """Return the message about an argument that does not exist."""
     return f'no argument "{name}"{did_you_mean(name, known, what)}'
 
 
 def _switch_value(value: str) -> str:
     lower = value.lower()
     return "true" if lower in _TRUE else "false" if lower in _FALSE else value
-
-
-def _not_allowed(argument: Argument, value: str) -> str:
-    allowed = ", ".join(argument.choices)
-    return f"{argument.name}:={value} is not possible; it can be one of: {allowed}"
 
 
 def table(arguments: Sequence[Argument]) -> str:
@@ -175,103 +202,39 @@ def _row(left: str, right: str, width: int) -> str:
     return f"  {left:{width}}  {right}".rstrip()
 
 
-# What launch arguments can be, beside their choices: numbers, ports, names of ROS.
+# The arguments of several commands --------------------------------------------------------------
 
-_NAMESPACE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
+_NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
-_MAX_PORT = 65535
-
-
-def check_number(name: str, text: str, least: float, most: float) -> float:
-    """Return the number that an argument is.
-
-    Args:
-        name: of the argument.
-        text: as it was written.
-        least: the least that is possible.
-        most: the most.
-
-    Raises:
-        UsageError: it is none, or beyond those.
-    """
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not least <= number <= most:  # also refuses nan
-        raise _impossible(name, text, f"a number from {least:g} to {most:g}")
-    return number
-
-
-def check_whole(name: str, text: str, least: int, most: int) -> int:
-    """Return the whole number that an argument is, as ``check_number`` does."""
-    # The nodes and ROS read it anew, and do not take all that Python takes, such as 1_000.
-    if not (text.isascii() and text.isdecimal() and least <= int(text) <= most):
-        raise _impossible(name, text, f"a whole number from {least} to {most}")
-    return int(text)
-
-
-def check_finite(name: str, text: str) -> float:
-    """Return the number that an argument is, whatever its size.
-
-    Raises:
-        UsageError: it is none.
-    """
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise _impossible(name, text, "a number such as 1.5")
-    return number
-
-
-def check_port(name: str, text: str) -> int:
-    """Return the port that an argument is, 0 for any.
-
-    Raises:
-        UsageError: it is none.
-    """
-    return check_whole(name, text, 0, _MAX_PORT)
-
-
-def check_domain(text: str) -> None:
-    """Refuse a ``domain_id`` that ROS cannot have; empty is the environment's.
-
-    Raises:
-        UsageError: it is one.
-    """
-    if text:
-        check_whole("domain_id", text, 0, _MAX_DOMAIN)
-
-
-def check_namespace(namespace: str) -> None:
-    """Refuse a ``namespace`` that ROS cannot have; the outer slashes may be left out.
-
-    Raises:
-        UsageError: it is one.
-    """
-    if namespace.strip("/") and not _NAMESPACE.fullmatch(namespace):
-        raise UsageError(
-            f"namespace:={namespace} is no ROS name; write words of letters, digits and _ that do"
-            " not start with a digit, joined by /"
-        )
-
-
-def _impossible(name: str, text: str, possible: str) -> UsageError:
-    return UsageError(f"{name}:={text} is not possible; write {possible}")
-
-
-# The arguments of every command that brings up a robot's description.
-
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _MAX_FREQUENCY = 1000  # Hz
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 
 
+def ros_settings() -> list[Argument]:
+    """Return the arguments about names and discovery."""
+    words = "words of letters, digits and _ that do not start with a digit, joined by /"
+    return [
+        Argument(
+            "namespace",
+            "",
+            "the namespace of all nodes",
+            type=ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}")),
+        ),
+        whole("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's", 0, _MAX_DOMAIN),
+        Argument(
+            "discovery",
+            "localhost",
+            "who sees the nodes; ROS_AUTOMATIC_DISCOVERY_RANGE goes before this default",
+            ("localhost", "subnet"),
+        ),
+    ]
+
+
 def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
     """Return the arguments; those three are the robot's own defaults."""
+    namespace, *discovery = ros_settings()
     return [
         Argument("model", model, "the robot, a URDF or xacro file"),
         Argument("joints", joints, "parameters of joint_state_publisher, a YAML file"),
@@ -282,19 +245,19 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         Argument("save", "", "record what the viewer gets to this .rrd file"),
         Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),
         switch("reload", True, "take up edits of the model while running"),
-        Argument("namespace", "", "the namespace of all nodes"),
+        namespace,
         Argument("frame_prefix", "", "prepended to every frame of the robot"),
-        Argument("publish_frequency", "0.0", "the most often a transform is sent, Hz; 0: always"),
+        number(
+            "publish_frequency",
+            "0.0",
+            "the most often a transform is sent, Hz; 0: always",
+            0.0,
+            _MAX_FREQUENCY,
+        ),
         switch("ignore_timestamp", False, "send transforms whatever the joint states' stamps say"),
         switch("use_sim_time", False, "take the time from /clock"),
         Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
-        Argument("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's"),
-        Argument(
-            "discovery",
-            "localhost",
-            "who sees the nodes; ROS_AUTOMATIC_DISCOVERY_RANGE goes before this default",
-            ("localhost", "subnet"),
-        ),
+        *discovery,
     ]
 
 
@@ -304,13 +267,13 @@ def simulation_arguments(control: str) -> list[Argument]:
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints instead"),
         switch("steer", False, "a page to steer it from, beside its view"),
         Argument("host", _LOOPBACK, "where that page is served; 0.0.0.0: to other computers, too"),
-        Argument("port", "8080", "of that page; 0: any"),
+        port("port", "8080", "of that page; 0: any"),
         Argument("token", "", "asked for in its address, if host is not this computer"),
         Argument("params_file", control, "parameters of the controller, a YAML file"),
-        Argument("x", "0.0", "where it starts, metres in odom"),
-        Argument("y", "0.0", "where it starts, metres in odom"),
-        Argument("yaw", "0.0", "where it faces at the start, radians"),
-        Argument("rate", "", "control steps a second, Hz; empty: as params_file says"),
+        number("x", "0.0", "where it starts, metres in odom"),
+        number("y", "0.0", "where it starts, metres in odom"),
+        number("yaw", "0.0", "where it faces at the start, radians"),
+        whole("rate", "", "control steps a second, Hz; empty: as params_file has it", 1, 1000),
     ]
 
 
@@ -321,20 +284,11 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         UsageError: a name or a value that is not possible.
     """
     values = complete(declared, given)
-    check_number("publish_frequency", values["publish_frequency"], 0.0, _MAX_FREQUENCY)
     prefix = values["frame_prefix"]
     if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
-    for name in ("x", "y", "yaw"):
-        check_finite(name, values.get(name, "0"))
-    if "port" in values:
-        check_port("port", values["port"])
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:
                 raise UsageError(f"{name}:={given[name]} is the steering page's: add steer:=true")
-    if values.get("rate"):
-        check_whole("rate", values["rate"], 0, _MAX_FREQUENCY)
-    check_domain(values["domain_id"])
-    check_namespace(values["namespace"])
     return values

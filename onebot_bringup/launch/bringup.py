@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from onebot_bringup.launch.arguments import (
     Argument,
@@ -20,152 +20,84 @@ from onebot_bringup.launch.arguments import (
     table,
     unknown,
 )
-from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launcher.console import wants_colour
-from onebot_bringup.launcher.interpreter import Standby
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.launcher.process import Node
-from onebot_description.description import Description, load_description
-from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
+from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.file_watch import file_states
 
-# Which robot a bringup command brings up.
+if TYPE_CHECKING:
+    from onebot_description.description import Description
+    from onebot_description.description.xacro import XacroArguments
+
+_QUESTIONS = {"-h", "--help", "-s", "--show-args"}
 
 
-class Robot(NamedTuple):
-    """What a bringup command brings up unless its arguments say otherwise.
+class Bringup(NamedTuple):
+    """A bringup command, and what it brings up unless its arguments say otherwise."""
 
-    Attributes:
-        program: the command's name.
-        summary: what it does, for ``--help``.
-        model: its URDF or xacro file.
-        joints: parameters of joint_state_publisher; empty: every joint swings within its limits.
-        view: the viewer's settings; empty: the viewer's own.
-        control: parameters of the controller of a robot that can be simulated; empty: of none.
-        takes_file: the model is the command's first word instead.
+    program: str  # the command's name
+    summary: str  # what it does, for --help
+    model: str = ""  # URDF or xacro file of the robot
+    joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
+    view: str = ""  # the viewer's settings; empty: the viewer's own
+    control: str = ""  # parameters of the controller; empty: the robot cannot be simulated
+    takes_file: bool = False  # the model is the command's first word instead
+
+
+def bring_up(command: Bringup, argv: Sequence[str]) -> int:
+    """Bring a robot up, with the launch arguments in ``argv``, until Ctrl-C.
+
+    No node is started before the description and all arguments have been found right.
+
+    Returns:
+        The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
+
+    Raises:
+        UsageError: the command line is wrong.
+        OneBotError: a file is.
     """
-
-    program: str
-    summary: str
-    model: str = ""
-    joints: str = ""
-    view: str = ""
-    control: str = ""
-    takes_file: bool = False
+    with Launcher(command.program) as launcher:
+        launcher.preload(_probable_modules(command, argv))
+        return _launch(command, argv, launcher)
 
 
-# What a bringup command tells its user.
+def _probable_modules(command: Bringup, argv: Sequence[str]) -> list[str]:
+    """Return the modules that will be needed, if nothing is wrong; the most urgent first."""
+    if not _QUESTIONS.isdisjoint(argv):
+        return []
+    modules = ["onebot_description.robot_state_publisher"]
+    if command.control and "sim:=false" not in argv:
+        modules.insert(0, "onebot_control.velocity_controller")
+    elif "joint_states:=false" not in argv:
+        modules.append("onebot_description.joint_state_publisher")
+    if "viewer:=none" not in argv:
+        modules.append("onebot_bringup.viewer.rerun_viewer")
+    if any(word.startswith("record:=") for word in argv):
+        modules.insert(0, "onebot_bringup.bags.bag_recorder")  # it is to miss nothing
+    return modules
 
 
-def help_text(
-    robot: Robot, declared: list[Argument], of_model: Sequence[Argument], *, complete: bool
-) -> str:
-    """Return the answer to ``--show-args``, or (``complete``) to ``--help``."""
-    parts = []
-    if complete:
-        file = " FILE" if robot.takes_file else ""
-        parts.append(f"usage: {robot.program}{file} [name:=value ...] [--ros-args ...]")
-        parts.append(robot.summary)
-    parts.append(f"Arguments and their defaults:\n{table(declared)}")
-    if of_model:
-        parts.append(f"Arguments of the model:\n{table(of_model)}")
-    if complete:
-        parts.append(
-            "An argument given twice: the last one counts. --ros-args goes to every node.\n"
-            "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
-            "node failed, 2 the command line is wrong."
-        )
-    return "\n\n".join(parts)
+def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
+    # Only now: while this is imported, the preloaded interpreters import as well.
+    from onebot_bringup.launch.description_watcher import Known
+    from onebot_description.description import load_description
+    from onebot_description.description.xacro import included_files, xacro_arguments
+    from onebot_description.file_watch import file_states
 
-
-def summary_text(description: Description, values: Mapping[str, str]) -> str:
-    """Return what is running, where to look for it and how to stop it."""
-    moving = [joint for joint in description.joints if joint.kind != "fixed"]
-    space = f"/{values['namespace'].strip('/')}".rstrip("/")
-    lines = [
-        f'Robot "{description.robot_name}": {len(description.links)} links, '
-        f"{len(moving)} of {len(description.joints)} joints can move",
-        f"  model    {values['model']}",
-        f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
-    ]
-    if values.get("sim") == "true":
-        drive = f"{space}/velocity_controller/cmd_vel"
-        lines.append(
-            f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"
-        )
-    elif values["joint_states"] == "true":
-        lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
-    else:
-        lines.append(f"  joints   wait for {space}/joint_states")
-    if values.get("steer") == "true":
-        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
-        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
-    lines.append(f"  viewer   {_viewer_hint(values)}")
-    if values["record"]:
-        lines.append(f"  record   all topics to {values['record']}")
-    lines.append("  Ctrl-C stops everything")
-    return "\n".join(lines)
-
-
-def _viewer_hint(values: Mapping[str, str]) -> str:
-    hints = {
-        "web": "in the browser; rerun_viewer prints its address",
-        "native": "in a window of its own",
-        "none": "none",
-    }
-    saved = f"; recorded to {values['save']}" if values["save"] else ""
-    return hints[values["viewer"]] + saved
-
-
-# The variables that all nodes of a launch get.
-
-
-def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
-    """Return the variables that all nodes get, in addition to this process's own.
-
-    Args:
-        values: of the launch arguments.
-        forced: ``discovery`` was given, and so goes before the environment's setting.
-    """
-    variables = {}
-    if forced or not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
-        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = values["discovery"].upper()
-    if values["domain_id"]:
-        variables["ROS_DOMAIN_ID"] = values["domain_id"]
-    if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
-        # The launcher puts the node's name in front of each line.
-        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
-    if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
-        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
-    return variables
-
-
-# From the command line of a bringup to its processes: joint states, transforms, the viewer.
-
-
-def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
-    """Do as ``onebot_bringup.launch.bringup.bring_up`` says.
-
-    Args:
-        robot: what to bring up.
-        argv: the launch arguments.
-        standby: interpreters for its nodes.
-    """
     arguments = split(argv)
-    given = _with_model(robot, arguments)
-    declared = description_arguments(robot.model, robot.joints, robot.view)
-    if robot.control:
-        declared += simulation_arguments(robot.control)
-    model = given.get("model", robot.model)
+    given = _with_model(command, arguments)
+    declared = description_arguments(command.model, command.joints, command.view)
+    if command.control:
+        declared += simulation_arguments(command.control)
+    model = given.get("model", command.model)
     of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:
         ours = [Argument(*argument) for argument in of_model.arguments]
-        print(help_text(robot, declared, ours, complete=arguments.help))
+        print(help_text(command, declared, ours, complete=arguments.help))
         return 0
     if not model:
-        raise UsageError(f"{robot.program} needs a file, a URDF or xacro")
+        raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
     _check_files(values, own)
@@ -175,16 +107,14 @@ def start(robot: Robot, argv: Sequence[str], standby: Standby) -> int:
     os.environ.update(environment(values, forced="discovery" in own))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
-        return Launcher(
-            _nodes(make),
-            name=robot.program,
+        return launcher.run(
+            nodes_to_start(make),
             started_message=summary_text(description, values),
             temporary=[Path(folder)],
-            standby=standby,
-        ).run()
+        )
 
 
-def _nodes(make: NodeFactory) -> list[Node]:
+def nodes_to_start(make: NodeFactory) -> list[NodeProcess]:
     """Return the nodes to start, the first one first."""
     values = make.values
     # The recorder first, so that it misses as little of the others as can be.
@@ -208,18 +138,18 @@ def _moves_joints(values: Mapping[str, str]) -> bool:
     return values.get("sim") != "true" and values["joint_states"] == "true"
 
 
-def _with_model(robot: Robot, arguments: Arguments) -> dict[str, str]:
+def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
     """Return the arguments given, the command's file among them as ``model``."""
-    if not robot.takes_file:
+    if not command.takes_file:
         refuse_positional(arguments.positional)
         return dict(arguments.given)
     refuse_positional(arguments.positional[1:])
     if arguments.positional and "model" in arguments.given:
-        raise UsageError(f"write the file or model:=, not both, for {robot.program}")
+        raise UsageError(f"write the file or model:=, not both, for {command.program}")
     return {**dict(zip(["model"], arguments.positional, strict=False)), **arguments.given}
 
 
-def _not_hidden(of_model: XacroArguments, declared: list[Argument]) -> XacroArguments:
+def _not_hidden(of_model: "XacroArguments", declared: list[Argument]) -> "XacroArguments":
     """Leave out what the model declares under the name of a launch argument."""
     names = {argument.name for argument in declared}
     visible = (argument for argument in of_model.arguments if argument.name not in names)
@@ -227,7 +157,7 @@ def _not_hidden(of_model: XacroArguments, declared: list[Argument]) -> XacroArgu
 
 
 def _divide(
-    given: Mapping[str, str], declared: list[Argument], of_model: XacroArguments
+    given: Mapping[str, str], declared: list[Argument], of_model: "XacroArguments"
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Sort the arguments given into those of the launcher and those of the model's xacro."""
     ours = {argument.name for argument in declared}
@@ -288,38 +218,81 @@ def _check_joints(file: Path, namespace: str) -> None:
         print(f"warning: {remark}{remedy}", file=sys.stderr)
 
 
-_QUESTIONS = {"-h", "--help", "-s", "--show-args"}
+def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
+    """Return the variables that all nodes get, in addition to this process's own.
 
-
-def bring_up(robot: Robot, argv: Sequence[str]) -> int:
-    """Bring ``robot`` up, with the launch arguments in ``argv``, until Ctrl-C.
-
-    No node is started before the description and all arguments have been found right.
-
-    Returns:
-        The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: a file is.
+    Args:
+        values: of the launch arguments.
+        forced: ``discovery`` was given, and so overrides the environment's setting.
     """
-    with Standby(_probable_modules(robot, argv)) as standby:
-        # Only now: while this is imported, the interpreters start as well.
+    variables = {}
+    if forced or not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = values["discovery"].upper()
+    if values["domain_id"]:
+        variables["ROS_DOMAIN_ID"] = values["domain_id"]
+    if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
+        # The launcher puts the node's name in front of each line.
+        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
+    if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
+        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
+    return variables
 
-        return start(robot, argv, standby)
+
+def help_text(
+    command: Bringup, declared: list[Argument], of_model: Sequence[Argument], *, complete: bool
+) -> str:
+    """Return the answer to ``--show-args``, or (``complete``) to ``--help``."""
+    parts = []
+    if complete:
+        file = " FILE" if command.takes_file else ""
+        parts.append(f"usage: {command.program}{file} [name:=value ...] [--ros-args ...]")
+        parts.append(command.summary)
+    parts.append(f"Arguments and their defaults:\n{table(declared)}")
+    if of_model:
+        parts.append(f"Arguments of the model:\n{table(of_model)}")
+    if complete:
+        parts.append(
+            "An argument given twice: the last one counts. --ros-args goes to every node.\n"
+            "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
+            "node failed, 2 the command line is wrong."
+        )
+    return "\n\n".join(parts)
 
 
-def _probable_modules(robot: Robot, argv: Sequence[str]) -> list[str]:
-    """Return the modules that will be needed, if nothing is wrong; the most urgent first."""
-    if not _QUESTIONS.isdisjoint(argv):
-        return []
-    modules = ["onebot_description.robot_state_publisher"]
-    if robot.control and "sim:=false" not in argv:
-        modules.insert(0, "onebot_control.velocity_controller")
-    elif "joint_states:=false" not in argv:
-        modules.append("onebot_description.joint_state_publisher")
-    if "viewer:=none" not in argv:
-        modules.append("onebot_bringup.viewer.rerun_viewer")
-    if any(word.startswith("record:=") for word in argv):
-        modules.insert(0, "onebot_bringup.bags.bag_recorder")  # it is to miss nothing
-    return modules
+def summary_text(description: "Description", values: Mapping[str, str]) -> str:
+    """Return what is running, where to look for it and how to stop it."""
+    moving = [joint for joint in description.joints if joint.kind != "fixed"]
+    space = f"/{values['namespace'].strip('/')}".rstrip("/")
+    lines = [
+        f'Robot "{description.robot_name}": {len(description.links)} links, '
+        f"{len(moving)} of {len(description.joints)} joints can move",
+        f"  model    {values['model']}",
+        f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
+    ]
+    if values.get("sim") == "true":
+        drive = f"{space}/velocity_controller/cmd_vel"
+        lines.append(
+            f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"
+        )
+    elif values["joint_states"] == "true":
+        lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
+    else:
+        lines.append(f"  joints   wait for {space}/joint_states")
+    if values.get("steer") == "true":
+        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
+        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
+    lines.append(f"  viewer   {_viewer_hint(values)}")
+    if values["record"]:
+        lines.append(f"  record   all topics to {values['record']}")
+    lines.append("  Ctrl-C stops everything")
+    return "\n".join(lines)
+
+
+def _viewer_hint(values: Mapping[str, str]) -> str:
+    hints = {
+        "web": "in the browser; rerun_viewer prints its address",
+        "native": "in a window of its own",
+        "none": "none",
+    }
+    saved = f"; recorded to {values['save']}" if values["save"] else ""
+    return hints[values["viewer"]] + saved

@@ -1,73 +1,67 @@
 """description_watcher: edits of a robot's files take effect while it runs.
 
 Run as ``python -m onebot_bringup.launch.description_watcher [--known JSON] FILE [name:=value ...]
---ros-args ...``; FILE is a URDF or xacro file, the rest are xacro's arguments. JSON says as what
-the files are known already (see ``description_files.Known``).
+--ros-args ...``; FILE is a URDF or xacro file, the rest are xacro's arguments. JSON is the state of
+the files when they were read (see ``Known``).
 
 Calls:
     robot_state_publisher/set_parameters (rcl_interfaces/srv/SetParameters): robot_description.
 
-A file that cannot be used is reported and changes nothing: the last good description stays. Files
-that are known are only looked at until one is edited: ROS, and the memory it takes, comes then.
+A file that cannot be used is reported and changes nothing: the last good description stays. Known
+files are only polled until one is edited. ROS, and the memory it takes, comes then, which is why
+this module imports it, and what reads a description, within functions.
 """
 
+from __future__ import annotations
+
 import json
-import signal
 import sys
 import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rcl_interfaces.srv import SetParameters
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-
-from onebot_description.description import load_description
-from onebot_description.description.xacro import included_files
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import FileState, FileWatch, file_states
+from onebot_description.signals import keyboard_interrupts
 
-# What a bringup publishes of a robot's files, and how it notices that they have changed.
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
-LOOK_EVERY = 0.1  # seconds; an edit counts when two looks in a row agree
+_PUBLISHER = "robot_state_publisher"
+_POLL = 0.1  # seconds; an edit counts when two polls in a row agree
 
 
 class Known(NamedTuple):
-    """What is known of a robot's files when they have been read.
+    """The state of a robot's files when they were read, and what was published of them."""
 
-    Attributes:
-        digest: of the URDF that came out.
-        files: each file, as it was then.
-    """
-
-    digest: str
+    digest: str  # of the URDF (see digest_of)
     files: Mapping[Path, FileState]
 
     @classmethod
-    def of(cls, urdf: str, files: Iterable[Path], before: Mapping[Path, FileState]) -> "Known":
-        """Return it for ``files``; those looked at ``before`` they were read, as they were then."""
+    def of(cls, urdf: str, files: Iterable[Path], before: Mapping[Path, FileState]) -> Known:
+        """Return it for ``files``; ``before`` holds the states that some had before the reading."""
         now = file_states(files)
         return cls(digest_of(urdf), {file: before.get(file, state) for file, state in now.items()})
 
     def to_json(self) -> str:
         """Return it as text."""
-        files = {str(file): signature for file, signature in self.files.items()}
+        files = {str(file): state for file, state in self.files.items()}
         return json.dumps({"digest": self.digest, "files": files})
 
     @classmethod
-    def from_json(cls, text: str) -> "Known":
+    def from_json(cls, text: str) -> Known:
         """Return what ``to_json`` has written."""
         content = json.loads(text)
         files = {Path(name): value and tuple(value) for name, value in content["files"].items()}
         return cls(content["digest"], files)
 
     def wait_for_edit(self) -> None:
-        """Return when a file is another one than is known, and is no longer being written."""
+        """Return when a file differs from its known state, and is no longer being written."""
         watch = FileWatch(self.files, known=self.files)
         while not watch.changed():
-            time.sleep(LOOK_EVERY)
+            time.sleep(_POLL)
 
 
 def digest_of(urdf: str) -> str:
@@ -75,32 +69,30 @@ def digest_of(urdf: str) -> str:
     return f"{len(urdf):x}-{zlib.crc32(urdf.encode()):08x}"
 
 
-# The node of description_watcher: it hands the edited robot on to robot_state_publisher.
+class DescriptionUpdates:
+    """Passes the edited robot to robot_state_publisher, as long as its node runs."""
 
-_PUBLISHER = "robot_state_publisher"
-
-
-class DescriptionUpdate(Node):
-    """See the docstring of ``onebot_bringup.launch.description_watcher``."""
-
-    def __init__(self, model: str, arguments: dict[str, str], digest: str) -> None:
+    def __init__(self, node: Node, model: str, arguments: Mapping[str, str], digest: str) -> None:
         """Watch ``model`` and what it includes.
 
         Args:
+            node: calls the service.
             model: a URDF or xacro file.
             arguments: of xacro.
-            digest: of the URDF that robot_state_publisher has (see ``digest_of``); empty: unknown.
+            digest: of the URDF that robot_state_publisher has; empty: unknown.
         """
-        super().__init__("description_watcher")
-        self._model = model
-        self._arguments = arguments
-        self._sent = digest
+        from rcl_interfaces.srv import SetParameters
+
+        from onebot_description.description.xacro import included_files
+
+        self._log = node.get_logger()
+        self._model, self._arguments, self._sent = model, arguments, digest
         # Read once at the start, too: it may have changed by then.
         self._watch = FileWatch(included_files(model), unread=True)
-        self._client = self.create_client(SetParameters, f"{_PUBLISHER}/set_parameters")
-        self.create_timer(LOOK_EVERY, self._look)
+        self._client = node.create_client(SetParameters, f"{_PUBLISHER}/set_parameters")
+        node.create_timer(_POLL, self._poll)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         """Load the robot if a file has changed."""
         if not self._client.service_is_ready():
             return  # and find the change once it is
@@ -108,17 +100,23 @@ class DescriptionUpdate(Node):
             self._load()
 
     def _load(self) -> None:
+        from onebot_description.description import load_description
+        from onebot_description.description.xacro import included_files
+
         try:
             description = load_description(self._model, self._arguments)
         except OneBotError as error:
-            self.get_logger().error(f"{error}\nThe robot stays as it was until this is mended.")
-            # Where the mistake is may be a file that was included only just now.
+            self._log.error(f"{error}\nThe robot stays as it was until this is mended.")
+            # The mistake may be in a file that was included only just now.
             self._watch.watch((*self._watch.files, *included_files(self._model)))
             return
         self._watch.watch(description.files)
         self._send(description.urdf)
 
     def _send(self, urdf: str) -> None:
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
         digest = digest_of(urdf)
         if digest == self._sent:
             return
@@ -130,25 +128,24 @@ class DescriptionUpdate(Node):
     def _on_answer(self, future: Any) -> None:
         result = future.result().results[0]
         if result.successful:
-            self.get_logger().info(f"{self._model} was edited: the robot is up to date")
+            self._log.info(f"{self._model} was edited: the robot is up to date")
         else:
             self._sent = ""
-            self.get_logger().error(f"{_PUBLISHER} refused the edited robot: {result.reason}")
+            self._log.error(f"{_PUBLISHER} refused the edited robot: {result.reason}")
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until a signal asks it to stop."""
     arguments = list(sys.argv if args is None else args)
     known = None
     if arguments[1:2] == ["--known"]:
         known = Known.from_json(arguments[2])
         del arguments[1:3]
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
     try:
-        if known is not None:
-            known.wait_for_edit()
-        return _run(arguments, known.digest if known is not None else "")
+        with keyboard_interrupts():
+            if known is not None:
+                known.wait_for_edit()
+            return _run(arguments, known.digest if known is not None else "")
     except KeyboardInterrupt:
         return 0
 
@@ -156,8 +153,7 @@ def main(args: Sequence[str] | None = None) -> int:
 def _run(arguments: list[str], digest: str) -> int:
     """Load the file whenever it is edited; ``digest`` is that of the URDF in force."""
     from onebot_bringup.launch.arguments import split
-    from onebot_description.errors import OneBotError
-    from onebot_description.node import ros_arguments
+    from onebot_description.node import ros_arguments, run_node
 
     try:
         parts = split(ros_arguments(arguments).others)
@@ -166,14 +162,17 @@ def _run(arguments: list[str], digest: str) -> int:
     except OneBotError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    from onebot_description.node import run_node
+
+    def make_node() -> Node:
+        from rclpy.node import Node
+
+        node = Node("description_watcher")
+        DescriptionUpdates(node, parts.positional[0], parts.given, digest)
+        return node
 
     # To rcl, name:=value outside of --ros-args is a remapping in its old form: keep it from that.
     start = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
-    model, of_xacro = parts.positional[0], dict(parts.given)
-    return run_node(
-        lambda: DescriptionUpdate(model, of_xacro, digest), [*arguments[:1], *arguments[start:]]
-    )
+    return run_node(make_node, [*arguments[:1], *arguments[start:]])
 
 
 if __name__ == "__main__":

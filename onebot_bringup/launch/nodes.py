@@ -1,14 +1,19 @@
 """The nodes of a description bringup, as processes to start."""
 
+from __future__ import annotations
+
 import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from onebot_bringup.launch.description_watcher import Known
-from onebot_bringup.launcher.process import Node, OnExit, python_node
-from onebot_description.description import Description, Joint
+from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
+
+if TYPE_CHECKING:
+    from onebot_bringup.launch.description_watcher import Known
+    from onebot_description.description import Description, Joint
 
 # ROS parameter files for nodes: what is too long, or too delicate, for a command line.
 
@@ -101,7 +106,7 @@ class RosNodes:
         files: Sequence[Path] = (),
         renamed: bool = False,
         nice: int = 0,
-    ) -> Node:
+    ) -> NodeProcess:
         """Return a node to start, and write its parameters.
 
         Args:
@@ -113,7 +118,7 @@ class RosNodes:
             files: further parameter files; ``parameters`` go before them.
             renamed: its module calls it otherwise. Not for a module with several nodes, which
                 would all get the name.
-            nice: as ``Node.nice``.
+            nice: as ``NodeProcess.nice``.
         """
         namespace = self.namespace.strip("/")
         file = write_parameters(self.folder, name, parameters, namespace)
@@ -210,7 +215,7 @@ class NodeFactory:
         """There is to be a page to steer from."""
         return self.values.get("steer") == "true"
 
-    def robot_state_publisher(self) -> Node:
+    def robot_state_publisher(self) -> NodeProcess:
         """Return the node that publishes the robot's transforms; nothing works without it."""
         parameters = {
             "robot_description": self.description.urdf,
@@ -221,14 +226,14 @@ class NodeFactory:
         module = "onebot_description.robot_state_publisher"
         return self._node("robot_state_publisher", module, parameters)
 
-    def joint_state_publisher(self) -> Node:
+    def joint_state_publisher(self) -> NodeProcess:
         """Return the node that moves the joints, by the YAML file or else within their limits."""
         module = "onebot_description.joint_state_publisher"
         file = self.values["joints"]
         parameters = {"config_file": file} if file else sweep_parameters(self.description)
         return self._node("joint_state_publisher", module, parameters)
 
-    def velocity_controller(self) -> Node:
+    def velocity_controller(self) -> NodeProcess:
         """Return the simulation with its controller, which drives the robot."""
         parameters: dict[str, object] = {
             name: float(self.values[name]) for name in ("x", "y", "yaw")
@@ -244,7 +249,7 @@ class NodeFactory:
         files = [Path(self.values["params_file"]).absolute()]
         return self._node("velocity_controller", module, parameters, files=files)
 
-    def rerun_viewer(self) -> Node:
+    def rerun_viewer(self) -> NodeProcess:
         """Return the viewer, whose end stops nothing else."""
         parameters = {
             "viewer": self.values["viewer"],
@@ -257,7 +262,7 @@ class NodeFactory:
         module = "onebot_bringup.viewer.rerun_viewer"
         return self._node("rerun_viewer", module, parameters, on_exit="ignore", nice=NICE_VIEWER)
 
-    def steering_page(self) -> Node:
+    def steering_page(self) -> NodeProcess:
         """Return the page to steer from; it may crash without the robot's noticing.
 
         Its port and its token are settled here, so that open pages find it again after a crash.
@@ -273,13 +278,13 @@ class NodeFactory:
         module = "onebot_bringup.steering.steering_page"
         return self._node("steering_page", module, place.parameters, on_exit="restart")
 
-    def bag_recorder(self) -> Node:
+    def bag_recorder(self) -> NodeProcess:
         """Return the recorder, whose end stops nothing else."""
         parameters = {"folder": str(output_path(self.values["record"]))}
         module = "onebot_bringup.bags.bag_recorder"
         return self._node("bag_recorder", module, parameters, on_exit="ignore")
 
-    def description_watcher(self) -> Node:
+    def description_watcher(self) -> NodeProcess:
         """Return the node that takes up edits of the model; it only serves those who edit."""
         words = ["--known", self.known.to_json(), self.values["model"]]
         words += [f"{name}:={value}" for name, value in self.xacro_arguments.items()]
@@ -297,7 +302,7 @@ class NodeFactory:
         on_exit: OnExit = "shutdown",
         files: Sequence[Path] = (),
         nice: int = 0,
-    ) -> Node:
+    ) -> NodeProcess:
         make = RosNodes(
             self.folder, self.values["namespace"], self.ros_args, self.values["log_level"]
         )

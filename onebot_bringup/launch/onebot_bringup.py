@@ -13,11 +13,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def launch() -> int:
         # Here, where Ctrl-C is already answered: importing takes a moment.
-        from onebot_bringup.launch.bringup import Robot, bring_up
+        from onebot_bringup.launch.bringup import Bringup, bring_up
         from onebot_description.description.packages import package_share
 
         description = package_share("onebot_description").resolve()  # where edits are made
-        onebot = Robot(
+        onebot = Bringup(
             program="onebot_bringup",
             summary="Brings OneBot up on ROS 2, simulated; a Twist on velocity_controller/cmd_vel "
             "drives it.",

@@ -1,38 +1,41 @@
-"""Kills what a launcher leaves behind that was itself killed (SIGKILL, out of memory).
+"""Ends the nodes of a launcher that was itself killed (SIGKILL, out of memory).
 
-Runs as its own small process, ``python -I -S guard.py [FOLDER ...]``, with a pipe from the launcher
-as its standard input. The launcher writes ``+GROUP`` for each process group that it starts and
-``-GROUP`` for each that is gone. The pipe closes when the launcher ends, however it ends: what is
-left then is told to stop, and killed if it does not, and the folders are removed.
+Linux's own signal on the parent's death is not enough: it reaches no process that a node has
+started, and it is one signal, so that either a recorder could not close its file or a node that
+ignores SIGTERM would live on. So the launcher starts this file as a small process of its own, with
+a pipe to it as standard input. The pipe closes when the launcher ends, however it ends; the process
+groups that are left then get SIGTERM, and SIGKILL after a while.
 """
 
-import ctypes
+import contextlib
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
-# The launcher's end of the guard (see ``guard.py``), which outlives a killed launcher.
+TERMINATE_FOR = 4.0  # seconds from SIGTERM to SIGKILL: nothing is left after 5 s
+_POLL = 0.05  # seconds
+_DEAD = frozenset("ZX")  # states in /proc
 
 
 class Guard:
-    """A process that kills the groups it was told of, should the launcher die without doing so."""
+    """The launcher's end of the pipe.
 
-    def __init__(self, folders: Sequence[Path] = ()) -> None:
-        """Start it; without it (no memory, no processes left) the launcher works all the same.
+    Each line is ``+GROUP``, ``-GROUP`` for one that is gone, or a temporary folder to remove.
+    """
 
-        Args:
-            folders: temporary ones, which it removes should the launcher not live to do so.
-        """
-        script = Path(__file__).with_name("guard.py")
+    def __init__(self) -> None:
+        """Start it; without it (no memory, no processes left) the launcher works all the same."""
+        # Both ends stay open and nothing waits: writing does no harm when the guard has died.
+        self._read, self._write = os.pipe()
+        os.set_blocking(self._write, False)
         try:
             self._process: subprocess.Popen[bytes] | None = subprocess.Popen(
-                [sys.executable, "-I", "-S", str(script), *map(str, folders)],
-                stdin=subprocess.PIPE,
+                [sys.executable, "-I", "-S", __file__],
+                stdin=self._read,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
@@ -41,48 +44,38 @@ class Guard:
             self._process = None
 
     def add(self, group: int) -> None:
-        """Answer for the process group ``group`` from now on."""
-        self._tell(f"+{group}\n")
+        """End the process group ``group`` if the launcher is killed."""
+        self._write_line(f"+{group}")
 
     def discard(self, group: int) -> None:
         """Forget ``group``: it is gone."""
-        self._tell(f"-{group}\n")
+        self._write_line(f"-{group}")
+
+    def remove_later(self, folder: Path) -> None:
+        """Remove ``folder`` if the launcher is killed."""
+        self._write_line(str(folder))
 
     def close(self) -> None:
-        """End it; it kills what it still answers for."""
+        """End it; it ends what it still knows."""
+        os.close(self._write)
+        os.close(self._read)
         if self._process is None:
             return
-        assert self._process.stdin is not None
         try:
-            self._process.stdin.close()
             self._process.wait(timeout=1.0)
-        except (OSError, subprocess.TimeoutExpired):
+        except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
-    def _tell(self, line: str) -> None:
-        if self._process is None:
-            return
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(line.encode())
-            self._process.stdin.flush()
-        except OSError:  # it was killed; the nodes still ask to die with the launcher
-            self._process = None
-
-
-# Process groups: signal one, see whether any of it still lives, and die with the parent.
-
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
-_DEAD = frozenset("ZX")
+    def _write_line(self, line: str) -> None:
+        with contextlib.suppress(OSError):
+            os.write(self._write, f"{line}\n".encode())
 
 
 def signal_group(group: int, number: int) -> None:
     """Send a signal to each process of ``group``; one that is gone already is no error."""
-    try:
+    with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(group, number)
-    except (ProcessLookupError, PermissionError):
-        pass
 
 
 def group_alive(group: int) -> bool:
@@ -107,31 +100,8 @@ def _runs_in(stat: Path, group: int) -> bool:
         # proc(5): "pid (comm) state ppid pgrp ..."; comm may itself hold spaces and parentheses.
         state, _, process_group = stat.read_text(errors="replace").rpartition(")")[2].split()[:3]
     except (OSError, ValueError):
-        return False  # it ended while we looked
+        return False  # it has just ended
     return int(process_group) == group and state not in _DEAD
-
-
-def child_setup(hold_interrupt: bool) -> Callable[[], None]:
-    """Return what a new child runs before its program: it asks to die with the launcher.
-
-    Everything is looked up here, in the parent: between fork and exec only calls are made.
-    SIGTERM, so that a node can still close its files; what ignores it, the guard kills.
-    """
-    prctl = ctypes.CDLL(None).prctl if sys.platform.startswith("linux") else None
-    parent = os.getpid()
-
-    def setup() -> None:
-        if hold_interrupt:
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        if prctl is not None:
-            prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
-            if os.getppid() != parent:  # it died before we could ask
-                os._exit(1)
-
-    return setup
-
-
-_TERMINATE_FOR = 4.0  # seconds
 
 
 def main() -> None:
@@ -139,18 +109,23 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     groups: set[int] = set()
-    for line in sys.stdin:
-        group = int(line[1:])
-        groups.add(group) if line[0] == "+" else groups.discard(group)
+    folders: list[str] = []
+    for line in map(str.rstrip, sys.stdin):
+        if line[0] == "+":
+            groups.add(int(line))
+        elif line[0] == "-":
+            groups.discard(-int(line))
+        else:
+            folders.append(line)
     if groups:
         end(groups)
-        for folder in sys.argv[1:]:
+        for folder in folders:
             shutil.rmtree(folder, ignore_errors=True)
 
 
 def end(groups: set[int]) -> None:
     """Stop all processes of ``groups``: SIGTERM, and SIGKILL for what is left after a while."""
-    deadline = time.monotonic() + _TERMINATE_FOR
+    deadline = time.monotonic() + TERMINATE_FOR
     for group in groups:
         signal_group(group, signal.SIGTERM)
     while any(group_alive(group) for group in groups):
@@ -158,7 +133,7 @@ def end(groups: set[int]) -> None:
             for group in groups:
                 signal_group(group, signal.SIGKILL)
             return
-        time.sleep(0.05)
+        time.sleep(_POLL)
 
 
 if __name__ == "__main__":

@@ -1,475 +1,319 @@
-"""The launcher: a loop that starts nodes, relays their output and stops them.
+"""The launcher: starts nodes, shows their output, starts them again, and stops them together."""
 
-One thread only. Everything that happens (output, a signal, the end of a child) wakes one ``poll``,
-and what is due by the clock (new starts, harder signals) is looked at in every turn.
-"""
-
-import selectors
+import asyncio
+import os
 import signal
-import socket
 import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from types import TracebackType
+from typing import Any
 
-from onebot_bringup.launcher.console import Console, OutputStream
+from onebot_bringup.launcher.console import Console
 from onebot_bringup.launcher.guard import Guard
-from onebot_bringup.launcher.interpreter import Standby
-from onebot_bringup.launcher.process import LineReader, Node, RunningNode, describe_exit
+from onebot_bringup.launcher.process import (
+    NodeProcess,
+    Preloaded,
+    Restart,
+    RunningProcess,
+    describe_exit,
+    spawn,
+)
+from onebot_description.signals import stop_signals
 
-# The nodes that run, their output wired to the console and their groups known to the guard.
-
-
-class RunningNodes:
-    """Starts nodes, reads what they print, and forgets those that are gone."""
-
-    def __init__(
-        self,
-        selector: selectors.BaseSelector,
-        console: Console,
-        temporary: Sequence[Path],
-        standby: Standby,
-    ) -> None:
-        """None runs yet.
-
-        Args:
-            selector: to register their pipes with.
-            console: where their lines go.
-            temporary: folders to be removed should this process be killed.
-            standby: interpreters to be used for the nodes they were started for.
-        """
-        self._selector, self._console, self._standby = selector, console, standby
-        self._guard = Guard(temporary)
-        self._running: list[RunningNode] = []
-
-    def __bool__(self) -> bool:
-        """Whether any runs."""
-        return bool(self._running)
-
-    def __iter__(self) -> Iterator[RunningNode]:
-        """Those that run now; they may be forgotten meanwhile."""
-        return iter(list(self._running))
-
-    def start(self, node: Node) -> None:
-        """Start ``node``.
-
-        Raises:
-            OSError: the program cannot be run.
-        """
-        out, err = (self._sink(node, stream) for stream in (self._console.out, self._console.err))
-        running = RunningNode(node, out, err, self._standby.take(node))
-        self._guard.add(running.group)
-        self._running.append(running)
-        for reader in running.readers:
-            self._selector.register(reader.pipe.fileno(), selectors.EVENT_READ, reader)
-
-    def _sink(self, node: Node, stream: OutputStream) -> Callable[[bytes], None]:
-        return lambda line: self._console.line(node.name, line, stream)
-
-    def read(self, reader: LineReader) -> None:
-        """Read from a pipe that has something to read."""
-        descriptor = reader.pipe.fileno()
-        reader.read()
-        if reader.pipe.closed:
-            self._selector.unregister(descriptor)
-
-    def forget(self, running: RunningNode) -> None:
-        """Read what is left of its output; it is gone, or given up."""
-        for reader in running.readers:
-            if not reader.pipe.closed:
-                self._selector.unregister(reader.pipe.fileno())
-        running.close()
-        self._running.remove(running)
-        self._guard.discard(running.group)
-
-    def close(self) -> None:
-        """End the guard, which kills what was not forgotten."""
-        self._guard.close()
-
-
-# Which nodes are to be started again, and when.
-
-
-class Restarts:
-    """Counts the starts of nodes that keep ending, and plans the next ones."""
-
-    def __init__(self) -> None:
-        """Nothing is planned yet."""
-        self._planned: list[tuple[float, Node]] = []
-        self._done: dict[str, int] = {}
-
-    def __bool__(self) -> bool:
-        """Whether anything is planned."""
-        return bool(self._planned)
-
-    def plan(self, node: Node, lived: float) -> float | None:
-        """Plan a new start of ``node``.
-
-        Args:
-            node: ended just now.
-            lived: seconds it ran.
-
-        Returns:
-            Seconds until then, or None if it was started often enough in vain.
-        """
-        done = 0 if lived > node.restart.healthy_after else self.done(node)
-        if done >= node.restart.limit:
-            return None
-        self._done[node.name] = done + 1
-        wait = node.restart.wait(done)
-        self._planned.append((time.monotonic() + wait, node))
-        return wait
-
-    def done(self, node: Node) -> int:
-        """Return how many new starts of ``node`` there were, or are planned, in a row."""
-        return self._done.get(node.name, 0)
-
-    def until_next(self) -> float | None:
-        """Return the seconds until the next start, None if none is planned."""
-        if not self._planned:
-            return None
-        return max(0.0, min(at for at, _ in self._planned) - time.monotonic())
-
-    def take_due(self) -> list[Node]:
-        """Return the nodes to start now; they are no longer planned then."""
-        now = time.monotonic()
-        due = [node for at, node in self._planned if at <= now]
-        self._planned = [(at, node) for at, node in self._planned if at > now]
-        return due
-
-    def cancel(self) -> None:
-        """Start nothing any more."""
-        self._planned.clear()
-
-
-# How the order to stop is pressed harder with time.
-
-TERMINATE, KILL, GIVE_UP = 1, 2, 3  # stages; 0 is SIGINT
-# A wrapper such as `uv run` passes a Ctrl-C on that the terminal has already delivered.
-_SAME_KEYSTROKE = 0.3  # seconds
+# How a node may end that was asked to stop; 130 is what shells make of SIGINT.
+_STOPPED = (0, -signal.SIGINT, -signal.SIGTERM, 130)
+# Seconds. A wrapper such as `uv run` passes a Ctrl-C on that the terminal has already delivered;
+# a signal to all processes, such as systemd's, may reach a node before the launcher.
+_SAME_SIGNAL = 0.3
 
 
 @dataclass(frozen=True)
 class Grace:
-    """When to use which signal, in seconds after the order to stop; all is over within 5 s.
+    """When to use which signal, in seconds after the order to stop; all is over within 5 s."""
 
-    Attributes:
-        terminate: SIGTERM to what did not heed SIGINT.
-        kill: SIGKILL to what did not heed SIGTERM either.
-        give_up: leave even if the system has not removed them yet.
-    """
-
-    terminate: float = 2.5
-    kill: float = 4.0
-    give_up: float = 4.6
+    terminate: float = 2.5  # SIGTERM to what has not stopped on SIGINT
+    kill: float = 4.0  # SIGKILL to what has not stopped on SIGTERM either
+    give_up: float = 4.6  # leave even if the system has not removed them yet
 
 
-class Stopping:
-    """The order to stop, once it was given.
+class Restarts:
+    """Counts the starts of a node that keeps ending."""
 
-    Attributes:
-        stage: how hard it has been pressed so far.
-    """
+    def __init__(self, policy: Restart) -> None:
+        """There was none yet."""
+        self._policy = policy
+        self.count = 0  # new starts in a row, the one planned last included
 
-    def __init__(self, grace: Grace) -> None:
-        """It has not been given yet."""
-        self.stage = 0
-        self._grace = grace
-        self._since: float | None = None
+    def next_wait(self, lived: float) -> float | None:
+        """Return the seconds until the next start; None if there were enough in vain.
 
-    def __bool__(self) -> bool:
-        """Whether it was given."""
-        return self._since is not None
-
-    def order(self) -> None:
-        """Give it."""
-        self._since = time.monotonic()
-
-    def is_repeated(self) -> bool:
-        """Return whether a signal that comes now is another order, and not the same keystroke."""
-        return self._waited() > _SAME_KEYSTROKE
-
-    def press(self, stage: int) -> bool:
-        """Go to ``stage``; return False if it has got as far already."""
-        if stage <= self.stage:
-            return False
-        self.stage = stage
-        return True
-
-    def due(self) -> list[int]:
-        """Return the stages that are due by the clock, whether reached or not."""
-        grace, waited = self._grace, self._waited()
-        moments = {TERMINATE: grace.terminate, KILL: grace.kill, GIVE_UP: grace.give_up}
-        return [stage for stage, moment in moments.items() if waited > moment]
-
-    def _waited(self) -> float:
-        return 0.0 if self._since is None else time.monotonic() - self._since
-
-
-# Signals as something to wait for in a ``select`` loop.
-
-STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-class SignalQueue:
-    """While open, collects the signals that ask to stop; its socket wakes a ``select``.
-
-    SIGCHLD only wakes. A SIGHUP that was ignored from the start (nohup) stays ignored.
-    """
-
-    def __init__(self) -> None:
-        """Nothing is changed until the queue is entered."""
-        self._arrived: list[int] = []
-        self._read, self._write = socket.socketpair()
-        self._read.setblocking(False)
-        self._write.setblocking(False)
-
-    def fileno(self) -> int:
-        """The descriptor that becomes readable when a signal arrives."""
-        return self._read.fileno()
-
-    def take(self) -> list[int]:
-        """Return the stop signals that arrived since the last call, in order."""
-        try:
-            while self._read.recv(64):
-                pass
-        except BlockingIOError:
-            pass
-        taken, self._arrived = self._arrived, []
-        return taken
-
-    def __enter__(self) -> "SignalQueue":
-        """Install the handlers."""
-        self._old_wakeup = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
-        self._old = {signal.SIGCHLD: signal.signal(signal.SIGCHLD, lambda *_: None)}
-        for number in STOP:
-            if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
-                continue
-            self._old[number] = signal.signal(number, lambda n, _: self._arrived.append(n))
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Put the former handlers back."""
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
-        signal.set_wakeup_fd(self._old_wakeup)
-        self._read.close()
-        self._write.close()
-
-
-_TURN = 0.05  # seconds; how often to look while stopping, or while output waits
-# How a node may end that was asked to stop; 130 is what shells make of SIGINT.
-_OBEDIENT = (0, -signal.SIGINT, -signal.SIGTERM, 130)
+        Args:
+            lived: seconds that the node ran.
+        """
+        if lived > self._policy.healthy_after:
+            self.count = 0
+        if self.count >= self._policy.limit:
+            return None
+        self.count += 1
+        return self._policy.wait(self.count - 1)
 
 
 class Launcher:
     """Runs nodes until Ctrl-C, or until one that matters has ended.
 
-    ``run`` may be called once, in the main thread.
+    A context, to be used in the main thread; ``run`` may be called once.
     """
 
-    def __init__(
+    def __init__(self, name: str, grace: Grace | None = None) -> None:
+        """Nothing is started yet.
+
+        Args:
+            name: the prefix of the launcher's own messages.
+            grace: how long to wait for nodes that do not stop.
+        """
+        self._name = name
+        self._grace = grace or Grace()
+        self._running: dict[RunningProcess, NodeProcess] = {}
+        self._stopping, self._stop_now = asyncio.Event(), asyncio.Event()
+        self._pressed = False  # SIGTERM or SIGKILL was used
+        self._exit_code = 0
+
+    def __enter__(self) -> "Launcher":
+        """Open the event loop and start the guard."""
+        self._loop = asyncio.new_event_loop()
+        self._guard = Guard()
+        self._preloaded = Preloaded(self._guard)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave no process behind."""
+        self._complete(self._preloaded.close())
+        self._loop.close()
+        self._guard.close()
+
+    def preload(self, modules: Sequence[str]) -> None:
+        """Start importing the modules of nodes that ``run`` will probably be asked to run.
+
+        Args:
+            modules: the most urgent first.
+        """
+        self._complete(self._preloaded.start(modules))
+
+    def _complete(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do what takes a moment; Ctrl-C waits until it is done."""
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._loop.run_until_complete(work)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+    def run(
         self,
-        nodes: Sequence[Node],
+        nodes: Sequence[NodeProcess],
         *,
-        name: str = "launcher",
         started_message: str = "",
-        grace: Grace | None = None,
         temporary: Sequence[Path] = (),
-        standby: Standby | None = None,
-    ) -> None:
-        """Prepare to run ``nodes``.
+    ) -> int:
+        """Start everything and return when everything has ended.
 
         Args:
             nodes: what to start, in this order; their names must differ.
-            name: the prefix of the launcher's own messages.
             started_message: printed once all processes have been started.
-            grace: how long to wait for nodes that do not stop.
-            temporary: folders of the nodes, to be removed should the launcher be killed; otherwise
+            temporary: folders of the nodes, to be removed if the launcher is killed; otherwise
                 that is up to the caller.
-            standby: interpreters for the first start of some of the nodes; the caller closes it.
-
-        Raises:
-            ValueError: two nodes have the same name.
-        """
-        if len({node.name for node in nodes}) < len(nodes):
-            raise ValueError("two nodes have the same name")
-        self._nodes = tuple(nodes)
-        self._name = name
-        self._started_message = started_message
-        self._temporary = tuple(temporary)
-        self._standby = standby or Standby()
-        self._console = Console(sys.stdout, sys.stderr, [node.name for node in nodes])
-        self._restarts = Restarts()
-        self._stopping = Stopping(grace or Grace())
-        self._exit_code = 0
-
-    def run(self) -> int:
-        """Start everything and return when everything has ended.
 
         Returns:
             0 when a signal asked to stop (or whoever read the output left), or when no node was
             left to run; 1 when a node that matters ended by itself or could not be started.
+
+        Raises:
+            ValueError: two nodes have the same name.
         """
-        with SignalQueue() as self._signals, selectors.PollSelector() as self._selector:
-            self._selector.register(self._signals, selectors.EVENT_READ)
-            self._running = RunningNodes(
-                self._selector, self._console, self._temporary, self._standby
-            )
-            try:
-                self._start_all()
-                while self._running or self._restarts:
-                    self._turn()
-            finally:
-                self._leave()
+        names = [node.name for node in nodes]
+        if len(set(names)) < len(names):
+            raise ValueError("two nodes have the same name")
+        for folder in temporary:
+            self._guard.remove_later(folder)
+        self._console = Console(sys.stdout, sys.stderr, names, self._stop)
+        self._loop.run_until_complete(self._run(nodes, started_message))
         return self._exit_code
 
-    # ---- one turn of the loop ----
-
-    def _turn(self) -> None:
-        for key, _ in self._selector.select(self._timeout()):
-            if isinstance(key.data, LineReader):
-                self._running.read(key.data)
-        self._console.pump()
-        for number in self._signals.take():
-            self._on_signal(number)
-        if self._console.out.broken and not self._stopping:
-            self._stop()  # as in `mrm_bringup | head`
-        self._collect_dead()
-        self._start_due()
-        self._escalate()
-
-    def _timeout(self) -> float | None:
-        """Seconds until something is due by the clock; None if nothing is."""
-        if self._stopping or self._console.pending:
-            return _TURN
-        return self._restarts.until_next()
-
-    # ---- starting ----
-
-    def _start_all(self) -> None:
-        names = ", ".join(node.name for node in self._nodes)
-        self._say(f"starting {names}")
-        for node in self._nodes:
-            if not self._stopping:
-                self._start(node)
-        if self._started_message and not self._stopping:
-            self._console.say(self._started_message)
-
-    def _start(self, node: Node) -> None:
+    async def _run(self, nodes: Sequence[NodeProcess], started_message: str) -> None:
+        for number in stop_signals():
+            self._loop.add_signal_handler(number, self._on_signal, number)
+        self._given_up = self._loop.create_future()
         try:
-            self._running.start(node)
+            ended = asyncio.gather(*await self._start_all(nodes))
+            if started_message and not self._stopping.is_set():
+                self._console.info(started_message)
+            await self._preloaded.close()
+            await asyncio.wait([ended, self._given_up], return_when=asyncio.FIRST_COMPLETED)
+            if ended.done():
+                ended.result()
+        finally:
+            await self._leave()
+
+    async def _start_all(self, nodes: Sequence[NodeProcess]) -> list[asyncio.Task[None]]:
+        """Start ``nodes`` one after the other; return what waits for the end of each."""
+        self._info(f"starting {', '.join(node.name for node in nodes)}")
+        tasks = []
+        for node in nodes:
+            if not self._stopping.is_set():
+                process = await self._start(node)
+                tasks.append(self._loop.create_task(self._supervise(node, process)))
+        return tasks
+
+    async def _leave(self) -> None:
+        """Leave nothing behind, even when something failed."""
+        for process in self._running:
+            process.signal_all(signal.SIGKILL)
+        await asyncio.gather(*[self._forget(process) for process in list(self._running)])
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        if not self._stopping.is_set():
+            self._info("no node is left to run")
+        await self._console.flush(timeout=0.3)
+
+    # One node
+
+    async def _start(self, node: NodeProcess) -> RunningProcess | None:
+        try:
+            process = self._preloaded.take(node) or await spawn(
+                node.command,
+                {**os.environ, **node.environment},
+                self._guard,
+                hold_interrupt=node.hold_interrupt,
+            )
         except OSError as error:
             self._warn(f"{node.name} cannot be started: {error}")
-            self._after_end(node, lived=0.0)
+            return None
+        self._running[process] = node
+        console = self._console
+        out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
+        process.connect(out, err)
+        if node.nice:
+            process.set_nice(node.nice)
+        if self._stopping.is_set():
+            process.interrupt()
+        return process
 
-    def _start_due(self) -> None:
-        for node in self._restarts.take_due():
-            self._say(f"starting {node.name} again")
-            self._start(node)
+    async def _supervise(self, node: NodeProcess, process: RunningProcess | None) -> None:
+        """Return when ``node`` has ended for good; None for a process that did not start."""
+        restarts = Restarts(node.restart)
+        while True:
+            lived = 0.0 if process is None else await self._until_end(node, process)
+            if self._stopping.is_set():
+                return
+            wait = self._after_end(node, restarts, lived)
+            if wait is None or await _is_set_within(wait, self._stopping):
+                return
+            self._info(f"starting {node.name} again")
+            process = await self._start(node)
 
-    # ---- when a node has ended ----
+    async def _until_end(self, node: NodeProcess, process: RunningProcess) -> float:
+        """Wait for the end of ``process`` and report it; return how long it ran, in seconds."""
+        began = self._loop.time()
+        code = await process.ended
+        lived = self._loop.time() - began
+        if code in _STOPPED:
+            await _is_set_within(_SAME_SIGNAL, self._stopping)
+        if self._stopping.is_set():
+            await process.group_ended()
+            await self._forget(process)
+            if code not in _STOPPED and not self._pressed:
+                self._warn(f"{node.name} stopped with an error: {describe_exit(code)}")
+        else:
+            process.signal_all(signal.SIGKILL)  # what it started has no owner any more
+            await self._forget(process)
+            self._warn(f"{node.name} ended by itself: {describe_exit(code)}")
+        return lived
 
-    def _collect_dead(self) -> None:
-        for running in self._running:
-            code = running.exit_code()
-            if code is None:
-                continue
-            if not self._stopping:
-                # What it started has no owner any more.
-                running.signal_all(signal.SIGKILL)
-                self._running.forget(running)
-                self._report(running.node, code, time.monotonic() - running.started)
-            elif running.gone():
-                self._running.forget(running)
-                if code not in _OBEDIENT and self._stopping.stage == 0:
-                    self._warn(f"{running.node.name} stopped with an error: {describe_exit(code)}")
-            else:
-                running.terminate_rest()
+    async def _forget(self, process: RunningProcess) -> None:
+        """Show what is left of its output; it is gone, or given up."""
+        await process.close()
+        self._guard.discard(process.group)
+        self._running.pop(process, None)
 
-    def _report(self, node: Node, code: int, lived: float) -> None:
-        self._warn(f"{node.name} ended by itself: {describe_exit(code)}")
-        self._after_end(node, lived)
-
-    def _after_end(self, node: Node, lived: float) -> None:
-        """Do as the node's policy says."""
+    def _after_end(self, node: NodeProcess, restarts: Restarts, lived: float) -> float | None:
+        """Do as the node's policy says; return the seconds until it is to be started again."""
+        wait = None
         if node.on_exit == "ignore":
             self._warn(f"going on without {node.name}")
         elif node.on_exit == "restart":
-            self._plan_restart(node, lived)
-        else:
+            wait = restarts.next_wait(lived)
+            count = f"{restarts.count} of {node.restart.limit}"
+            if wait is None:
+                self._warn(f"{node.name} was started again {count} times in vain; giving up")
+            else:
+                self._warn(f"starting {node.name} again in {wait:g} s (attempt {count})")
+        if wait is None and node.on_exit != "ignore":
             self._fail()
+        return wait
 
-    def _plan_restart(self, node: Node, lived: float) -> None:
-        wait = self._restarts.plan(node, lived)
-        count = f"{self._restarts.done(node)} of {node.restart.limit}"
-        if wait is None:
-            self._warn(f"{node.name} was started again {count} times in vain; giving up")
-            self._fail()
-        else:
-            self._warn(f"starting {node.name} again in {wait:g} s (attempt {count})")
+    # Stopping
 
     def _fail(self) -> None:
         self._exit_code = 1
-        if not self._stopping:
+        if not self._stopping.is_set():
             if self._running:
                 self._warn("stopping the others")
             self._stop()
 
-    # ---- stopping ----
-
-    def _on_signal(self, number: int) -> None:
-        if not self._stopping:
-            self._say(f"{signal.Signals(number).name}: stopping (once more to kill at once)")
+    def _on_signal(self, number: signal.Signals) -> None:
+        if not self._stopping.is_set():
+            self._info(f"{number.name}: stopping (once more to kill at once)")
             self._stop()
-        elif number != signal.SIGHUP and self._stopping.is_repeated():
-            self._harder(KILL)
+        elif number != signal.SIGHUP and self._loop.time() - self._stopped_at > _SAME_SIGNAL:
+            self._stop_now.set()
 
     def _stop(self) -> None:
-        self._stopping.order()
-        self._restarts.cancel()
-        for running in self._running:
-            running.interrupt()
-
-    def _escalate(self) -> None:
-        for stage in self._stopping.due():
-            self._harder(stage)
-
-    def _harder(self, stage: int) -> None:
-        """Use SIGTERM, use SIGKILL, or give up; each once."""
-        if not self._stopping.press(stage):
+        """Ask all nodes to stop, unless that was done."""
+        if self._stopping.is_set():
             return
-        if stage == GIVE_UP:
-            for running in self._running:
-                self._warn(f"{running.node.name} cannot be killed (process {running.group})")
-                self._running.forget(running)
-            return
-        number = signal.SIGTERM if stage == TERMINATE else signal.SIGKILL
-        for running in self._running:
-            self._warn(f"{running.node.name} has not stopped yet: {number.name}")
-            running.signal_all(number)
+        self._stopping.set()
+        self._stopped_at = self._loop.time()
+        for process in self._running:
+            process.interrupt()
+        self._pressing = self._loop.create_task(self._press())
 
-    def _leave(self) -> None:
-        """Leave nothing behind, even when the loop itself failed."""
-        for running in self._running:
-            running.signal_all(signal.SIGKILL)
-            self._running.forget(running)
-        self._running.close()
-        if not self._stopping:
-            self._say("no node is left to run")
-        self._console.flush(timeout=0.3)
+    async def _press(self) -> None:
+        """Use SIGTERM, then SIGKILL; then give up."""
+        if not await _is_set_within(self._grace.terminate, self._stop_now):
+            self._signal_all(signal.SIGTERM)
+            await _is_set_within(self._since_stop(self._grace.kill), self._stop_now)
+        self._signal_all(signal.SIGKILL)
+        await asyncio.sleep(self._since_stop(self._grace.give_up))
+        for process, node in self._running.items():
+            self._warn(f"{node.name} cannot be killed (process {process.group})")
+        self._given_up.set_result(None)
 
-    # ---- messages ----
+    def _since_stop(self, moment: float) -> float:
+        """Return the seconds from now to ``moment``, in seconds after the order to stop."""
+        return self._stopped_at + moment - self._loop.time()
 
-    def _say(self, text: str) -> None:
-        self._console.say(f"[{self._name}] {text}")
+    def _signal_all(self, number: signal.Signals) -> None:
+        self._pressed = True
+        for process, node in self._running.items():
+            self._warn(f"{node.name} has not stopped yet: {number.name}")
+            process.signal_all(number)
+
+    # Messages
+
+    def _info(self, text: str) -> None:
+        self._console.info(f"[{self._name}] {text}")
 
     def _warn(self, text: str) -> None:
         self._console.warn(f"[{self._name}] {text}")
+
+
+async def _is_set_within(timeout: float, event: asyncio.Event) -> bool:
+    """Wait for ``event``, at most ``timeout`` seconds."""
+    try:
+        await asyncio.wait_for(event.wait(), timeout)
+    except asyncio.TimeoutError:
+        return False
+    return True

@@ -1,55 +1,85 @@
-"""One running node: its process, its process group and its output."""
+"""Nodes as processes: what to start, one that runs, and interpreters preloaded for some."""
 
+import asyncio
 import contextlib
+import json
 import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import IO, Literal
+from functools import partial
+from typing import Literal
 
-from onebot_bringup.launcher.guard import child_setup, group_alive, signal_group
+from onebot_bringup.launcher.guard import Guard, group_alive, signal_group
+from onebot_bringup.launcher.interpreter import PRELOAD
 
-# Opening processes, Python modules among them.
+OnExit = Literal["shutdown", "restart", "ignore"]
 
-_START_MODULE = "onebot_bringup.launcher.interpreter"
+_INTERPRETER = "onebot_bringup.launcher.interpreter"
 _BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is OpenBLAS's own
+_LONGEST_LINE = 65536  # bytes; a longer one is shown in pieces
+_LONGEST_NUMBER = 32  # bytes
+_LAST_OUTPUT = 0.25  # seconds to wait for it; another process may hold the pipe for ever
+_POLL = 0.05  # seconds; nothing reports the end of a process that is no child
 
 
-def open_process(
-    command: Sequence[str],
-    environment: Mapping[str, str],
-    hold_interrupt: bool,
-    stdin: int = subprocess.DEVNULL,
-) -> subprocess.Popen[bytes]:
-    """Start a program that leads a session of its own, its output into pipes.
+@dataclass(frozen=True)
+class Restart:
+    """How often and how fast a node that ended is started again."""
 
-    Args:
-        command: the program and its arguments.
-        environment: all of its variables.
-        hold_interrupt: start it with SIGINT blocked.
-        stdin: ``subprocess.PIPE`` for one to write to.
+    limit: int = 5  # times in a row before the launcher gives up
+    first_wait: float = 1.0  # s before the first new start; doubled for each further one
+    longest_wait: float = 10.0  # s, the cap of that doubling
+    healthy_after: float = 30.0  # s; a node that lived this long starts counting from zero again
 
-    Raises:
-        OSError: the program cannot be run.
-    """
-    return subprocess.Popen(
-        command,
-        stdin=stdin,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        bufsize=0,
-        env=environment,
-        start_new_session=True,
-        preexec_fn=child_setup(hold_interrupt),
+    def wait(self, restarts: int) -> float:
+        """Seconds to wait before a start when there were ``restarts`` in a row already."""
+        return float(min(self.first_wait * 2.0**restarts, self.longest_wait))
+
+
+@dataclass(frozen=True)
+class NodeProcess:
+    """A node to start as a process."""
+
+    name: str  # the prefix of its lines of output
+    command: tuple[str, ...]  # the program and its arguments
+    # What happens when it ends although nobody asked it to: "shutdown" brings everything down,
+    # "restart" starts it again, "ignore" goes on without it.
+    on_exit: OnExit = "shutdown"
+    environment: Mapping[str, str] = field(default_factory=dict)  # added to the launcher's
+    restart: Restart = Restart()  # for on_exit="restart"
+    hold_interrupt: bool = False  # start with SIGINT blocked; the program unblocks it when ready
+    module: str = ""  # the Python module that it is, if an interpreter may preload it
+    nice: int = 0  # lower priority where processors are short, 0 to 19 (see nice(2))
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What a Python module gets as arguments."""
+        return self.command[len(module_command(self.module)) :]
+
+
+def python_node(
+    name: str,
+    module: str,
+    arguments: Iterable[str] = (),
+    *,
+    on_exit: OnExit = "shutdown",
+    environment: Mapping[str, str] | None = None,
+    nice: int = 0,
+) -> NodeProcess:
+    """Return a node that is a Python module, run by the interpreter that runs the launcher."""
+    command = (*module_command(module), *arguments)
+    variables = {**python_environment(), **(environment or {})}
+    return NodeProcess(
+        name, command, on_exit, variables, hold_interrupt=True, module=module, nice=nice
     )
 
 
 def module_command(module: str) -> tuple[str, ...]:
     """Return what runs a Python module as a node, without its arguments."""
-    return (sys.executable, "-m", _START_MODULE, module)
+    return (sys.executable, "-m", _INTERPRETER, module)
 
 
 def python_environment() -> dict[str, str]:
@@ -71,201 +101,236 @@ def _safe_path() -> dict[str, str]:
     return {} if here else {"PYTHONSAFEPATH": "1"}
 
 
-# What the launcher is asked to run: one node, one process.
+class Lines:
+    """Cuts output into lines, which wait until there is somebody to take them."""
 
-OnExit = Literal["shutdown", "restart", "ignore"]
+    def __init__(self) -> None:
+        """Nothing has come yet."""
+        self._sink: Callable[[bytes], object] | None = None
+        self._data = b""
 
-
-@dataclass(frozen=True)
-class Restart:
-    """How often and how fast a node that ended is started again.
-
-    Attributes:
-        limit: how many times in a row before the launcher gives up.
-        first_wait: seconds before the first new start; doubled for each further one.
-        longest_wait: seconds, the cap of that doubling.
-        healthy_after: seconds; a node that lived this long starts counting from zero again.
-    """
-
-    limit: int = 5
-    first_wait: float = 1.0
-    longest_wait: float = 10.0
-    healthy_after: float = 30.0
-
-    def wait(self, restarts: int) -> float:
-        """Seconds to wait before a start when there were ``restarts`` in a row already."""
-        return float(min(self.first_wait * 2.0**restarts, self.longest_wait))
-
-
-@dataclass(frozen=True)
-class Node:
-    """One process to run.
-
-    Attributes:
-        name: what its lines of output are prefixed with.
-        command: the program and its arguments.
-        on_exit: what happens when it ends although nobody asked it to: ``"shutdown"`` brings
-            everything down, ``"restart"`` starts it again, ``"ignore"`` goes on without it.
-        environment: variables added to those of the launcher.
-        restart: for ``on_exit="restart"``.
-        hold_interrupt: start with SIGINT blocked; the program unblocks it when it is ready for
-            it (see ``start_module``).
-        module: the Python module that it is, if an interpreter may stand by for it; else empty.
-        nice: how far it stands back where processors are short, 0 to 19 (see nice(2)).
-    """
-
-    name: str
-    command: tuple[str, ...]
-    on_exit: OnExit = "shutdown"
-    environment: Mapping[str, str] = field(default_factory=dict)
-    restart: Restart = Restart()
-    hold_interrupt: bool = False
-    module: str = ""
-    nice: int = 0
-
-    @property
-    def arguments(self) -> tuple[str, ...]:
-        """What a Python module gets as arguments."""
-        return self.command[len(module_command(self.module)) :]
-
-
-def python_node(
-    name: str,
-    module: str,
-    arguments: Iterable[str] = (),
-    *,
-    on_exit: OnExit = "shutdown",
-    environment: Mapping[str, str] | None = None,
-    nice: int = 0,
-) -> Node:
-    """Return a node that is a Python module, run by the interpreter that runs the launcher."""
-    command = (*module_command(module), *arguments)
-    variables = {**python_environment(), **(environment or {})}
-    return Node(name, command, on_exit, variables, hold_interrupt=True, module=module, nice=nice)
-
-
-_READ = 65536  # bytes at once; also the longest line that is kept whole
-_MOST_READS = 1000
-_LINE_SINK = Callable[[bytes], None]
-
-
-class LineReader:
-    """Cuts what a pipe delivers into lines."""
-
-    def __init__(self, pipe: IO[bytes], sink: _LINE_SINK) -> None:
-        """Read from ``pipe`` without blocking; each line goes to ``sink``, without newline."""
-        self.pipe = pipe
+    def connect(self, sink: Callable[[bytes], object]) -> None:
+        """Pass each line to ``sink``, without its newline."""
         self._sink = sink
-        self._rest = b""
-        os.set_blocking(pipe.fileno(), False)
+        self.feed(b"")
 
-    def read(self) -> bool:
-        """Read once; return whether there may be more to come at once."""
-        try:
-            data = os.read(self.pipe.fileno(), _READ)
-        except BlockingIOError:
-            return False
-        if not data:
-            self.close()
-            return False
-        *lines, self._rest = (self._rest + data).split(b"\n")
+    def feed(self, data: bytes) -> None:
+        """Add what was read."""
+        self._data += data
+        if self._sink is None:
+            return
+        *lines, self._data = self._data.split(b"\n")
         for line in lines:
             self._sink(line)
-        if len(self._rest) >= _READ:
-            self._flush()
-        return True
+        if len(self._data) >= _LONGEST_LINE:
+            self.close()
 
     def close(self) -> None:
-        """Hand on a last line that has no newline, and close the pipe."""
-        self._flush()
-        self.pipe.close()
-
-    def _flush(self) -> None:
-        if self._rest:
-            self._sink(self._rest)
-            self._rest = b""
+        """Pass a last line that has no newline."""
+        if self._data and self._sink is not None:
+            self._sink(self._data)
+            self._data = b""
 
 
-class RunningNode:
-    """A node that was started; it leads a process group (and session) of its own.
+class RunningProcess(asyncio.SubprocessProtocol):
+    """A process that leads a session, and so a process group, of its own.
 
-    So a terminal's Ctrl-C reaches only the launcher, which passes it on once.
+    A terminal's Ctrl-C reaches only the launcher, which passes it on once.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        out: _LINE_SINK,
-        err: _LINE_SINK,
-        process: subprocess.Popen[bytes] | None = None,
-    ) -> None:
-        """Start ``node``; its lines go to ``out`` and ``err``.
+    def __init__(self) -> None:
+        """It is being started by the event loop; see ``spawn``."""
+        self.ended: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+        self._output_ended = asyncio.Event()
+        self._output = {1: Lines(), 2: Lines()}
 
-        Args:
-            node: to start.
-            out: takes each line of its standard output.
-            err: takes each line of its standard error.
-            process: of ``open_process``, that runs it already; None to start one.
+    # What the event loop calls
 
-        Raises:
-            OSError: the program cannot be run.
-        """
-        self.node = node
-        self.started = time.monotonic()
-        self._told_the_rest = False
-        environment = {**os.environ, **node.environment}
-        self._process = process or open_process(node.command, environment, node.hold_interrupt)
-        if node.nice:
-            niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + node.nice, 19)
-            with contextlib.suppress(ProcessLookupError):  # it has ended already
-                os.setpriority(os.PRIO_PROCESS, self._process.pid, niceness)
-        assert self._process.stdout is not None and self._process.stderr is not None
-        self.readers = (
-            LineReader(self._process.stdout, out),
-            LineReader(self._process.stderr, err),
-        )
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Keep the connection."""
+        assert isinstance(transport, asyncio.SubprocessTransport)
+        self._transport = transport
+
+    def pipe_data_received(self, fd: int, data: bytes) -> None:
+        """Cut its output into lines."""
+        self._output[fd].feed(data)
+
+    def process_exited(self) -> None:
+        """Keep the exit code: minus the signal's number if one ended it."""
+        # Not asyncio's wait(): in some versions it waits for all who hold the pipes.
+        code = self._transport.get_returncode()
+        if code is not None and not self.ended.done():
+            self.ended.set_result(code)
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """It has ended, and nobody holds its pipes."""
+        self._output_ended.set()
+
+    # What the launcher calls
 
     @property
     def group(self) -> int:
         """The id of the process, and of the group that it leads."""
-        return self._process.pid
+        return self._transport.get_pid()
 
-    def exit_code(self) -> int | None:
-        """Return the exit code, minus the signal's number if one ended it, None if it runs."""
-        return self._process.poll()
+    def connect(self, out: Callable[[bytes], object], err: Callable[[bytes], object]) -> None:
+        """Pass the lines of its standard output and error to ``out`` and ``err``."""
+        self._output[1].connect(out)
+        self._output[2].connect(err)
 
-    def gone(self) -> bool:
-        """Return whether it and all that it started have ended."""
-        return self.exit_code() is not None and not group_alive(self.group)
+    def write_last(self, line: bytes) -> None:
+        """Write to its standard input, and close that."""
+        pipe = self._transport.get_pipe_transport(0)
+        assert isinstance(pipe, asyncio.WriteTransport)
+        pipe.write(line)
+        pipe.close()
+
+    def set_nice(self, nice: int) -> None:
+        """Lower its priority."""
+        niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + nice, 19)
+        with contextlib.suppress(ProcessLookupError):  # it has ended already
+            os.setpriority(os.PRIO_PROCESS, self.group, niceness)
 
     def interrupt(self) -> None:
         """Ask the node itself to stop; it then stops what it started, in its own order."""
-        if self.exit_code() is None:
-            os.kill(self.group, signal.SIGINT)
-
-    def terminate_rest(self) -> None:
-        """Ask what an ended node has left behind to stop, once."""
-        if not self._told_the_rest:
-            self._told_the_rest = True
-            self.signal_all(signal.SIGTERM)
+        if not self.ended.done():
+            # Not asyncio's send_signal(), which may take the exit code away from who waits for it.
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.group, signal.SIGINT)
 
     def signal_all(self, number: int) -> None:
         """Send a signal to the node and all that it started."""
         signal_group(self.group, number)
 
-    def drain(self) -> None:
-        """Read what is left in the pipes, without waiting for whoever else holds them open."""
-        for reader in self.readers:
-            for _ in range(_MOST_READS):  # a bound, should someone else go on writing for ever
-                if reader.pipe.closed or not reader.read():
-                    break
+    async def group_ended(self) -> None:
+        """Wait until it and all that it started have ended; ask what it left behind to stop."""
+        await self.ended
+        if group_alive(self.group):
+            self.signal_all(signal.SIGTERM)
+        while group_alive(self.group):
+            await asyncio.sleep(_POLL)
 
-    def close(self) -> None:
-        """Read what is left and close the pipes."""
-        self.drain()
-        for reader in self.readers:
-            if not reader.pipe.closed:
-                reader.close()
+    async def close(self) -> None:
+        """Read what is left of its output and close the pipes; kill it if it still runs."""
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._output_ended.wait(), _LAST_OUTPUT)
+        self._transport.close()
+        for lines in self._output.values():
+            lines.close()
+
+
+async def spawn(
+    command: Sequence[str],
+    environment: Mapping[str, str],
+    guard: Guard,
+    *,
+    hold_interrupt: bool,
+    stdin: int = subprocess.DEVNULL,
+) -> RunningProcess:
+    """Start a program.
+
+    Args:
+        command: the program and its arguments.
+        environment: all of its variables.
+        guard: ends it if the launcher is killed.
+        hold_interrupt: start it with SIGINT blocked.
+        stdin: ``subprocess.PIPE`` for one to write to.
+
+    Raises:
+        OSError: the program cannot be run.
+    """
+    read, write = os.pipe()
+    try:
+        _, process = await asyncio.get_running_loop().subprocess_exec(
+            RunningProcess,
+            *command,
+            stdin=stdin,
+            env=environment,
+            start_new_session=True,
+            preexec_fn=partial(_set_up_child, guard, write, hold_interrupt),
+        )
+    except OSError:
+        os.set_blocking(read, False)
+        with contextlib.suppress(BlockingIOError):  # there was no child
+            guard.discard(int(os.read(read, _LONGEST_NUMBER)))
+        raise
+    finally:
+        os.close(read)
+        os.close(write)
+    return process
+
+
+def _set_up_child(guard: Guard, write: int, hold_interrupt: bool) -> None:
+    """Prepare a child between fork and exec.
+
+    It registers with the guard itself, because the launcher may be killed at any moment; and gives
+    ``write`` its number, should its program not exist.
+    """
+    if hold_interrupt:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    guard.add(os.getpid())
+    os.write(write, str(os.getpid()).encode())
+
+
+class Preloaded:
+    """Interpreters that have imported a node's module and wait for its arguments.
+
+    So a robot is up sooner: modules are imported while the launcher still reads the description.
+    """
+
+    def __init__(self, guard: Guard) -> None:
+        """There are none yet; ``guard`` ends them if the launcher is killed."""
+        self._guard = guard
+        self._environment: dict[str, str] = {}
+        self._waiting: dict[str, RunningProcess] = {}
+
+    async def start(self, modules: Sequence[str]) -> None:
+        """Start an interpreter for each of ``modules``, the most urgent first.
+
+        No more than there are processors beside this process's own: more would only slow the
+        first ones down.
+        """
+        self._environment = {**os.environ, **python_environment()}
+        for module in modules[: max(1, _processors() - 1)]:
+            with contextlib.suppress(OSError):  # reported when the node itself cannot start
+                self._waiting[module] = await spawn(
+                    [*module_command(module), PRELOAD],
+                    self._environment,
+                    self._guard,
+                    hold_interrupt=True,
+                    stdin=subprocess.PIPE,
+                )
+
+    def waits_for(self, module: str) -> bool:
+        """Return whether an interpreter has been started for ``module`` and still runs."""
+        return module in self._waiting and not self._waiting[module].ended.done()
+
+    def take(self, node: NodeProcess) -> RunningProcess | None:
+        """Return the process that runs ``node`` from now on; None if none was preloaded for it."""
+        if not self.waits_for(node.module):
+            return None
+        process = self._waiting.pop(node.module)
+        variables = {**os.environ, **node.environment}
+        changed = {k: v for k, v in variables.items() if self._environment.get(k) != v}
+        order = {"arguments": node.arguments, "environment": changed}
+        process.write_last(json.dumps(order).encode() + b"\n")
+        return process
+
+    async def close(self) -> None:
+        """End those that still wait."""
+        while self._waiting:
+            process = self._waiting.popitem()[1]
+            process.signal_all(signal.SIGKILL)
+            await process.ended
+            await process.close()
+            self._guard.discard(process.group)
+
+
+def _processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def describe_exit(code: int) -> str:

@@ -38,13 +38,12 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
 
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -62,78 +61,67 @@ from onebot_bringup.viewer.display_server import has_display
 from onebot_control.poses import yaw_of
 from onebot_description.errors import OneBotError
 from onebot_description.node import LATCHED, run_node
+from onebot_description.parameters.reader import declare, parameter, read
+from onebot_description.parameters.values import MAX_PORT
 from onebot_description.wire.messages import odometry_sample
 
-# The parameters of the steering page's node, declared, read and checked.
+# The parameters of the steering page's node -----------------------------------------------------
 
-USUAL = Velocity(1.0, 2.0)  # limits where nobody says any
+USUAL = Velocity(1.0, 2.0)  # limits where nothing else gives any
 _LEAST_RATE, _MOST_RATE = 5.0, 100.0  # Hz
 
-_DECLARED: dict[str, tuple[str | int | float | bool, str]] = {
-    "host": ("127.0.0.1", "where the page is served; 0.0.0.0: to other computers, too"),
-    "port": (8080, "another if it is in use, 0 for any"),
-    "token": ("", "asked for in the page's address; made anew where one is needed"),
-    "topic": ("velocity_controller/cmd_vel", "to steer, Twist or TwistStamped"),
-    "odom_topic": ("", 'Odometry to show; "" for the robot\'s own'),
-    "rate": (20.0, "of the commands, Hz"),
-    "max_linear": (0.0, "m/s; 0.0 for the controller's"),
-    "max_angular": (0.0, "rad/s; 0.0 for the controller's"),
-    "viewer_page": ("rerun_viewer/page", "the topic that says where the view is"),
-    "open_browser": (True, "open the page, if there is a display"),
-}
+
+def _limit(unit: str) -> Any:
+    description = f"the most that pages can ask for, {unit}; 0: the controller's limit"
+    return parameter(0.0, description, at_least=0.0, read_only=True)
 
 
 @dataclass(frozen=True)
 class SteeringParameters:
-    """The values; topics are full names, "" for none.
+    """The values; topics are full names once they are resolved, "" for none."""
 
-    Attributes:
-        host, port, token: where the page is served, and what its address must hold.
-        topic: to steer at first.
-        odom_topic: to show; "" for the robot's own.
-        rate: of the commands, Hz.
-        fixed: the most that pages can ask for, m/s and rad/s; 0 for the controller's.
-        viewer_page: the topic that says where the view is.
-        open_browser: open the page.
-    """
-
-    host: str
-    port: int
-    token: str
-    topic: str
-    odom_topic: str
-    rate: float
-    fixed: Velocity
-    viewer_page: str
-    open_browser: bool
+    host: str = parameter(
+        "127.0.0.1", "where the page is served; 0.0.0.0: to other computers, too", read_only=True
+    )
+    port: int = parameter(
+        8080, "another if it is in use; 0: any", at_least=0, at_most=MAX_PORT, read_only=True
+    )
+    token: str = parameter(
+        "", "asked for in the page's address; made anew where one is needed", read_only=True
+    )
+    topic: str = parameter(
+        "velocity_controller/cmd_vel",
+        "to steer, Twist or TwistStamped",
+        not_empty=True,
+        write="the name of the topic to steer",
+        read_only=True,
+    )
+    odom_topic: str = parameter("", "Odometry to show; empty: the robot's own", read_only=True)
+    rate: float = parameter(
+        20.0, "of the commands, Hz", at_least=_LEAST_RATE, at_most=_MOST_RATE, read_only=True
+    )
+    max_linear: float = _limit("m/s")
+    max_angular: float = _limit("rad/s")
+    viewer_page: str = parameter(
+        "rerun_viewer/page", "the topic with the address of the view", read_only=True
+    )
+    open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
 
     @classmethod
     def of(cls, node: Node) -> "SteeringParameters":
-        """Declare them on ``node`` and return what they are.
+        """Declare them on ``node`` and return their values.
 
         Raises:
             OneBotError: one is wrong.
         """
-        for name, (default, meaning) in _DECLARED.items():
-            descriptor = ParameterDescriptor(description=meaning, read_only=True)
-            node.declare_parameter(name, default, descriptor)
-        fixed = Velocity(_number(node, "max_linear"), _number(node, "max_angular"))
-        rate = _number(node, "rate")
-        if not _LEAST_RATE <= rate <= _MOST_RATE:
-            raise OneBotError(f"rate:={rate:g}: write Hz from {_LEAST_RATE:g} to {_MOST_RATE:g}")
-        if not _text(node, "topic"):
-            raise OneBotError("topic:= must not be empty: name the topic to steer")
-        return cls(
-            host=_text(node, "host"),
-            port=int(node.get_parameter("port").value),
-            token=_text(node, "token"),
-            topic=_topic(node, "topic"),
-            odom_topic=_topic(node, "odom_topic"),
-            rate=rate,
-            fixed=fixed,
-            viewer_page=_topic(node, "viewer_page"),
-            open_browser=bool(node.get_parameter("open_browser").value),
-        )
+        given = read(cls, declare(node, cls))
+        topics: dict[str, Any] = {n: _topic(node, n, getattr(given, n)) for n in _TOPICS}
+        return replace(given, **topics)
+
+    @property
+    def fixed(self) -> Velocity:
+        """The most that pages can ask for, m/s and rad/s; 0 for the controller's limit."""
+        return Velocity(self.max_linear, self.max_angular)
 
     @property
     def ceiling(self) -> Velocity:
@@ -152,24 +140,15 @@ class SteeringParameters:
         )
 
 
-def _text(node: Node, name: str) -> str:
-    return str(node.get_parameter(name).value)
+_TOPICS = ("topic", "odom_topic", "viewer_page")
 
 
-def _number(node: Node, name: str) -> float:
-    value = float(node.get_parameter(name).value)
-    if not 0.0 <= value < math.inf:
-        raise OneBotError(f"{name}:={value:g}: write a number from 0.0 on")
-    return value
-
-
-def _topic(node: Node, name: str) -> str:
-    text = _text(node, name)
+def _topic(node: Node, name: str, text: str) -> str:
     try:
         return str(node.resolve_topic_name(text)) if text else ""
     except Exception as error:  # rclpy raises several kinds, none of them public
         reason = " ".join(str(error).split("\n")[0].split())
-        raise OneBotError(f"{name}:={text} is no name of a topic: {reason}") from None
+        raise OneBotError(f"{name}: {text} is no name of a topic: {reason}") from None
 
 
 # The topic that the steering page publishes on, and who listens there.

@@ -14,24 +14,16 @@ from numpy.typing import NDArray
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import Context, Display, LayoutPart, last
 from onebot_bringup.viewer.displays.tf import axes_entity
-from onebot_bringup.viewer.meshes import load_mesh, resolve
 from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
 from onebot_bringup.viewer.settings import Color
+from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import (
     CameraSettings,
     GridSettings,
     PanelsSettings,
     ViewConfig,
 )
-from onebot_description.description.description import (
-    Box,
-    Capsule,
-    Cylinder,
-    Description,
-    Geometry,
-    Sphere,
-    Triple,
-)
+from onebot_description.description.description import Description, Geometry, Triple
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
@@ -218,28 +210,12 @@ def corners(geometry: Geometry) -> Floats:
     Raises:
         OneBotError: its mesh cannot be read.
     """
-    low, high = _extent(geometry)
+    low, high = load_shape(geometry.shape).bounds
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     local = np.where(grid == 1, high, low)
     turned = np.asarray(local @ to_matrix(from_rpy(geometry.origin.rpy)).T, np.float64)
     moved: Floats = turned + np.array(geometry.origin.xyz)
     return moved
-
-
-def _extent(geometry: Geometry) -> tuple[Floats, Floats]:
-    shape = geometry.shape
-    if isinstance(shape, Box):
-        half = np.array(shape.size) / 2
-    elif isinstance(shape, Cylinder):
-        half = np.array([shape.radius, shape.radius, shape.length / 2])
-    elif isinstance(shape, Sphere):
-        half = np.full(3, shape.radius)
-    elif isinstance(shape, Capsule):
-        half = np.array([shape.radius, shape.radius, shape.length / 2 + shape.radius])
-    else:
-        scaled = load_mesh(resolve(shape.uri)).bounds * np.array(shape.scale)
-        return scaled.min(axis=0), scaled.max(axis=0)
-    return -half, half
 
 
 def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Floats | None:

@@ -1,12 +1,18 @@
-"""Where a view comes from: a file, what its user edits in it, and what he switches meanwhile."""
+"""Where a view comes from: a file, what its user edits in it, and what is switched meanwhile."""
 
+import io
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.representer import RoundTripRepresenter
+from ruamel.yaml.scalarstring import SingleQuotedScalarString
 
 from onebot_bringup.viewer.settings import with_setting
 from onebot_bringup.viewer.view_config import (
@@ -20,117 +26,34 @@ from onebot_bringup.viewer.view_config import (
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import FileWatch
 
-# Changing single values in YAML text, whose comments and form stay as the user wrote them.
-
-
-def set_value(text: str, path: Sequence[str], value: Any) -> str:
-    """Return YAML ``text`` with another value under the keys ``path``, which are added if missing.
-
-    Args:
-        text: a mapping, or nothing.
-        path: such as ("camera", "eye").
-        value: a scalar, or a list or mapping of such; None for null.
-
-    Raises:
-        ValueError: a key on the way holds something other than a mapping.
-    """
-    node = yaml.compose(text, yaml.SafeLoader)
-    if node is None:
-        start = text if not text or text.endswith("\n") else text + "\n"
-        return f"{start}{_entry(path, value)}\n"
-    for depth, key in enumerate(path):
-        if not isinstance(node, yaml.MappingNode):
-            if node.tag != "tag:yaml.org,2002:null":
-                raise ValueError(f'"{".".join(path[:depth])}" is no mapping')
-            return _put(text, node, _flow(_nested(path[depth:], value)))
-        child = _child(node, key)
-        if child is None:
-            return _added(text, node, path[depth:], value)
-        node = child
-    return _put(text, node, _flow(value))
-
-
-def _child(node: yaml.MappingNode, key: str) -> yaml.Node | None:
-    # The last one of a key written twice is the one that counts.
-    found = [child for name, child in node.value if name.value == key]
-    return found[-1] if found else None
-
-
-def _put(text: str, node: yaml.Node, new: str) -> str:
-    """Write ``new`` in the place of ``node``."""
-    start, end = node.start_mark.index, _end(node)
-    if start == end and start and not text[start - 1].isspace():
-        new = f" {new}"  # a key that nothing follows
-    return text[:start] + new + text[end:]
-
-
-def _end(node: yaml.Node) -> int:
-    """Where ``node`` ends; that of a block would include the comments after it."""
-    if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
-        last = node.value[-1]
-        return _end(last[1] if isinstance(last, tuple) else last)
-    return int(node.end_mark.index)
-
-
-def _added(text: str, node: yaml.MappingNode, path: Sequence[str], value: Any) -> str:
-    """Add a key to ``node``, as its last."""
-    entry = _entry(path, value)
-    if node.flow_style:
-        end = node.end_mark.index - 1  # before the brace
-        if not node.value:
-            return text[:end] + entry + text[end:]
-        at = _end(node.value[-1][1])
-        return f"{text[:at]}, {entry}{text[at:]}"
-    indent = " " * node.value[0][0].start_mark.column
-    line_end = text.find("\n", _end(node))
-    at = len(text) if line_end < 0 else line_end
-    return f"{text[:at]}\n{indent}{entry}{text[at:]}"
-
-
-def _entry(path: Sequence[str], value: Any) -> str:
-    key = _flow(path[0])
-    return f"{key}: {_flow(_nested(path[1:], value))}"
-
-
-def _nested(path: Sequence[str], value: Any) -> Any:
-    for key in reversed(path):
-        value = {key: value}
-    return value
-
-
-def _flow(value: Any) -> str:
-    """Return ``value`` as YAML on one line."""
-    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=float("inf"))
-    return text.removesuffix("\n").removesuffix("\n...")
-
-
 NO_VIEW = "none"
+_ANY_WIDTH = 2**30  # of a line, which is never wrapped
 
 
 class ViewSource:
-    """The view of now: the file's, with the settings that were changed since.
+    """The view in force: the file's, with the settings that were changed since.
 
     Attributes:
         view: how to look at the robot.
-        layout: the ``.rbl`` file whose layout takes the place of the view's; None for the view's.
+        layout: the ``.rbl`` file whose layout replaces the view's; None for the view's.
     """
 
-    def __init__(self, asked: str) -> None:
-        """Read the view that the user asks for.
+    def __init__(self, source: str) -> None:
+        """Read the view of ``source``.
 
         Args:
-            asked: a view file (.yaml), a layout saved in the viewer (.rbl), "" for the view that
+            source: a view file (.yaml), a layout saved in the viewer (.rbl), "" for the view that
                 belongs to the robot, or "none" for none.
 
         Raises:
             OneBotError: there is no such file, or it is wrong.
         """
-        self._of_robot = not asked
+        self._of_robot = not source
         self._file: Path | None = None
         self._base = ViewConfig()
         self.view = self._base
         self.layout: Path | None = None
-        path = Path(asked).expanduser().absolute() if asked not in ("", NO_VIEW) else None
+        path = Path(source).expanduser().absolute() if source not in ("", NO_VIEW) else None
         if path is not None and path.suffix == ".rbl":
             check_layout(path)
             self.layout = path
@@ -150,7 +73,7 @@ class ViewSource:
         return self._file
 
     def set_robot(self, name: str) -> bool:
-        """Take the view of the robot ``name``, if that is asked for; True if it is another one.
+        """Use the view of the robot ``name``, unless a file was given; True if it is another one.
 
         Raises:
             OneBotError: it is wrong.
@@ -160,7 +83,7 @@ class ViewSource:
             return False
         base = load_view(file) if file is not None else ViewConfig()
         self._file = file
-        self._take(base)
+        self._rebase(base)
         self._watch.watch(self._files)
         return True
 
@@ -179,15 +102,15 @@ class ViewSource:
         if self._file is None:
             return False
         before = self.view
-        self._take(load_view(self._file))
+        self._rebase(load_view(self._file))
         return self.view != before
 
-    def _take(self, base: ViewConfig) -> None:
-        """Take ``base`` in the place of what the file said, and keep what was changed here."""
-        said = changed_settings(self._base, base)
+    def _rebase(self, base: ViewConfig) -> None:
+        """Replace what the file holds by ``base``, and keep what was changed here."""
+        edited = changed_settings(self._base, base)
         view = base
         for name, value in changed_settings(self._base, self.view).items():
-            if name not in said:
+            if name not in edited:
                 view = with_setting(view, name, value)
         self._base, self.view = base, view
 
@@ -200,7 +123,7 @@ class ViewSource:
         self.view = with_setting(self.view, name, value)
 
     def save(self, to: Path | None = None) -> Path:
-        """Write the view of now into its file, whose comments stay, or into another one.
+        """Write the view into its file, whose comments stay, or into another one.
 
         Returns:
             The file written.
@@ -220,11 +143,10 @@ class ViewSource:
         return target
 
     def _text(self, target: Path) -> str:
-        """The text of its file with the settings of now; a new text where there is no file."""
+        """The text of its file with the settings in force; a new text where there is no file."""
         try:
             text = self._file.read_text(encoding="utf-8") if self._file is not None else ""
-            for name, value in changed_settings(parse_view(text), self.view).items():
-                text = set_value(text, name.split("."), value)
+            text = edit_yaml(text, changed_settings(parse_view(text), self.view))
             if parse_view(text) == self.view:
                 return text
         except (OSError, ValueError):
@@ -249,6 +171,84 @@ def check_layout(path: Path) -> None:
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
             raise OneBotError(f"view:={path}: this is no layout saved in the viewer")
+
+
+def edit_yaml(text: str, values: Mapping[str, Any]) -> str:
+    """Return YAML ``text`` with other values, and its comments kept.
+
+    Args:
+        text: a mapping, or nothing.
+        values: a scalar or a list of scalars by dotted name, such as ``camera.eye``; keys that are
+            missing are added.
+
+    Raises:
+        ValueError: it is no such YAML, or a name leads into something other than a mapping.
+    """
+    editor = YAML()
+    editor.Representer = _Representer
+    editor.preserve_quotes = True
+    editor.width = _ANY_WIDTH
+    try:
+        root = editor.load(text)
+    except YAMLError as error:
+        raise ValueError(str(error)) from error
+    start = ""
+    if root is None:  # ruamel drops the comments of nothing
+        root = CommentedMap()
+        start = text if not text or text.endswith("\n") else f"{text}\n"
+    for name, value in values.items():
+        _set(root, name.split("."), value)
+    out = io.StringIO()
+    if root:
+        editor.dump(root, out)
+    return start + out.getvalue()
+
+
+def _set(root: Any, path: Sequence[str], value: Any) -> None:
+    mapping = root
+    for depth, key in enumerate(path):
+        if not isinstance(mapping, CommentedMap):
+            raise ValueError(f'"{".".join(path[:depth])}" is no mapping')
+        if depth == len(path) - 1:
+            _put(mapping, key, _node(value), at_end=mapping is root)
+        elif mapping.get(key) is None:
+            _put(mapping, key, CommentedMap(), at_end=mapping is root)
+        mapping = mapping[key]
+
+
+def _put(mapping: CommentedMap, key: str, value: Any, *, at_end: bool) -> None:
+    """Set a key. A new one comes before the last: what follows that may be the next mapping's."""
+    if key in mapping or at_end or not mapping:
+        mapping[key] = value
+    else:
+        mapping.insert(len(mapping) - 1, key, value)
+
+
+def _node(value: Any) -> Any:
+    """Return ``value`` as ruamel.yaml is to write it."""
+    if isinstance(value, list):
+        items = CommentedSeq(map(_node, value))
+        items.fa.set_flow_style()
+        return items
+    if isinstance(value, str) and _pyyaml(value)[0] in "'\"":
+        return SingleQuotedScalarString(value)
+    return value
+
+
+class _Representer(RoundTripRepresenter):
+    """Writes YAML 1.2 that PyYAML, which reads YAML 1.1, reads as the same values."""
+
+    def represent_float(self, data: float) -> Any:
+        """Write an exponent with a dot before it."""
+        return self.represent_scalar("tag:yaml.org,2002:float", _pyyaml(data))
+
+
+_Representer.add_representer(float, _Representer.represent_float)
+
+
+def _pyyaml(value: Any) -> str:
+    text: str = yaml.safe_dump(value, allow_unicode=True, width=_ANY_WIDTH)
+    return text.removesuffix("\n").removesuffix("\n...")
 
 
 def _write(path: Path, text: str) -> None:

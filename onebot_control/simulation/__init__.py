@@ -7,12 +7,12 @@ print(simulation.base_pose().translation)
 """
 
 from onebot_control.simulation.robot import JointStates, Pose, Twist
-from onebot_control.simulation.settings import Member, Settings
+from onebot_control.simulation.settings import RobotSpawn, Settings
 from onebot_control.simulation.world import Simulation, World, WorldRobot
 
 __all__ = [
     "JointStates",
-    "Member",
+    "RobotSpawn",
     "Pose",
     "Settings",
     "Simulation",

@@ -1,7 +1,7 @@
 """Rigid bodies of a robot, and the URDF that PyBullet is given of them.
 
 PyBullet gives a link without ``<inertial>`` a kilogram, computes every fixed joint as if it could
-move, and merges them, if told to, with that kilogram. Here the masses of links that fixed joints
+move, and merges them, on request, with that kilogram. Here the masses of links that fixed joints
 hold together are added up as written, and each rigid body becomes one link.
 """
 

@@ -14,7 +14,139 @@ from onebot_description.description.description import Description, Mesh
 from onebot_description.description.packages import resolve
 from onebot_description.errors import OneBotError
 
-# Collision meshes, rewritten as PyBullet reads them.
+# Points of two bodies farther apart than this, m, are left out by the solver. PyBullet remembers
+# the points where a rolling wheel has touched the ground, up to four a wheel, and solves them all:
+# at 1 m/s that takes four times as long, for forces of zero.
+_TOUCHING = 1e-6
+
+_SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
+
+
+class LoadedRobot(NamedTuple):
+    """PyBullet's numbers of a robot and its parts."""
+
+    body: int
+    joints: Mapping[str, int]  # the moving ones, by name
+    ground: int
+    # Centre of mass and principal axes of the root body in the root link's frame; that frame, not
+    # the link's, is PyBullet's base.
+    mass_frame: Transform
+    link_frame: Transform  # the root link's frame in that one
+
+
+def make_world(client: int, settings: Settings) -> int:
+    """Set up the physics of the empty world ``client``; return the number of its ground."""
+    engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
+    engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
+    engine.setPhysicsEngineParameter(
+        numSolverIterations=settings.iterations,
+        solverResidualThreshold=0.0,
+        # Otherwise a changed file would be loaded as it was.
+        enableFileCaching=0,
+        physicsClientId=client,
+    )
+    plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
+    # Without a visual PyBullet shows a plane, whose texture takes 7 ms and 6 MB.
+    slab = engine.createVisualShape(
+        engine.GEOM_BOX,
+        halfExtents=_SLAB,
+        visualFramePosition=(0.0, 0.0, -_SLAB[2]),
+        physicsClientId=client,
+    )
+    ground: int = engine.createMultiBody(0, plane, slab, physicsClientId=client)
+    engine.changeDynamics(ground, -1, lateralFriction=settings.friction, physicsClientId=client)
+    return ground
+
+
+def load_robot(
+    client: int, ground: int, description: Description, settings: Settings
+) -> LoadedRobot:
+    """Load a robot into the world ``client``, its root link's frame at the origin.
+
+    What PyBullet prints becomes log lines.
+
+    Args:
+        client: the world.
+        ground: its ground, as ``make_world`` returned it.
+        description: of the robot.
+        settings: of the world.
+
+    Raises:
+        OneBotError: the robot cannot be loaded; the message says why.
+    """
+    bodies = rigid_bodies(description)
+    if not any(body.collisions for body in bodies.values()):
+        raise OneBotError(
+            f"{description.source}: no link has a <collision>, so the robot would fall through "
+            "the ground; give the wheels one"
+        )
+    body = _load(client, description, bodies)
+    names = [joint.name for joint in description.moving_joints]
+    root, *moved = bodies.values()
+    joints = {}
+    for index in range(engine.getNumJoints(body, physicsClientId=client)):
+        info = engine.getJointInfo(body, index, physicsClientId=client)
+        row = int(info[1])
+        joints[names[row]] = index
+        # A motor at rest that is as strong as the joint's friction is that friction.
+        engine.setJointMotorControl2(
+            body, index, engine.VELOCITY_CONTROL, force=info[7], physicsClientId=client
+        )
+        _set_contact(client, body, index, moved[row], description, settings)
+    _set_contact(client, body, -1, root, description, settings)
+    for damping in ("linearDamping", "angularDamping"):
+        # One key a call: with either of these PyBullet ignores which link is meant.
+        engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
+    dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
+    mass_frame = dynamics[3], dynamics[4]
+    return LoadedRobot(body, joints, ground, mass_frame, inverse(mass_frame))
+
+
+def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
+    flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
+    with (
+        converted_meshes(description, bodies.values()) as meshes,
+        _file(physics_urdf(description, bodies, meshes)) as path,
+    ):
+        try:
+            with captured() as lines:
+                body: int = engine.loadURDF(path, flags=flags, physicsClientId=client)
+        except engine.error:
+            reason = "; ".join(lines) or "it gives no reason"
+            raise OneBotError(
+                f"{description.source}: PyBullet cannot load this robot: {reason}"
+            ) from None
+    log(lines)
+    return body
+
+
+@contextmanager
+def _file(text: str) -> Iterator[str]:
+    """The path of a file with ``text``, in memory."""
+    with open(os.memfd_create("robot.urdf"), "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        yield f"/proc/self/fd/{file.fileno()}"
+
+
+def _set_contact(
+    client: int, robot: int, index: int, body: Body, description: Description, settings: Settings
+) -> None:
+    """Set a body's friction, and check that PyBullet has loaded all of its shapes."""
+    found = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
+    if found < len(body.collisions):
+        raise OneBotError(
+            f"{description.source}: PyBullet took {found} of the {len(body.collisions)} collision "
+            f'shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
+        )
+    friction = settings.friction if body.friction is None else body.friction
+    engine.changeDynamics(
+        robot,
+        index,
+        lateralFriction=friction,
+        contactProcessingThreshold=_TOUCHING,
+        physicsClientId=client,
+    )
 
 
 @contextmanager
@@ -60,7 +192,7 @@ def _as_obj(path: Path, link: str) -> str:
         if path.suffix.lower() == ".dae":
             scene = scene.convert_units("meters")
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # trimesh and its parsers raise whatever they stumble over
+    except Exception as error:  # trimesh and its parsers raise exceptions of all kinds
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise OneBotError(f"{owner} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
@@ -71,143 +203,3 @@ def _as_obj(path: Path, link: str) -> str:
         lines += ["f " + " ".join(map(str, face)) for face in (part.faces + before).tolist()]
         before += len(part.vertices)
     return "\n".join(lines) + "\n"
-
-
-# Points of two bodies farther apart than this, m, are left out by the solver. PyBullet remembers
-# the points where a rolling wheel has touched the ground, up to four a wheel, and solves them all:
-# at 1 m/s that takes four times as long, for forces of zero.
-_TOUCHING = 1e-6
-
-_SLAB = (FARTHEST, FARTHEST, 1.0)  # m, half of what is to be seen of the ground
-
-
-class Robot(NamedTuple):
-    """What PyBullet calls the parts of a loaded robot.
-
-    Attributes:
-        body: its number.
-        joints: numbers of the moving joints by name.
-        ground: the number of the ground.
-        mass_frame: centre of mass and principal axes of the root body in the root link's frame;
-            that frame, not the link's, is what PyBullet calls the base.
-        link_frame: the root link's frame in that one.
-    """
-
-    body: int
-    joints: Mapping[str, int]
-    ground: int
-    mass_frame: Transform
-    link_frame: Transform
-
-
-def make_world(client: int, settings: Settings) -> int:
-    """Set up the physics of the empty world ``client``; return the number of its ground."""
-    engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
-    engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
-    engine.setPhysicsEngineParameter(
-        numSolverIterations=settings.iterations,
-        solverResidualThreshold=0.0,
-        # Else a file that has changed since would be loaded as it was.
-        enableFileCaching=0,
-        physicsClientId=client,
-    )
-    plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
-    # It would be shown as a plane else, for whose texture PyBullet takes 7 ms and 6 MB.
-    slab = engine.createVisualShape(
-        engine.GEOM_BOX,
-        halfExtents=_SLAB,
-        visualFramePosition=(0.0, 0.0, -_SLAB[2]),
-        physicsClientId=client,
-    )
-    ground: int = engine.createMultiBody(0, plane, slab, physicsClientId=client)
-    engine.changeDynamics(ground, -1, lateralFriction=settings.friction, physicsClientId=client)
-    return ground
-
-
-def load_robot(client: int, ground: int, description: Description, settings: Settings) -> Robot:
-    """Load a robot into the world ``client``, its root link's frame at the origin.
-
-    What PyBullet prints becomes log lines.
-
-    Args:
-        client: the world.
-        ground: its ground, as ``make_world`` returned it.
-        description: of the robot.
-        settings: of the world.
-
-    Raises:
-        OneBotError: the robot cannot be loaded; the message says why.
-    """
-    bodies = rigid_bodies(description)
-    if not any(body.collisions for body in bodies.values()):
-        raise OneBotError(
-            f"{description.source}: no link has a <collision>, so the robot would fall through "
-            "the ground; give the wheels one"
-        )
-    body = _load(client, description, bodies)
-    names = [joint.name for joint in description.moving_joints]
-    root, *moved = bodies.values()
-    joints = {}
-    for index in range(engine.getNumJoints(body, physicsClientId=client)):
-        info = engine.getJointInfo(body, index, physicsClientId=client)
-        row = int(info[1])
-        joints[names[row]] = index
-        # A motor at rest that is as strong as the joint's friction is that friction.
-        engine.setJointMotorControl2(
-            body, index, engine.VELOCITY_CONTROL, force=info[7], physicsClientId=client
-        )
-        _set_contact(client, body, index, moved[row], description, settings)
-    _set_contact(client, body, -1, root, description, settings)
-    for damping in ("linearDamping", "angularDamping"):
-        # One key a call: with either of these PyBullet ignores which link is meant.
-        engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
-    dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
-    mass_frame = dynamics[3], dynamics[4]
-    return Robot(body, joints, ground, mass_frame, inverse(mass_frame))
-
-
-def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
-    flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
-    with (
-        converted_meshes(description, bodies.values()) as meshes,
-        _file(physics_urdf(description, bodies, meshes)) as path,
-    ):
-        try:
-            with captured() as lines:
-                body: int = engine.loadURDF(path, flags=flags, physicsClientId=client)
-        except engine.error:
-            reason = "; ".join(lines) or "it gives no reason"
-            raise OneBotError(
-                f"{description.source}: PyBullet cannot load this robot: {reason}"
-            ) from None
-    log(lines)
-    return body
-
-
-@contextmanager
-def _file(text: str) -> Iterator[str]:
-    """The path of a file with ``text``, in memory."""
-    with open(os.memfd_create("robot.urdf"), "w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        yield f"/proc/self/fd/{file.fileno()}"
-
-
-def _set_contact(
-    client: int, robot: int, index: int, body: Body, description: Description, settings: Settings
-) -> None:
-    """Give a body its friction, and make sure that it has got all of its shapes."""
-    found = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
-    if found < len(body.collisions):
-        raise OneBotError(
-            f"{description.source}: PyBullet took {found} of the {len(body.collisions)} collision "
-            f'shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
-        )
-    friction = settings.friction if body.friction is None else body.friction
-    engine.changeDynamics(
-        robot,
-        index,
-        lateralFriction=friction,
-        contactProcessingThreshold=_TOUCHING,
-        physicsClientId=client,
-    )

@@ -1,4 +1,4 @@
-"""Setting a robot down on the ground so that it stands still there."""
+"""The pose in which a robot rests on level ground, found by letting it come to rest there."""
 
 import math
 from collections.abc import Sequence
@@ -14,37 +14,32 @@ from onebot_control.poses import (
     yaw_of,
 )
 from onebot_control.simulation.engine import engine, logger
-from onebot_control.simulation.loading import Robot
+from onebot_control.simulation.loading import LoadedRobot
 from onebot_control.simulation.settings import Settings
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 
 # The robot counts as resting below this speed, m/s and rad/s.
 _STILL = 1e-3
-# One that stands firmly, and slower than this for so many seconds, is not watched any longer.
+# One that stands firmly, and is slower than this for so many seconds, has come to rest.
 _RESTING = 1e-6
 _LONG_ENOUGH = 0.05
 _NARROWEST = 1e-3  # m, what a robot stands on
 _STEEPEST = math.radians(45.0)
 
 
-class Stance(NamedTuple):
-    """How the robot stands when its heading is 0.
+class RestPose(NamedTuple):
+    """How the robot stands when its heading is 0."""
 
-    Attributes:
-        height: of the root link's frame above the ground, m.
-        tilt: rotation of that frame, quaternion x y z w, without any yaw.
-    """
-
-    height: float
-    tilt: Quaternion
+    height: float  # of the root link's frame above the ground, m
+    tilt: Quaternion  # rotation of that frame, x y z w, without any yaw
 
     def at(self, x: float, y: float, yaw: float) -> Transform:
         """Pose of the root link's frame of a robot that stands at x, y (m), yaw (rad)."""
         return (x, y, self.height), multiply(about_z(yaw), self.tilt)
 
 
-def link_pose(client: int, robot: Robot) -> Transform:
+def link_pose(client: int, robot: LoadedRobot) -> Transform:
     """Pose of the root link's frame in the world: position in m, quaternion x y z w."""
     mass_pose = engine.getBasePositionAndOrientation(robot.body, client)
     position, (x, y, z, w) = compose(mass_pose, robot.link_frame)
@@ -52,7 +47,7 @@ def link_pose(client: int, robot: Robot) -> Transform:
     return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
 
 
-def place(client: int, robot: Robot, pose: Transform) -> None:
+def place(client: int, robot: LoadedRobot, pose: Transform) -> None:
     """Put the root link's frame at a pose, without speed; joints stay as they are."""
     mass_pose = compose(pose, robot.mass_frame)
     engine.resetBasePositionAndOrientation(robot.body, *mass_pose, physicsClientId=client)
@@ -61,11 +56,11 @@ def place(client: int, robot: Robot, pose: Transform) -> None:
 
 def settle(
     client: int,
-    robot: Robot,
+    robot: LoadedRobot,
     description: Description,
     driven: Sequence[str],
     settings: Settings,
-) -> Stance:
+) -> RestPose:
     """Let the robot come to rest on its wheels at the origin, joints at 0.
 
     The motors must hold already. Afterwards the robot stands there with all joints at exactly 0.
@@ -95,12 +90,12 @@ def settle(
             )
     for index in robot.joints.values():
         engine.resetJointState(robot.body, index, 0.0, 0.0, physicsClientId=client)
-    stance = Stance(position[2], multiply(about_z(-yaw_of(*rotation)), rotation))
-    place(client, robot, stance.at(0.0, 0.0, 0.0))
-    return stance
+    rest_pose = RestPose(position[2], multiply(about_z(-yaw_of(*rotation)), rotation))
+    place(client, robot, rest_pose.at(0.0, 0.0, 0.0))
+    return rest_pose
 
 
-def _come_to_rest(client: int, robot: Robot, settings: Settings) -> None:
+def _come_to_rest(client: int, robot: LoadedRobot, settings: Settings) -> None:
     """Let time pass until the robot rests for good, ``settings.settling`` seconds at most."""
     needed, still = math.ceil(_LONG_ENOUGH * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
@@ -112,7 +107,7 @@ def _come_to_rest(client: int, robot: Robot, settings: Settings) -> None:
             still = 0
 
 
-def _fastest(client: int, robot: Robot) -> float:
+def _fastest(client: int, robot: LoadedRobot) -> float:
     """The greatest speed of the base and of the joints, m/s or rad/s."""
     linear, angular = engine.getBaseVelocity(robot.body, client)
     joints = engine.getJointStates(robot.body, list(robot.joints.values()), client)
@@ -120,7 +115,7 @@ def _fastest(client: int, robot: Robot) -> float:
     return max(map(abs, speeds))
 
 
-def _stands_firmly(client: int, robot: Robot) -> bool:
+def _stands_firmly(client: int, robot: LoadedRobot) -> bool:
     """Whether its weight lies on an area, not on a point or a line on which it is but balanced.
 
     The middle of the forces is the centre of mass where nothing moves, and their least deviation

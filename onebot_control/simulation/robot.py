@@ -1,4 +1,4 @@
-"""A robot's body in a PyBullet world: what its motors are told, and what there is to see of it."""
+"""One robot of a PyBullet world: the targets of its motors, and its state as plain arrays."""
 
 import math
 import sys
@@ -11,20 +11,44 @@ from numpy.typing import ArrayLike, NDArray
 
 from onebot_control.poses import conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import Robot
-from onebot_control.simulation.rest_pose import Stance, link_pose, place
-from onebot_control.simulation.settings import Place
+from onebot_control.simulation.loading import LoadedRobot
+from onebot_control.simulation.rest_pose import RestPose, link_pose, place
+from onebot_control.simulation.settings import SpawnPose
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 
-# The motors of a robot's driven joints.
+Floats = NDArray[np.float64]
+
+
+class JointStates(NamedTuple):
+    """State of all joints that move, in the description's order."""
+
+    positions: Floats  # (M,), rad (never wrapped), m for prismatic joints
+    velocities: Floats  # (M,), rad/s or m/s
+    efforts: (
+        Floats  # (M,), mean of what motors applied in the last ``step``, Nm or N; 0 without one
+    )
+
+
+class Pose(NamedTuple):
+    """Pose of the root link's frame (not of its centre of mass) in the world."""
+
+    translation: Floats  # (3,), m
+    rotation: Floats  # (4,), unit quaternion x y z w
+
+
+class Twist(NamedTuple):
+    """Velocity of the root link's frame, in that frame's own axes, as nav_msgs/Odometry has it."""
+
+    linear: Floats  # (3,), of the frame's origin, m/s
+    angular: Floats  # (3,), rad/s
 
 
 class Motors:
     """Velocity motors, each as strong and as fast as its joint's ``<limit>`` says."""
 
     def __init__(self, description: Description, driven: Sequence[str]) -> None:
-        """Look the driven joints up.
+        """Find the driven joints.
 
         Raises:
             OneBotError: there are none, or one is unknown, named twice or without effort.
@@ -107,68 +131,20 @@ class Motors:
         )
 
 
-# What a simulation says of its robot, as plain arrays.
-
-Floats = NDArray[np.float64]
-
-
-class JointStates(NamedTuple):
-    """State of all joints that move, in the description's order.
-
-    Attributes:
-        positions: (M,), rad (never wrapped), m for prismatic joints.
-        velocities: (M,), rad/s or m/s.
-        efforts: (M,), mean of what the motors applied in the last ``step``, Nm or N; 0 for joints
-            without a motor.
-    """
-
-    positions: Floats
-    velocities: Floats
-    efforts: Floats
-
-
-class Pose(NamedTuple):
-    """Pose of the root link's frame (not of its centre of mass) in the world.
-
-    Attributes:
-        translation: (3,), m.
-        rotation: (4,), unit quaternion x y z w.
-    """
-
-    translation: Floats
-    rotation: Floats
-
-
-class Twist(NamedTuple):
-    """Velocity of the root link's frame, in that frame's own axes, as nav_msgs/Odometry has it.
-
-    Attributes:
-        linear: (3,), of the frame's origin, m/s.
-        angular: (3,), rad/s.
-    """
-
-    linear: Floats
-    angular: Floats
-
-
-# Where in what getJointStates tells of each joint.
+# Columns of getJointStates.
 _POSITION, _VELOCITY, _EFFORT = 0, 1, 3
 
 
 class RobotBody:
-    """One robot among those of a world.
+    """One robot among those of a world."""
 
-    Attributes:
-        joints: names of all joints that move, in the description's order.
-        driven: names of the joints that have a motor, in the order given.
-        finite: whether all of its state was finite when it was last read.
-        parts: what PyBullet calls its parts.
-    """
-
-    parts: Robot
+    joints: tuple[str, ...]  # all that move, in the description's order
+    driven: tuple[str, ...]  # those that have a motor, in the order given
+    finite: bool  # all of its state was finite when it was last read
+    parts: LoadedRobot
 
     def __init__(self, description: Description, driven: Sequence[str]) -> None:
-        """Look the joints up; ``enter`` puts the robot into a world.
+        """Find the joints; ``enter`` puts the robot into a world.
 
         Raises:
             OneBotError: a driven joint is none.
@@ -180,8 +156,8 @@ class RobotBody:
         self._motors = Motors(description, self.driven)
         self._driven_rows = [self.joints.index(name) for name in self.driven]
 
-    def enter(self, client: int, parts: Robot) -> None:
-        """Take over a loaded robot, its motors holding still."""
+    def enter(self, client: int, parts: LoadedRobot) -> None:
+        """Control a loaded robot from now on, its motors holding still."""
         self._client, self.parts = client, parts
         self._indices = [parts.joints[name] for name in self.joints]
         self._driven_indices = [parts.joints[name] for name in self.driven]
@@ -205,19 +181,19 @@ class RobotBody:
 
     def turn(self, targets: list[float]) -> None:
         """Have the motors keep up ``targets`` from now on."""
-        # PyBullet keeps them as well, and being told takes it as long as being asked.
+        # PyBullet keeps them as well, and setting them takes as long as reading the joints.
         if targets != self._targets:
             self._drive(targets)
 
     def begin(self) -> None:
-        """Get ready for physics steps: ``watch`` after each but the last, and then ``read``."""
-        self._watched: list[float] = []
+        """Prepare for physics steps: ``record_efforts`` after all but the last, then ``read``."""
+        self._recorded: list[float] = []
 
-    def watch(self) -> None:
-        """Note what the motors applied in a physics step."""
-        # Numbers only: what else is told would fill the processor's caches with 100 robots.
+    def record_efforts(self) -> None:
+        """Record what the motors applied in a physics step."""
+        # Numbers only: whole states would fill the processor's caches with 100 robots.
         for state in self._ask_driven():
-            self._watched.append(state[_EFFORT])
+            self._recorded.append(state[_EFFORT])
 
     def read(self, steps: int) -> None:
         """Fetch the state after the last of ``steps`` physics steps since ``begin``."""
@@ -225,7 +201,7 @@ class RobotBody:
         for number, row in enumerate(self._driven_rows):
             total = 0.0
             # Not by sum(), which rounds otherwise from Python 3.12 on.
-            for effort in self._watched[number :: len(self._driven_rows)]:
+            for effort in self._recorded[number :: len(self._driven_rows)]:
                 total += effort
             self._efforts[row] = (total + states[row][_EFFORT]) / steps
         self._take(states)
@@ -247,24 +223,24 @@ class RobotBody:
         linear, angular = self._velocity
         x, y, z = rotate(back, linear)
         turning = rotate(back, angular)
-        # PyBullet tells the velocity of the centre of mass.
+        # PyBullet gives the velocity of the centre of mass.
         a, b, c = cross(turning, self.parts.mass_frame[0])
         return Twist(np.array((x - a, y - b, z - c)), np.array(turning))
 
-    def stand(self, stance: Stance, where: Place, start: bool) -> None:
+    def stand(self, rest_pose: RestPose, where: SpawnPose, start: bool) -> None:
         """Set the robot down at x, y, yaw (m and rad), all of it still.
 
         Args:
-            stance: how it stands.
+            rest_pose: how it stands.
             where: of the root link's frame.
             start: joints go to 0; else they stay where they are.
         """
         positions = [0.0] * len(self.joints) if start else self._positions
-        place(self._client, self.parts, stance.at(*where))
+        place(self._client, self.parts, rest_pose.at(*where))
         self._set_joints(positions)
 
     def brake(self) -> None:
-        """Stop everything at once: all speeds are exactly 0, nothing changes its place."""
+        """Stop at once: all speeds are exactly 0, and no position changes."""
         place(self._client, self.parts, self.pose)
         self._set_joints(self._positions)
 
@@ -285,7 +261,7 @@ class RobotBody:
         self._motors.drive(self._client, self.parts.body, self._driven_indices, targets)
 
     def _take(self, states: Sequence[Sequence[float]]) -> None:
-        """Take over the joints' state, fetch the base's, and see whether all is finite."""
+        """Keep the joints' state, read the base's, and find whether all is finite."""
         self._positions = [state[_POSITION] for state in states]
         self._velocities = [state[_VELOCITY] for state in states]
         self.pose = link_pose(self._client, self.parts)

@@ -1,4 +1,4 @@
-"""How finely the world is computed."""
+"""What a world is made of: how finely it is computed, and which robots start where."""
 
 import math
 from collections.abc import Sequence
@@ -8,80 +8,29 @@ from typing import NamedTuple
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 
-# What a world is told of each of its robots.
-
-
-class Member(NamedTuple):
-    """A robot to put into a world.
-
-    Attributes:
-        description: a checked robot.
-        driven: its joints with a motor; see ``Simulation``.
-        x: where the root link's frame starts, m.
-        y: likewise, m.
-        yaw: its heading, rad.
-    """
-
-    description: Description
-    driven: Sequence[str]
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
-
-
-# Places on the ground where a robot may stand.
-
-Place = tuple[float, float, float]
-
-# Farther out, rounding is no longer small against the micrometres that a wheel's contact gives.
+# Farther out, rounding is no longer small against the micrometres that a wheel's contact gives, m.
 FARTHEST = 10_000.0
-
-
-def checked_place(x: float, y: float, yaw: float) -> Place:
-    """Return a place to stand at.
-
-    Args:
-        x: of the root link's frame, m.
-        y: likewise, m.
-        yaw: its heading, rad.
-
-    Raises:
-        ValueError: a value is not finite.
-        OneBotError: it is too far away to be exact there.
-    """
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
-    if max(abs(x), abs(y)) > FARTHEST:
-        raise OneBotError(
-            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
-        )
-    return float(x), float(y), float(yaw)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Numbers of the simulation; the defaults were found by measuring.
+    """Numbers of the simulation; the defaults were found by measuring."""
 
-    Attributes:
-        rate: physics steps in a simulated second, 1/s. A whole number of them has to fit into each
-            control period, which rules out PyBullet's own 240 at 100 Hz.
-        iterations: of the constraint solver in each step. They never end early, so that a robot at
-            rest creeps by nanometres instead of millimetres.
-        gravity: m/s^2, downwards.
-        friction: of the ground, and of every link for which the URDF says nothing else by
-            ``<contact><lateral_friction>``; that of a pair is the product of both.
-        settling: simulated seconds the robot is given to come to rest before it starts; of one
-            that soon rests for good the rest of them is left out.
-    """
-
+    # Physics steps in a simulated second, 1/s. A whole number of them has to fit into each control
+    # period, which rules out PyBullet's own 240 at 100 Hz.
     rate: int = 400
+    # Of the constraint solver in each step. They never end early, so that a robot at rest creeps by
+    # nanometres instead of millimetres.
     iterations: int = 200
-    gravity: float = 9.81
+    gravity: float = 9.81  # m/s^2, downwards
+    # Of the ground, and of every link for which the URDF gives no <contact><lateral_friction>; that
+    # of a pair is the product of both.
     friction: float = 1.0
+    # Simulated seconds the robot is given to come to rest before it starts; fewer if it soon does.
     settling: float = 2.0
 
     def __post_init__(self) -> None:
-        """Refuse numbers no world can be made of.
+        """Refuse numbers that no world can be computed with.
 
         Raises:
             OneBotError: one is not finite, or not above zero.
@@ -109,3 +58,32 @@ class Settings:
                 f"not {duration} s"
             )
         return count
+
+
+class RobotSpawn(NamedTuple):
+    """A robot to put into a world, and where its root link's frame starts."""
+
+    description: Description
+    driven: Sequence[str]  # its joints with a motor; see ``Simulation``
+    x: float = 0.0  # m
+    y: float = 0.0  # m
+    yaw: float = 0.0  # heading, rad
+
+
+SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
+
+
+def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
+    """Return a pose that a robot may be put at, m and rad.
+
+    Raises:
+        ValueError: a value is not finite.
+        OneBotError: it is too far away to be exact there.
+    """
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise OneBotError(
+            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
+        )
+    return float(x), float(y), float(yaw)

@@ -1,4 +1,4 @@
-"""Robots on one ground, in one world, moved together."""
+"""Worlds: robots on the same level ground, moved together by the speeds of their driven joints."""
 
 import weakref
 from collections.abc import Mapping, Sequence
@@ -8,13 +8,11 @@ from numpy.typing import ArrayLike
 
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import load_robot, make_world
-from onebot_control.simulation.rest_pose import Stance, place, settle
+from onebot_control.simulation.rest_pose import RestPose, place, settle
 from onebot_control.simulation.robot import JointStates, Pose, RobotBody, Twist
-from onebot_control.simulation.settings import Member, Place, Settings, checked_place
+from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose, checked_spawn_pose
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-
-# One robot of a world: what may be done with it, and what there is to see of it.
 
 
 class WorldRobot:
@@ -27,15 +25,15 @@ class WorldRobot:
     """
 
     def __init__(self, world: "World", row: int) -> None:
-        """Take the place ``row`` in ``world``."""
+        """Refer to the robot of ``row`` in ``world``."""
         self._world, self._row = world, row
         self.body: RobotBody = world.bodies[row]
         self.joints, self.driven = self.body.joints, self.body.driven
 
     @property
-    def stance(self) -> Stance:
+    def rest_pose(self) -> RestPose:
         """How the robot stands on level ground."""
-        return self._world.stances[self._row]
+        return self._world.rest_poses[self._row]
 
     def turn(self, velocities: Mapping[str, float] | ArrayLike) -> None:
         """Have the motors keep up these speeds from now on; see ``step``."""
@@ -66,15 +64,15 @@ class WorldRobot:
 
     def joint_states(self) -> JointStates:
         """Return position, speed and motor effort of all joints, in the order of ``joints``."""
-        return self._seen().joint_states()
+        return self._readable().joint_states()
 
     def base_pose(self) -> Pose:
         """Return the true pose of the root link's frame in the world."""
-        return self._seen().base_pose()
+        return self._readable().base_pose()
 
     def base_twist(self) -> Twist:
         """Return the true velocity of the root link's frame, in its own axes."""
-        return self._seen().base_twist()
+        return self._readable().base_twist()
 
     def reset(self) -> None:
         """Put this robot back to its start, at rest; time goes on."""
@@ -83,7 +81,7 @@ class WorldRobot:
     def teleport(self, x: float, y: float, yaw: float) -> None:
         """Set the robot down elsewhere, standing still.
 
-        Joint positions and time go on from where they were, so that odometry is none the wiser.
+        Joint positions and time go on from where they were, so that odometry does not notice.
 
         Args:
             x: of the root link's frame, m.
@@ -94,18 +92,18 @@ class WorldRobot:
             ValueError: a value is not finite.
             OneBotError: it is too far away to be exact there.
         """
-        self._world.stand(self._row, checked_place(x, y, yaw))
+        self._world.stand(self._row, checked_spawn_pose(x, y, yaw))
 
     def brake(self) -> None:
-        """Stop it all at once: its speeds are exactly 0, nothing changes its place."""
-        self._seen().brake()
+        """Stop at once: all speeds are exactly 0, and no position changes."""
+        self._readable().brake()
         self.body.check()
 
     def close(self) -> None:
         """Do nothing: the world is closed as a whole."""
 
-    def _seen(self) -> RobotBody:
-        """The robot's body, if there is anything to see of it."""
+    def _readable(self) -> RobotBody:
+        """The robot's body, whose world is open and whose state is finite."""
         self._world.check_open()
         self.body.check()
         return self.body
@@ -120,18 +118,18 @@ class World:
         settings: as given.
         client: PyBullet's number of the world, for what it can do besides.
         bodies: what the world moves, in the order given.
-        stances: how each robot stands on level ground.
+        rest_poses: how each robot stands on level ground.
     """
 
     def __init__(
         self,
-        members: Sequence[Member],
+        spawns: Sequence[RobotSpawn],
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
     ) -> None:
         """Set the robots on the ground with their joints at 0, standing still.
 
         Args:
-            members: the robots.
+            spawns: the robots.
             settings: how finely to compute.
 
         Raises:
@@ -139,11 +137,11 @@ class World:
             OneBotError: a robot cannot be simulated, or two stand in the same place.
         """
         self.settings = settings
-        self._members = tuple(members)
-        self._starts = [checked_place(item.x, item.y, item.yaw) for item in self._members]
-        self.bodies = tuple(RobotBody(item.description, item.driven) for item in self._members)
-        self._alone = len(self._members) == 1
-        self.stances = [] if self._alone else _stances(self._members, settings)
+        self._spawns = tuple(spawns)
+        self._starts = [checked_spawn_pose(item.x, item.y, item.yaw) for item in self._spawns]
+        self.bodies = tuple(RobotBody(item.description, item.driven) for item in self._spawns)
+        self._alone = len(self._spawns) == 1
+        self.rest_poses = [] if self._alone else _rest_poses(self._spawns, settings)
         self._build()
 
     @cached_property
@@ -179,7 +177,7 @@ class World:
         for _ in range(count - 1):
             engine.stepSimulation(client)
             for body in bodies:
-                body.watch()
+                body.record_efforts()
         engine.stepSimulation(client)
         self._steps += count
         for body in bodies:
@@ -196,7 +194,7 @@ class World:
             self._disconnect()
             self._build()
 
-    def stand(self, row: int, where: Place | None = None) -> None:
+    def stand(self, row: int, where: SpawnPose | None = None) -> None:
         """Set the robot of ``row`` down: at x, y, yaw, or without these at its start, joints at 0.
 
         Raises:
@@ -207,7 +205,7 @@ class World:
             # Where it disturbs no one else, the contacts are those of a robot at rest.
             engine.restoreState(self._saved, physicsClientId=self.client)
         there = self._starts[row] if where is None else where
-        self.bodies[row].stand(self.stances[row], there, start=where is None)
+        self.bodies[row].stand(self.rest_poses[row], there, start=where is None)
         self.bodies[row].check()
 
     def close(self) -> None:
@@ -247,21 +245,21 @@ class World:
     def _populate(self, ground: int) -> None:
         """Load the robots; one that is alone comes to rest right here."""
         client, settings = self.client, self.settings
-        for row, (member, body) in enumerate(zip(self._members, self.bodies, strict=True)):
-            parts = load_robot(client, ground, member.description, settings)
+        for row, (spawn, body) in enumerate(zip(self._spawns, self.bodies, strict=True)):
+            parts = load_robot(client, ground, spawn.description, settings)
             body.enter(client, parts)
             if self._alone:
-                self.stances = [settle(client, parts, member.description, body.driven, settings)]
+                self.rest_poses = [settle(client, parts, spawn.description, body.driven, settings)]
             else:
                 # Away from the origin, where the next one appears.
-                place(client, parts, self.stances[row].at(*self._starts[row]))
+                place(client, parts, self.rest_poses[row].at(*self._starts[row]))
         self._refuse_overlaps()
 
     def _restart(self) -> None:
         engine.restoreState(self._saved, physicsClientId=self.client)
         self._steps = 0
-        for body, stance, start in zip(self.bodies, self.stances, self._starts, strict=True):
-            body.stand(stance, start, start=True)
+        for body, rest_pose, start in zip(self.bodies, self.rest_poses, self._starts, strict=True):
+            body.stand(rest_pose, start, start=True)
         self.check_usable()
 
     def _refuse_overlaps(self) -> None:
@@ -279,20 +277,17 @@ class World:
                 )
 
 
-def _stances(members: Sequence[Member], settings: Settings) -> list[Stance]:
+def _rest_poses(spawns: Sequence[RobotSpawn], settings: Settings) -> list[RestPose]:
     """Return how each robot stands, found out once for all that are alike."""
-    known: dict[tuple[str, tuple[str, ...]], Stance] = {}
-    stances = []
-    for member in members:
-        key = (member.description.urdf, tuple(member.driven))
+    known: dict[tuple[str, tuple[str, ...]], RestPose] = {}
+    rest_poses = []
+    for spawn in spawns:
+        key = (spawn.description.urdf, tuple(spawn.driven))
         if key not in known:
-            with World([Member(member.description, member.driven)], settings) as alone:
-                known[key] = alone.stances[0]
-        stances.append(known[key])
-    return stances
-
-
-# One robot on level ground, moved by the speeds of its driven joints.
+            with World([RobotSpawn(spawn.description, spawn.driven)], settings) as alone:
+                known[key] = alone.rest_poses[0]
+        rest_poses.append(known[key])
+    return rest_poses
 
 
 class Simulation(WorldRobot):
@@ -333,10 +328,10 @@ class Simulation(WorldRobot):
         Raises:
             ValueError: x, y or yaw is not finite.
             OneBotError: the robot cannot be simulated, or a driven joint is none; the message says
-                what to mend.
+                what to correct.
         """
         # Not taken from the world's ``robots``, which hold it: forgotten, this frees the world.
-        super().__init__(World([Member(description, driven, x, y, yaw)], settings), 0)
+        super().__init__(World([RobotSpawn(description, driven, x, y, yaw)], settings), 0)
         self.settings = settings
 
     @property

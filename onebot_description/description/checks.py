@@ -1,4 +1,4 @@
-"""What makes a robot description wrong or doubtful, beyond single values (``reading`` has those).
+"""Checks of a robot description beyond single values, which ``reading`` checks.
 
 Names, the tree of links, joints that follow others, masses, mesh files, materials, elements and
 attributes that URDF does not know, and xacro that nobody has expanded.
@@ -84,7 +84,7 @@ def check_tree(
         ends: parent and child link of each joint.
 
     Returns:
-        The root link; "" if that cannot be said.
+        The root link; "" if there is no single one.
     """
     if not links:
         findings.error(
@@ -248,7 +248,7 @@ def check_meshes(findings: Findings) -> None:
 def _check_mesh(findings: Findings, mesh: Element, *, collision: bool) -> None:
     uri = mesh.get("filename", "")
     try:
-        path = resolve(uri, findings.document.base)
+        path = resolve(uri, findings.document.folder)
         if not path.is_file():
             findings.error(mesh, f'mesh "{uri}": {missing_file(path)}')
             return
@@ -364,7 +364,7 @@ def _read_look(findings: Findings, material: Element) -> _Look:
 
 def _check_texture(findings: Findings, texture: Element, filename: str) -> None:
     try:
-        there = filename and resolve(filename, findings.document.base).is_file()
+        there = filename and resolve(filename, findings.document.folder).is_file()
     except (OneBotError, OSError) as error:
         findings.warning(texture, str(error))
     else:

@@ -1,4 +1,4 @@
-"""What a robot description says: its links, joints, shapes and inertials as plain values.
+"""A robot description: its links, joints, shapes and inertials as plain values.
 
 SI units and radians, frames as REP-103 has them. ``reading`` makes these values in the one parse of
 the URDF; each knows the line it was written at, as ``robot.urdf:12``.
@@ -27,33 +27,38 @@ class Origin(NamedTuple):
     rpy: Triple = ZERO  # roll, pitch, yaw about the parent's fixed axes, rad
 
 
-class Box(NamedTuple):
+@dataclass(frozen=True)
+class Box:
     """A box centred on its origin."""
 
     size: Triple  # along x, y, z, m
 
 
-class Cylinder(NamedTuple):
+@dataclass(frozen=True)
+class Cylinder:
     """A cylinder about z, centred on its origin; metres."""
 
     radius: float
     length: float
 
 
-class Sphere(NamedTuple):
+@dataclass(frozen=True)
+class Sphere:
     """A sphere centred on its origin; metres."""
 
     radius: float
 
 
-class Capsule(NamedTuple):
+@dataclass(frozen=True)
+class Capsule:
     """A cylinder of ``length`` about z with a half sphere on either end; metres."""
 
     radius: float
     length: float
 
 
-class Mesh(NamedTuple):
+@dataclass(frozen=True)
+class Mesh:
     """A mesh file, its axes scaled by ``scale``; ``packages.resolve`` finds it."""
 
     uri: str

@@ -36,7 +36,7 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
         arguments: values for its ``<xacro:arg>``s, by name.
 
     Returns:
-        What the file says, with warnings about what is probably not meant.
+        The robot, with warnings about what is probably not meant.
 
     Raises:
         DescriptionError: the file cannot be read or expanded, an argument is not one it takes, or
@@ -71,7 +71,7 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
         DescriptionError: all problems at once.
     """
     document = _parse(urdf, name)
-    files = (Path(name).absolute(),) if document.base is not None else ()
+    files = (Path(name).absolute(),) if document.folder is not None else ()
     return _check(document, name, files, ())
 
 

@@ -305,12 +305,12 @@ def _read_geometry(
         findings.error(part, f"has no <geometry>; it takes {known}")
         return None
     found = [_read_shape(findings, element, shapes) for element in geometry]
-    if len(found) == 1:
+    if len(found) == 1 and found[0] is not None:
         color = _color(part.find("material"), colors)
-        return found[0] and Geometry(found[0], origin, color, findings.where(part))
+        return Geometry(found[0], origin, color, findings.where(part))
     if not found:
         findings.error(geometry, f"is empty; it takes {known}")
-    else:
+    elif len(found) > 1:
         names = listing(str(element.tag) for element in geometry)
         findings.error(
             geometry,
@@ -546,7 +546,7 @@ def _read_soft_limits(findings: Findings, element: Element) -> tuple[float | Non
 
 
 def _read_dynamics(findings: Findings, element: Element) -> tuple[float, float]:
-    """Return damping and friction, of which only the simulation says what they may be."""
+    """Return damping and friction, which only the simulation uses, and checks."""
     dynamics = element.find("dynamics")
     if dynamics is None:
         return 0.0, 0.0

@@ -1,8 +1,8 @@
-"""Running xacro as a library, as often as wanted, with every mistake located and explained.
+"""xacro as a library: expanded as often as wanted, with every mistake located and explained.
 
 xacro keeps its state in module globals and prints to stderr. Here each run gets globals of its own,
-which are put back afterwards, under a lock; what it would print is collected. Every element of the
-files carries its place as DOM user data, which survives macros and includes, so that a check on the
+which are restored afterwards, under a lock; what it would print is collected. Every element of the
+files carries its place as DOM user data, which survives macros and includes, so that a check of the
 result can still name the line that a person wrote.
 """
 
@@ -26,7 +26,201 @@ from onebot_description.description.packages import find_package, resolve
 from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import DescriptionError, OneBotError, did_you_mean
 
-# Turning what xacro raises into a message with place, cause and remedy.
+_lock = threading.RLock()
+_MOST_ELEMENTS = 30_000  # some seconds of work; large robots have a tenth of that
+_MOST_INCLUDES = 50
+_MOST_PLACES = 4
+_REPLACED = "parse warning error print_location handle_macro_call safe_eval".split()
+# Private in an untyped module: of $(find ...) and $(eval ...), and the latter's names.
+_FIND, _EVAL, _EVAL_NAMES = "_eval_find", "_eval", "_eval_dict"
+_STATE = "_global_symbols all_includes filestack macrostack root_dir verbosity".split()
+
+
+class _CopyPlaces:
+    """Passes an element's places to its clones (a DOM UserDataHandler).
+
+    Places are where an element was written and, if that is in a macro, where it is called, where
+    the macro with that call is called, and so on.
+
+    Attributes:
+        call: the places of the macro call whose body is about to be cloned.
+    """
+
+    def __init__(self) -> None:
+        self.call: tuple[str, ...] = ()
+
+    def handle(self, operation: int, key: str, data: Any, source: Any, clone: Any) -> None:
+        """Called by minidom for each node cloned, children first."""
+        clone.setUserData(key, (data + self.call)[:_MOST_PLACES], self)
+        if source.parentNode is None:
+            self.call = ()  # that was the macro's whole body
+
+
+class _Run:
+    """One run of xacro: what it reads and warns of, and the functions of xacro that it replaces."""
+
+    def __init__(self, xacro: Any, substitution: Any) -> None:
+        self.xacro, self.substitution = xacro, substitution
+        self.files: list[Path] = []
+        self.arguments: set[str] = set()
+        self.declared: set[str] = set()
+        self.warnings: list[str] = []
+        self._elements = 0
+        self._copy_places = _CopyPlaces()
+        self._handle_macro_call = xacro.handle_macro_call
+        self._safe_eval = xacro.safe_eval
+        self._eval = getattr(substitution, _EVAL)
+
+    def parse(self, source: Any, filename: str | None = None) -> minidom.Document:
+        """Replace ``xacro.parse``: scans first and notes places."""
+        if source is not None or filename is None:
+            raise DescriptionError(["xacro: only files can be included"])
+        if len(self.xacro.filestack) > _MOST_INCLUDES:
+            shown = xml.shown_path(filename)
+            raise DescriptionError([f"{shown}: files include each other without end"])
+        path = Path(filename).absolute()
+        if not path.is_file() and len(self.xacro.filestack) > 1:
+            # An optional include may be missing; xacro recognises that by the inner error.
+            self.xacro.filestack.pop()
+            raise self.xacro.XacroException("", exc=FileNotFoundError(2, "no such file", str(path)))
+        data = xml.read_bytes(path)
+        self.files.append(path)
+        shown = xml.shown_path(path)
+        lines = xml.scan(data, shown).lines
+        document = minidom.parseString(data)
+        for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
+            element.setUserData("places", (f"{shown}:{line}",), self._copy_places)
+            if element.tagName == "xacro:arg":
+                self.declared.add(element.getAttribute("name"))
+        self.arguments.update(_used_arguments(data.decode("utf-8", "replace")))
+        return document
+
+    def warning(self, *words: object, **_: object) -> None:
+        """Replace ``xacro.warning``: collects instead of printing."""
+        stack = self.xacro.filestack
+        place = f"{xml.shown_path(stack[-1])}: " if stack and stack[-1] else ""
+        self.warnings.append(place + "xacro: " + " ".join(" ".join(map(str, words)).split()))
+
+    def error(self, *words: object, **_: object) -> None:
+        """Replace ``xacro.error``, which a file calls without meaning to stop."""
+        self.warning(*words)
+
+    def print_location(self, *_: object, **__: object) -> None:
+        """Replace ``xacro.print_location``: places are in the messages already."""
+
+    def handle_macro_call(self, node: Any, macros: Any, symbols: Any) -> bool:
+        """Replace ``xacro.handle_macro_call``: bounds what macros may grow to."""
+        self._elements += 1
+        if self._elements > _MOST_ELEMENTS:
+            place = written_at(node) or "xacro"
+            raise DescriptionError(
+                [f"{place}: the macros expand to more than {_MOST_ELEMENTS} elements"]
+            )
+        if node.tagName.startswith("xacro:"):
+            self._copy_places.call = node.getUserData("places") or ()
+        return bool(self._handle_macro_call(node, macros, symbols))
+
+    def safe_eval(self, expression: str, *symbols: Any) -> Any:
+        """Replace ``xacro.safe_eval``: refuses what would take for ever."""
+        return self._safe_eval(bounded(expression), *symbols)
+
+    def eval(self, expression: str, context: Any) -> Any:
+        """Replace ``$(eval expression)`` in the same way."""
+        return self._eval(bounded(expression), context)
+
+    def find(self, package: str) -> str:
+        """Replace ``$(find package)``: an installed package or one being worked on."""
+        return str(find_package(package, Path(self.xacro.filestack[-1]).absolute().parent))
+
+
+@contextmanager
+def _own_globals(run: _Run, path: Path) -> Iterator[None]:
+    """Give ``run`` globals of its own inside xacro."""
+    xacro, substitution = run.xacro, run.substitution
+    kept = {name: getattr(xacro, name) for name in (*_REPLACED, *_STATE)}
+    kept_inside = {name: getattr(substitution, name) for name in (_FIND, _EVAL, _EVAL_NAMES)}
+    try:
+        for name in _REPLACED:
+            setattr(xacro, name, getattr(run, name))
+        setattr(substitution, _FIND, run.find)
+        setattr(substitution, _EVAL, run.eval)
+        setattr(substitution, _EVAL_NAMES, dict(kept_inside[_EVAL_NAMES]))
+        bound_functions(getattr(substitution, _EVAL_NAMES))
+        xacro.root_dir, xacro.verbosity, xacro.all_includes = ".", 1, []
+        xacro.substitution_args_context.clear()
+        xacro.substitution_args_context["filename"] = str(path)
+        xacro._global_symbols = xacro.create_global_symbols()
+        bound_functions(xacro._global_symbols)
+        yield
+    finally:
+        for name, value in kept.items():
+            setattr(xacro, name, value)
+        for name, value in kept_inside.items():
+            setattr(substitution, name, value)
+        xacro.substitution_args_context.clear()
+
+
+def expand(
+    path: Path, arguments: Mapping[str, str]
+) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
+    """Run xacro on a file.
+
+    Args:
+        path: the file, absolute.
+        arguments: values for its ``<xacro:arg>``s.
+
+    Returns:
+        The expanded document, the files read (``path`` first), and xacro's warnings.
+
+    Raises:
+        DescriptionError: xacro cannot expand it, or has no argument of a name given.
+    """
+    with _lock:
+        run = _Run(*map(importlib.import_module, ("xacro", "xacro.substitution_args")))
+        problems: list[str] = []
+        document = None
+        with _own_globals(run, path):
+            try:
+                document = run.xacro.process_file(str(path), mappings=dict(arguments))
+            except DescriptionError as error:
+                problems.extend(error.problems)
+            except Exception as error:
+                problems.append(explain(error, path, run.declared))
+            included = [Path(name).absolute() for name in run.xacro.all_includes]
+    problems += unknown_arguments(path, arguments, run.declared | run.arguments)
+    if document is None or problems:
+        raise DescriptionError(problems)
+    files = tuple(dict.fromkeys([*run.files, *included]))
+    return _to_document(document, path), files, tuple(run.warnings)
+
+
+def unknown_arguments(
+    path: Path, arguments: Mapping[str, str], declared: set[str]
+) -> Iterator[str]:
+    """Yield a problem for each argument that the file at ``path`` does not declare."""
+    for name in arguments:
+        if name not in declared:
+            hint = did_you_mean(name, declared, "declared")
+            yield f'{xml.shown_path(path)}: takes no argument "{name}"{hint}'
+
+
+def _to_document(document: minidom.Document, path: Path) -> xml.Document:
+    """Parse what xacro made, keeping the places of its elements."""
+    root = document.documentElement
+    shown = xml.shown_path(path)
+    assert root is not None  # parsed documents have one
+    data = root.toxml().encode("utf-8", "replace")
+    found = xml.scan(data, f"{shown} (expanded)", "utf-8")
+    fresh = xml.to_document(data, found, shown, path.parent, "utf-8")
+    elements = [root, *root.getElementsByTagName("*")]
+    places = {
+        element: written_at(node) or shown
+        for element, node in zip(fresh.root.iter(), elements, strict=True)
+    }
+    return xml.Document(fresh.root, places, shown, path.parent)
+
+
+# Errors: what xacro raises becomes a message with place, cause and remedy.
 
 
 def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
@@ -52,7 +246,7 @@ def _chain(error: Exception) -> list[Exception]:
 
 
 def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]) -> str:
-    """The sentence without its place."""
+    """The message without its place."""
     inner = chain[-1]
     expression = _expression(chain)
     if isinstance(inner, OneBotError):
@@ -138,7 +332,7 @@ def _own_names(table: Any) -> Iterator[str]:
         table = table.parent
 
 
-# Expressions of xacro files that would never end, such as ``10**10**10``: refused at once.
+# Expression limits: what would never end, such as ``10**10**10``, is refused at once.
 
 _MOST_BITS = 10_000  # of a whole number; a double ends at 1024
 _MOST_ITEMS = 100_000  # of a text, list or range; some seconds of work at the most
@@ -147,7 +341,7 @@ _SPACES = ("math", "python")  # where xacro has its functions, beside the expres
 
 
 def bounded(expression: str) -> str:
-    """Return an expression whose operators that can be endless are calls.
+    """Return an expression whose unbounded operators are calls of bounded functions.
 
     Raises:
         SyntaxError: it is no Python expression.
@@ -232,7 +426,7 @@ def bound_functions(symbols: Any) -> None:
 def _checked(function: Callable[..., Any], check: Callable[..., None]) -> Callable[..., Any]:
     @functools.wraps(function)
     def checked(*values: Any, **named: Any) -> Any:
-        check(*values, **named)  # what the function does not take, it says itself
+        check(*values, **named)  # the function itself refuses what it does not take
         return function(*values, **named)
 
     return checked
@@ -289,10 +483,11 @@ _CHECKS: dict[str, Callable[..., None]] = {
 }
 
 
-# What a xacro file declares and includes, found without expanding it.
+# Arguments and includes of a file, found without expanding it.
 
 _DEPTH = 10  # includes of includes; more is a circle
-_USED = re.compile(r"\$\(\s*arg\s+([^\s)]+)\s*\)")
+# Arguments that are used without being declared are arguments all the same.
+_USED = re.compile(r"\$\(\s*arg\s+([^\s)]+)\s*\)|xacro\.arg\(\s*['\"]([^'\"]+)['\"]")
 
 
 class XacroArgument(NamedTuple):
@@ -329,7 +524,7 @@ def xacro_arguments(source: str) -> XacroArguments:
             elif kind == "include" and _included(element.get("filename", ""), file) is None:
                 complete = False
             for text in (element.text or "", *element.attrib.values()):
-                for name in _USED.findall(text):
+                for name in _used_arguments(text):
                     used.setdefault(name, XacroArgument(name, "", f"used in {file.name}, required"))
     return XacroArguments(tuple({**used, **declared}.values()), complete)
 
@@ -337,6 +532,12 @@ def xacro_arguments(source: str) -> XacroArguments:
 def included_files(source: str) -> tuple[Path, ...]:
     """Return the file itself and those it includes, as far as they can be read now."""
     return tuple(dict.fromkeys(path for path, _ in _files(_path_of(source), _DEPTH)))
+
+
+def _used_arguments(text: str) -> Iterator[str]:
+    """Yield the arguments that ``text`` uses, as ``$(arg name)`` or ``xacro.arg('name')``."""
+    for name, in_expression in _USED.findall(text):
+        yield name or in_expression
 
 
 def _path_of(source: str) -> Path:
@@ -386,200 +587,3 @@ def _included(name: str, file: Path) -> Path | None:
         except OneBotError:
             return None
     return None if "$" in name or not name else file.parent / name
-
-
-_lock = threading.RLock()
-_MOST_ELEMENTS = 30_000  # some seconds of work; large robots have a tenth of that
-_MOST_INCLUDES = 50
-_MOST_PLACES = 4
-_STAND_INS = "parse warning error print_location handle_macro_call safe_eval".split()
-# Private in an untyped module: of $(find ...) and $(eval ...), and the latter's names.
-_FIND, _EVAL, _EVAL_NAMES = "_eval_find", "_eval", "_eval_dict"
-_STATE = "_global_symbols all_includes filestack macrostack root_dir verbosity".split()
-# Arguments that are used without being declared are arguments all the same.
-_USED_ARGUMENT = re.compile(rb"\$\(\s*arg\s+([^\s)]+)\s*\)|xacro\.arg\(\s*['\"]([^'\"]+)['\"]")
-
-
-class _CopyPlaces:
-    """Hands an element's places on to its clones (a DOM UserDataHandler).
-
-    Places are where an element was written and, if that is in a macro, where it is called, where
-    the macro with that call is called, and so on.
-
-    Attributes:
-        call: the places of the macro call whose body is about to be cloned.
-    """
-
-    def __init__(self) -> None:
-        self.call: tuple[str, ...] = ()
-
-    def handle(self, operation: int, key: str, data: Any, source: Any, clone: Any) -> None:
-        """Called by minidom for each node cloned, children first."""
-        clone.setUserData(key, (data + self.call)[:_MOST_PLACES], self)
-        if source.parentNode is None:
-            self.call = ()  # that was the macro's whole body
-
-
-class _Run:
-    """What one run of xacro reads, warns of and stands in for."""
-
-    def __init__(self, xacro: Any, substitution: Any) -> None:
-        self.xacro, self.substitution = xacro, substitution
-        self.files: list[Path] = []
-        self.arguments: set[str] = set()
-        self.declared: set[str] = set()
-        self.warnings: list[str] = []
-        self._elements = 0
-        self._copy_places = _CopyPlaces()
-        self._handle_macro_call = xacro.handle_macro_call
-        self._safe_eval = xacro.safe_eval
-        self._eval = getattr(substitution, _EVAL)
-
-    def parse(self, source: Any, filename: str | None = None) -> minidom.Document:
-        """Stand in for ``xacro.parse``: scans first and notes places."""
-        if source is not None or filename is None:
-            raise DescriptionError(["xacro: only files can be included"])
-        if len(self.xacro.filestack) > _MOST_INCLUDES:
-            shown = xml.shown_path(filename)
-            raise DescriptionError([f"{shown}: files include each other without end"])
-        path = Path(filename).absolute()
-        if not path.is_file() and len(self.xacro.filestack) > 1:
-            # An optional include may be missing; xacro tells by the kind of the inner error.
-            self.xacro.filestack.pop()
-            raise self.xacro.XacroException("", exc=FileNotFoundError(2, "no such file", str(path)))
-        data = xml.read_bytes(path)
-        self.files.append(path)
-        shown = xml.shown_path(path)
-        lines = xml.scan(data, shown).lines
-        document = minidom.parseString(data)
-        for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
-            element.setUserData("places", (f"{shown}:{line}",), self._copy_places)
-            if element.tagName == "xacro:arg":
-                self.declared.add(element.getAttribute("name"))
-        for pair in _USED_ARGUMENT.findall(data):
-            self.arguments.update(name.decode("utf-8", "replace") for name in pair if name)
-        return document
-
-    def warning(self, *words: object, **_: object) -> None:
-        """Stand in for ``xacro.warning``: collects instead of printing."""
-        stack = self.xacro.filestack
-        place = f"{xml.shown_path(stack[-1])}: " if stack and stack[-1] else ""
-        self.warnings.append(place + "xacro: " + " ".join(" ".join(map(str, words)).split()))
-
-    def error(self, *words: object, **_: object) -> None:
-        """Stand in for ``xacro.error``, which a file calls without meaning to stop."""
-        self.warning(*words)
-
-    def print_location(self, *_: object, **__: object) -> None:
-        """Stand in for ``xacro.print_location``: places are in the messages already."""
-
-    def handle_macro_call(self, node: Any, macros: Any, symbols: Any) -> bool:
-        """Stand in for ``xacro.handle_macro_call``: bounds what macros may grow to."""
-        self._elements += 1
-        if self._elements > _MOST_ELEMENTS:
-            place = written_at(node) or "xacro"
-            raise DescriptionError(
-                [f"{place}: the macros expand to more than {_MOST_ELEMENTS} elements"]
-            )
-        if node.tagName.startswith("xacro:"):
-            self._copy_places.call = node.getUserData("places") or ()
-        return bool(self._handle_macro_call(node, macros, symbols))
-
-    def safe_eval(self, expression: str, *symbols: Any) -> Any:
-        """Stand in for ``xacro.safe_eval``: refuses what would take for ever."""
-        return self._safe_eval(bounded(expression), *symbols)
-
-    def eval(self, expression: str, context: Any) -> Any:
-        """Stand in for ``$(eval expression)`` in the same way."""
-        return self._eval(bounded(expression), context)
-
-    def find(self, package: str) -> str:
-        """Stand in for ``$(find package)``: an installed package or one being worked on."""
-        return str(find_package(package, Path(self.xacro.filestack[-1]).absolute().parent))
-
-
-@contextmanager
-def _own_globals(run: _Run, path: Path) -> Iterator[None]:
-    """Give ``run`` globals of its own inside xacro."""
-    xacro, substitution = run.xacro, run.substitution
-    kept = {name: getattr(xacro, name) for name in (*_STAND_INS, *_STATE)}
-    kept_inside = {name: getattr(substitution, name) for name in (_FIND, _EVAL, _EVAL_NAMES)}
-    try:
-        for name in _STAND_INS:
-            setattr(xacro, name, getattr(run, name))
-        setattr(substitution, _FIND, run.find)
-        setattr(substitution, _EVAL, run.eval)
-        setattr(substitution, _EVAL_NAMES, dict(kept_inside[_EVAL_NAMES]))
-        bound_functions(getattr(substitution, _EVAL_NAMES))
-        xacro.root_dir, xacro.verbosity, xacro.all_includes = ".", 1, []
-        xacro.substitution_args_context.clear()
-        xacro.substitution_args_context["filename"] = str(path)
-        xacro._global_symbols = xacro.create_global_symbols()
-        bound_functions(xacro._global_symbols)
-        yield
-    finally:
-        for name, value in kept.items():
-            setattr(xacro, name, value)
-        for name, value in kept_inside.items():
-            setattr(substitution, name, value)
-        xacro.substitution_args_context.clear()
-
-
-def expand(
-    path: Path, arguments: Mapping[str, str]
-) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
-    """Run xacro on a file.
-
-    Args:
-        path: the file, absolute.
-        arguments: values for its ``<xacro:arg>``s.
-
-    Returns:
-        The expanded document, the files read (``path`` first), and xacro's warnings.
-
-    Raises:
-        DescriptionError: xacro cannot expand it, or has no argument of a name given.
-    """
-    with _lock:
-        run = _Run(*map(importlib.import_module, ("xacro", "xacro.substitution_args")))
-        problems: list[str] = []
-        document = None
-        with _own_globals(run, path):
-            try:
-                document = run.xacro.process_file(str(path), mappings=dict(arguments))
-            except DescriptionError as error:
-                problems.extend(error.problems)
-            except Exception as error:
-                problems.append(explain(error, path, run.declared))
-            included = [Path(name).absolute() for name in run.xacro.all_includes]
-    problems += unknown_arguments(path, arguments, run.declared | run.arguments)
-    if document is None or problems:
-        raise DescriptionError(problems)
-    files = tuple(dict.fromkeys([*run.files, *included]))
-    return _to_document(document, path), files, tuple(run.warnings)
-
-
-def unknown_arguments(
-    path: Path, arguments: Mapping[str, str], declared: set[str]
-) -> Iterator[str]:
-    """Yield a problem for each argument that the file at ``path`` does not declare."""
-    for name in arguments:
-        if name not in declared:
-            hint = did_you_mean(name, declared, "declared")
-            yield f'{xml.shown_path(path)}: takes no argument "{name}"{hint}'
-
-
-def _to_document(document: minidom.Document, path: Path) -> xml.Document:
-    """Parse what xacro made, taking over the places of its elements."""
-    root = document.documentElement
-    shown = xml.shown_path(path)
-    assert root is not None  # parsed documents have one
-    data = root.toxml().encode("utf-8", "replace")
-    found = xml.scan(data, f"{shown} (expanded)", "utf-8")
-    fresh = xml.to_document(data, found, shown, path.parent, "utf-8")
-    elements = [root, *root.getElementsByTagName("*")]
-    places = {
-        element: written_at(node) or shown
-        for element, node in zip(fresh.root.iter(), elements, strict=True)
-    }
-    return xml.Document(fresh.root, places, shown, path.parent, plain=False)

@@ -1,4 +1,4 @@
-"""Reading XML that may be anything at all: every fault becomes one clear DescriptionError.
+"""XML that may be anything at all: every fault in it becomes one clear DescriptionError.
 
 Each document is scanned by expat before any other parser sees it. The scan refuses DOCTYPE, and
 with it entity bombs and external entities, refuses absurd nesting, and notes the line of every
@@ -33,34 +33,20 @@ _SUFFIXES = (
 
 @dataclass(frozen=True)
 class Scan:
-    """What one pass over a document tells.
+    """What one pass over a document finds."""
 
-    Attributes:
-        lines: the line of each element's start tag, in document order, from 1.
-        has_xacro: whether the xacro namespace is declared.
-    """
-
-    lines: tuple[int, ...]
-    has_xacro: bool
+    lines: tuple[int, ...]  # of each element's start tag, in document order, from 1
+    has_xacro: bool  # the xacro namespace is declared
 
 
 @dataclass(frozen=True)
 class Document:
-    """A parsed document and where its elements were written.
-
-    Attributes:
-        root: the root element.
-        places: ``file:line`` of each element.
-        shown: the document's name for messages.
-        base: the folder that relative paths start from; None for text that is in no file.
-        plain: whether it was read as it stands, without xacro.
-    """
+    """A parsed document and where its elements were written."""
 
     root: ElementTree.Element
-    places: dict[ElementTree.Element, str]
-    shown: str
-    base: Path | None
-    plain: bool
+    places: dict[ElementTree.Element, str]  # ``file:line`` of each element
+    shown: str  # its name for messages
+    folder: Path | None  # where relative paths start; None for text that is in no file
 
 
 def shown_path(path: str | Path) -> str:
@@ -193,14 +179,14 @@ def _malformed(data: bytes, shown: str, error: Exception) -> str:
 
 
 def to_document(
-    data: bytes, found: Scan, shown: str, base: Path | None, encoding: str | None = None
+    data: bytes, found: Scan, shown: str, folder: Path | None, encoding: str | None = None
 ) -> Document:
     """Parse ``data``, which ``scan`` has accepted, as it stands."""
     root = ElementTree.fromstring(data, ElementTree.XMLParser(encoding=encoding))
     places = {
         element: f"{shown}:{line}" for element, line in zip(root.iter(), found.lines, strict=True)
     }
-    return Document(root, places, shown, base, plain=True)
+    return Document(root, places, shown, folder)
 
 
 def to_text(root: ElementTree.Element) -> str:

@@ -32,7 +32,7 @@ def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
 
 
 def joint_limits(joints: Sequence[Joint], *, soft: bool) -> Limits:
-    """Return the limits of movable joints, narrowed by the soft ones where ``soft`` says so.
+    """Return the limits of movable joints, narrowed by the soft ones if ``soft``.
 
     Raises:
         ConfigError: a revolute or prismatic joint without limits, or soft limits that leave it
@@ -66,8 +66,8 @@ def _range(joint: Joint, soft: bool, problems: list[Problem]) -> tuple[float, fl
     if lower > upper:
         text = (
             f'joint "{joint.name}": limits [{joint.lower:g}, {joint.upper:g}] and soft limits'
-            f" [{soft_lower:g}, {soft_upper:g}] leave no range; mend its safety_controller or set"
-            " use_smallest_joint_limits to false"
+            f" [{soft_lower:g}, {soft_upper:g}] leave no range; correct its safety_controller, or"
+            " set use_smallest_joint_limits to false"
         )
         problems.append(Problem("", text))
     return lower, upper

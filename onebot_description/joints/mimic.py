@@ -17,19 +17,14 @@ Followers = Mapping[str, Dependent]
 
 @dataclass(frozen=True)
 class Following:
-    """Who leads whom: joint i stands at ``position[leader[i]] * factor[i] + offset[i]``.
+    """The leader of each joint: joint i is at ``position[leader[i]] * factor[i] + offset[i]``.
 
     A joint that follows none leads itself, with factor 1 and offset 0.
-
-    Attributes:
-        leader: (N,) index.
-        factor: (N,).
-        offset: (N,), rad or m.
     """
 
-    leader: NDArray[np.intp]
-    factor: FloatArray
-    offset: FloatArray
+    leader: NDArray[np.intp]  # (N,), index
+    factor: FloatArray  # (N,)
+    offset: FloatArray  # (N,), rad or m
 
     @property
     def follows(self) -> NDArray[np.bool_]:
@@ -40,7 +35,7 @@ class Following:
 def followers(
     joints: Sequence[Joint], dependent: Followers, use_mimic_tags: bool
 ) -> dict[str, Dependent]:
-    """Join the description's mimic tags and the ``dependent_joints``, which come first."""
+    """Return what each joint follows: its mimic tag, overridden by ``dependent_joints``."""
     tags = {
         joint.name: Dependent(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
         for joint in joints
@@ -54,7 +49,7 @@ def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], links: Followe
 
     Args:
         joints: the N movable joints.
-        all_joints: of the robot, to say what is wrong with a name.
+        all_joints: of the robot, to explain what is wrong with a name.
         links: follower name to what it depends on.
 
     Raises:
@@ -83,7 +78,7 @@ def narrow(
     """Narrow each leader's limits so that all its followers stay within theirs.
 
     Returns:
-        Limits of all joints, and remarks on the leaders whose range became smaller.
+        Limits of all joints, and notes on the leaders whose range became smaller.
 
     Raises:
         ConfigError: no position of the leader keeps a follower within its limits.
@@ -100,10 +95,10 @@ def narrow(
             f" has limits [{limits.lower[follower]:g}, {limits.upper[follower]:g}]"
         )
         if after[0] > after[1]:
-            remedy = "mend the limits or the mimic tag, or set use_mimic_tags to false"
+            remedy = "correct the limits or the mimic tag, or set use_mimic_tags to false"
             problems.append(Problem("", f"{text}, and no position suits both; {remedy}"))
             narrowed.lower[leader], narrowed.upper[leader] = before
-        elif max(after[0] - before[0], before[1] - after[1]) > 1e-6:
+        elif after[0] > before[0] + 1e-6 or after[1] < before[1] - 1e-6:  # also of infinite ones
             notes.append(Problem("", f"{text}, so both keep to [{after[0]:g}, {after[1]:g}]"))
     if problems:
         raise ConfigError(problems)

@@ -102,12 +102,18 @@ class Tracks:
             origins: (N,) time at which each began, in s.
             starts: (N,) positions the joints had then, for keyframes with a lead.
             endless: (N,) true for joints that turn without end.
+
+        Raises:
+            TypeError: a motion of a kind that nothing here evaluates.
         """
+        for motion in motions:
+            if not isinstance(motion, _EVALUATED):
+                raise TypeError(f"no track for a motion of type {type(motion).__name__}")
         self._base = np.array(
             [motion.position if isinstance(motion, Constant) else 0.0 for motion in motions]
         )
         self._banks: list[_Sines | _Keyframes | _Sweeps] = []
-        for bank in (_Sines, _Keyframes, _Sweeps):
+        for bank in _BANKS:
             index = np.array([i for i, m in enumerate(motions) if isinstance(m, bank.KIND)], int)
             if len(index):
                 chosen = [motions[i] for i in index]
@@ -227,6 +233,10 @@ class _Sweeps(_Table):
         way = (ahead - lower) % np.where(span > 0.0, 2.0 * span, 1.0)
         folded = np.where(span > 0.0, lower + span - np.abs(way - span), lower)
         return np.asarray(np.where(bounded, folded, ahead))
+
+
+_BANKS = (_Sines, _Keyframes, _Sweeps)
+_EVALUATED = (Constant, *(bank.KIND for bank in _BANKS))
 
 
 def _row(motion: Keyframes, start: float) -> tuple[list[float], list[float]]:

@@ -1,1 +1,1 @@
-"""Transforms as ROS messages: ``TFMessage`` is in ``onebot_description.wire.tf_message``."""
+"""ROS messages as bytes, as arrays and as objects, and from a JointState to its TFMessage."""

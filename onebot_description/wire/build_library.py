@@ -24,7 +24,7 @@ SOURCES = (
     _FOLDER.with_name("model") / "_kinematics.c",
 )
 _HEADERS = (_FOLDER.with_name("model") / "_joint.h",)
-LIBRARY = Path(__file__).with_name("_tf_message.so")
+LIBRARY = Path(__file__).with_name("_library.so")
 
 # The oldest C library that the ROS 2 wheels themselves run on.
 _ZIG_TARGETS = {

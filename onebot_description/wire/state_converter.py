@@ -223,13 +223,13 @@ class _Known(NamedTuple):
         state.u32(len(plan.names))
         block, mask = bytes(state.data[STAMP.stop :]), bytes(state.mask[STAMP.stop :])
         first = state.leave_out(0, 8)
-        joints, message = _tf_message(plan)
+        joints, message = _blank_message(plan)
         counts = len(plan.names), joints.ctypes.data, len(joints), plan.rows.ctypes.data
         layout = _Layout(block, mask, len(block), first, *counts, message, len(message))
         return cls(layout, (frame_id, plan.names), plan, joints)
 
 
-def _tf_message(plan: JointStatePlan) -> tuple[NDArray[np.void], bytes]:
+def _blank_message(plan: JointStatePlan) -> tuple[NDArray[np.void], bytes]:
     """Return a plan's joints for the compiled call, and their TFMessage without its numbers."""
     joints = np.zeros(len(plan.rows), _JOINT)
     joints["half_turn"], joints["column"] = plan.joints.half_turns, plan.columns

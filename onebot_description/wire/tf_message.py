@@ -1,6 +1,11 @@
-"""``TFMessage``: the genuine tf2_msgs/msg/TFMessage where it is installed, else our own.
+"""``TFMessage``: the tf2_msgs/msg/TFMessage of an installed tf2_msgs, else our own.
 
-Both are the same on the wire. Tested: the type's name, hash and description, and every field.
+Both are the same on the wire: the type's name, hash and description, and every field. Our own is a
+message class like the one that rosidl generates from TFMessage.msg; its type support is compiled
+(_tf_message.c) and connected with that of geometry_msgs.
+
+Importing this module raises an ``OneBotError`` that is also an ``ImportError`` where no type
+support can be loaded.
 """
 
 import ctypes
@@ -18,22 +23,127 @@ from rosidl_parser.definition import NamespacedType, UnboundedSequence
 from onebot_description.errors import OneBotError
 from onebot_description.wire.library import load_library
 
-# Load the compiled type support and hand it to rclpy, after checking that both fit together.
-
 # The ROS packages whose structures _tf_message.c repeats, and their versions in ROS 2 Jazzy.
 _VERSIONS = {
     "rosidl_runtime_c": "4.6.",
     "rosidl_typesupport_introspection_c": "4.6.",
     "rosidl_typesupport_fastrtps_cpp": "3.6.",
 }
+# rosidl's switch: assigning to a field checks the value's type if it is set to 1.
+_CHECK_FIELDS = os.getenv("ROS_PYTHON_CHECK_FIELDS", default="") == "1"
 
 
 class TypeSupportError(OneBotError, ImportError):
     """TFMessage cannot be used; ``str(error)`` says what to do."""
 
 
+class Metaclass_TFMessage(type):
+    """Holds the type support of the message class, where rclpy looks for it."""
+
+    _CREATE_ROS_MESSAGE: Any = None
+    _CONVERT_FROM_PY: Any = None
+    _CONVERT_TO_PY: Any = None
+    _DESTROY_ROS_MESSAGE: Any = None
+    _TYPE_SUPPORT: Any = None
+
+    @classmethod
+    def __import_type_support__(cls) -> None:
+        """Load the type support, once.
+
+        Raises:
+            LibraryError: the compiled library is missing or outdated.
+            TypeSupportError: the installed ROS is not the one it is made for.
+        """
+        if cls._TYPE_SUPPORT is not None:
+            return
+        support = load_type_support(_OWN)
+        cls._CREATE_ROS_MESSAGE = support.create_ros_message
+        cls._CONVERT_FROM_PY = support.convert_from_py
+        cls._CONVERT_TO_PY = support.convert_to_py
+        cls._DESTROY_ROS_MESSAGE = support.destroy_ros_message
+        cls._TYPE_SUPPORT = support.type_support
+        try:
+            _check_round_trip(_OWN)
+        except BaseException:
+            cls._TYPE_SUPPORT = None
+            raise
+
+
+class TFMessage(metaclass=Metaclass_TFMessage):
+    """A tf2_msgs/msg/TFMessage: coordinate transforms, as on the topics /tf and /tf_static.
+
+    Args:
+        transforms: the transforms, a sequence of ``geometry_msgs.msg.TransformStamped``.
+        check_fields: whether assigning to a field asserts that the type is right; by default
+            only if the environment variable ``ROS_PYTHON_CHECK_FIELDS`` is 1.
+    """
+
+    __slots__ = ["_transforms", "_check_fields"]
+
+    # Tools that show or log any message take its type's name from this.
+    __module__ = "tf2_msgs.msg._tf_message"
+
+    _fields_and_field_types: ClassVar[dict[str, str]] = {
+        "transforms": "sequence<geometry_msgs/TransformStamped>",
+    }
+    SLOT_TYPES = (UnboundedSequence(NamespacedType(["geometry_msgs", "msg"], "TransformStamped")),)
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Take the fields' values, as keyword arguments; a field left out is empty."""
+        self._check_fields = kwargs.get("check_fields", _CHECK_FIELDS)
+        if self._check_fields:
+            unknown = [key for key in kwargs if f"_{key}" not in self.__slots__]
+            assert not unknown, (
+                f"Invalid arguments passed to constructor: {', '.join(sorted(unknown))}"
+            )
+        self.transforms = kwargs.get("transforms", [])
+
+    @property
+    def transforms(self) -> Sequence[Any]:
+        """Message field 'transforms'."""
+        return self._transforms
+
+    @transforms.setter
+    def transforms(self, value: Sequence[Any]) -> None:
+        if self._check_fields:
+            assert (
+                not isinstance(value, str)
+                and hasattr(value, "__len__")
+                and hasattr(value, "__iter__")
+                and all(isinstance(item, TransformStamped) for item in value)
+            ), (
+                "The 'transforms' field must be a set or sequence and each value of type "
+                "'TransformStamped'"
+            )
+        self._transforms = value
+
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]:
+        """Return the name and the type of each field."""
+        return cls._fields_and_field_types.copy()
+
+    def __repr__(self) -> str:
+        """Look like the message that tf2_msgs would provide."""
+        return f"tf2_msgs.msg.TFMessage(transforms={self.transforms!r})"
+
+    def __eq__(self, other: object) -> bool:
+        """Compare all fields; a message of another class is never equal."""
+        return isinstance(other, _OWN) and bool(self.transforms == other.transforms)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by way of a function, because the module's name is not a real one."""
+        return _restore, (self.transforms, self._check_fields)
+
+
+def _restore(transforms: Sequence[Any], check_fields: bool) -> Any:
+    # A genuine tf2_msgs may have come since.
+    return TFMessage(transforms=transforms, check_fields=check_fields)
+
+
 class TypeSupport(NamedTuple):
-    """What rclpy wants of a message: capsules of C functions and of the type support's handle."""
+    """What rclpy needs of a message class: capsules of C functions and of the handle."""
 
     create_ros_message: Any
     convert_from_py: Any
@@ -42,7 +152,7 @@ class TypeSupport(NamedTuple):
     type_support: Any
 
 
-def load(message_class: type) -> TypeSupport:
+def load_type_support(message_class: type) -> TypeSupport:
     """Load the library and connect it to the type supports of geometry_msgs and std_msgs.
 
     Args:
@@ -64,13 +174,12 @@ def load(message_class: type) -> TypeSupport:
     )
 
 
-def check(message_class: Any) -> None:
+def _check_round_trip(message_class: Any) -> None:
     """Send one message through the middleware's serialization and back.
 
     Raises:
         TypeSupportError: what comes back is not what was sent.
     """
-    from geometry_msgs.msg import TransformStamped
     from rclpy.serialization import deserialize_message, serialize_message
 
     transform = TransformStamped(child_frame_id="child")
@@ -135,7 +244,6 @@ def _configure(library: ctypes.PyDLL, message_class: type) -> None:
 
 def _import_ros_types() -> tuple[Any, Any]:
     """Return the metaclasses of TransformStamped and UInt32, which hold their type supports."""
-    from geometry_msgs.msg import TransformStamped
     from std_msgs.msg import UInt32
 
     for message_class in (TransformStamped, UInt32):
@@ -159,121 +267,7 @@ def _pointer(capsule: Any) -> ctypes.c_void_p:
     return ctypes.c_void_p(get(capsule, None))
 
 
-# The message class, which is like the one that rosidl generates from TFMessage.msg.
-
-# rosidl's switch: assigning to a field checks the value's type if it is set to 1.
-_CHECK_FIELDS = os.getenv("ROS_PYTHON_CHECK_FIELDS", default="") == "1"
-
-
-class Metaclass_TFMessage(type):
-    """Where rclpy looks for the type support of a message class, under these names."""
-
-    _CREATE_ROS_MESSAGE: Any = None
-    _CONVERT_FROM_PY: Any = None
-    _CONVERT_TO_PY: Any = None
-    _DESTROY_ROS_MESSAGE: Any = None
-    _TYPE_SUPPORT: Any = None
-
-    @classmethod
-    def __import_type_support__(cls) -> None:
-        """Load the type support, once.
-
-        Raises:
-            TypeSupportError: it is not built, or the installed ROS is not the one it is made for.
-        """
-        if cls._TYPE_SUPPORT is not None:
-            return
-        support = load(OwnTFMessage)
-        cls._CREATE_ROS_MESSAGE = support.create_ros_message
-        cls._CONVERT_FROM_PY = support.convert_from_py
-        cls._CONVERT_TO_PY = support.convert_to_py
-        cls._DESTROY_ROS_MESSAGE = support.destroy_ros_message
-        cls._TYPE_SUPPORT = support.type_support
-        try:
-            check(OwnTFMessage)
-        except BaseException:
-            cls._TYPE_SUPPORT = None
-            raise
-
-
-class OwnTFMessage(metaclass=Metaclass_TFMessage):
-    """A tf2_msgs/msg/TFMessage: coordinate transforms, as on the topics /tf and /tf_static.
-
-    Args:
-        transforms: the transforms, a sequence of ``geometry_msgs.msg.TransformStamped``.
-        check_fields: whether assigning to a field asserts that the type is right; by default
-            only if the environment variable ``ROS_PYTHON_CHECK_FIELDS`` is 1.
-    """
-
-    __slots__ = ["_transforms", "_check_fields"]
-
-    # Tools that show or log any message take its type's name from these two.
-    __qualname__ = "TFMessage"
-    __module__ = "tf2_msgs.msg._tf_message"
-
-    _fields_and_field_types: ClassVar[dict[str, str]] = {
-        "transforms": "sequence<geometry_msgs/TransformStamped>",
-    }
-    SLOT_TYPES = (UnboundedSequence(NamespacedType(["geometry_msgs", "msg"], "TransformStamped")),)
-
-    def __init__(self, **kwargs: Any) -> None:
-        """Take the fields' values, as keyword arguments; a field left out is empty."""
-        self._check_fields = kwargs.get("check_fields", _CHECK_FIELDS)
-        if self._check_fields:
-            unknown = [key for key in kwargs if f"_{key}" not in self.__slots__]
-            assert not unknown, (
-                f"Invalid arguments passed to constructor: {', '.join(sorted(unknown))}"
-            )
-        self.transforms = kwargs.get("transforms", [])
-
-    @property
-    def transforms(self) -> Sequence[Any]:
-        """Message field 'transforms'."""
-        return self._transforms
-
-    @transforms.setter
-    def transforms(self, value: Sequence[Any]) -> None:
-        if self._check_fields:
-            assert (
-                not isinstance(value, str)
-                and hasattr(value, "__len__")
-                and hasattr(value, "__iter__")
-                and all(isinstance(item, TransformStamped) for item in value)
-            ), (
-                "The 'transforms' field must be a set or sequence and each value of type "
-                "'TransformStamped'"
-            )
-        self._transforms = value
-
-    @classmethod
-    def get_fields_and_field_types(cls) -> dict[str, str]:
-        """Return the name and the type of each field."""
-        return cls._fields_and_field_types.copy()
-
-    def __repr__(self) -> str:
-        """Look like the message that tf2_msgs would provide."""
-        return f"tf2_msgs.msg.TFMessage(transforms={self.transforms!r})"
-
-    def __eq__(self, other: object) -> bool:
-        """Compare all fields; a message of another class is never equal."""
-        return isinstance(other, OwnTFMessage) and bool(self.transforms == other.transforms)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by way of a function, because the module's name is not a real one."""
-        return _restore, (self.transforms, self._check_fields)
-
-
-OwnTFMessage.__name__ = "TFMessage"
-
-
-def _restore(transforms: Sequence[Any], check_fields: bool) -> Any:
-    # A genuine tf2_msgs may have come since.
-    return TFMessage(transforms=transforms, check_fields=check_fields)
-
-
-def _find_genuine() -> Any:
+def _find_installed() -> Any:
     """Return the class of an installed tf2_msgs; None without one, or if it cannot be used."""
     try:
         from tf2_msgs.msg import TFMessage as Genuine
@@ -288,11 +282,8 @@ def _find_genuine() -> Any:
         return None
 
 
-def _make_own() -> Any:
-    type(OwnTFMessage).__import_type_support__()
-    return OwnTFMessage
-
-
-TFMessage: Any = _find_genuine() or _make_own()
-"""The message class, ready for rclpy. Importing it raises an ``OneBotError`` that is also an
-``ImportError`` where no type support can be loaded."""
+_OWN = TFMessage
+if _installed := _find_installed():
+    TFMessage = _installed  # type: ignore[misc]
+else:
+    type(_OWN).__import_type_support__()

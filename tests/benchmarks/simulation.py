@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from onebot_control.drive import Fleet, Snapshot
+from onebot_control.driven_robot import Fleet, Snapshot
 from onebot_control.odometry import Odometry
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose, yaw_of
@@ -136,7 +136,7 @@ def measure(
             takes = in_turn(variants, options.choose(75, 1))
         finally:
             gc.unfreeze()
-        _check_odometry(fleet, [drive.begin() for drive in fleet.drives])
+        _check_odometry(fleet, [drive.begin() for drive in fleet.robots])
     return Measured(robots, takes, error)
 
 
@@ -146,15 +146,15 @@ def check_drive(fleet: Fleet, duration: float) -> float:
     Raises:
         WrongAnswer: too far.
     """
-    starts = [drive.true_pose for drive in fleet.drives]
-    plans = [Odometry(drive.controller.odometry.kinematics) for drive in fleet.drives]
-    period = fleet.drives[0].period
+    starts = [drive.true_pose for drive in fleet.robots]
+    plans = [Odometry(drive.controller.odometry.kinematics) for drive in fleet.robots]
+    period = fleet.robots[0].period
     for _ in range(round(duration / period)):
         _command(fleet)
         for plan, snapshot in zip(plans, fleet.cycle(), strict=True):
             command = snapshot.command
             plan.update_open_loop(command.linear, command.angular, period)
-    snapshots = [drive.begin() for drive in fleet.drives]
+    snapshots = [drive.begin() for drive in fleet.robots]
     _check_odometry(fleet, snapshots)
     worst = 0.0
     for row, (start, plan, snapshot) in enumerate(zip(starts, plans, snapshots, strict=True)):
@@ -164,7 +164,7 @@ def check_drive(fleet: Fleet, duration: float) -> float:
 
 
 def _check_odometry(fleet: Fleet, snapshots: list[Snapshot]) -> None:
-    for row, (drive, snapshot) in enumerate(zip(fleet.drives, snapshots, strict=True)):
+    for row, (drive, snapshot) in enumerate(zip(fleet.robots, snapshots, strict=True)):
         believed = drive.origin.then(snapshot.odometry)
         # Over a long drive it may be off by more.
         scale = max(1.0, drive.ticks * drive.period / _DRIVEN)
@@ -189,7 +189,7 @@ def _apart(one: PlanarPose, other: PlanarPose, what: str, which: str, scale: flo
 
 
 def _command(fleet: Fleet) -> None:
-    for drive in fleet.drives:
+    for drive in fleet.robots:
         drive.accept(_LINEAR, _ANGULAR)
 
 
@@ -201,7 +201,7 @@ def _driven(fleet: Fleet, cycles: int) -> None:
 
 def _bare(fleet: Fleet, cycles: int) -> None:
     step, client = engine.stepSimulation, fleet.world.client
-    for _ in range(cycles * _per_cycle(fleet.drives[0].config)):
+    for _ in range(cycles * _per_cycle(fleet.robots[0].config)):
         step(client)
 
 
@@ -214,7 +214,7 @@ def _timed(work: Callable[[Fleet, int], None], fleet: Fleet, cycles: int) -> Too
     wall, cpu = time.perf_counter(), time.thread_time()
     work(fleet, cycles)
     wall, cpu = time.perf_counter() - wall, time.thread_time() - cpu
-    simulated = cycles * fleet.drives[0].period
+    simulated = cycles * fleet.robots[0].period
     return Took(wall / simulated, cpu / simulated)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from onebot_control import control_loop, velocity_controller
 from onebot_control.control_loop import Pacer
-from onebot_control.drive import Drive
+from onebot_control.driven_robot import DrivenRobot
 from tests.benchmarks.watch import Watch
 
 
@@ -26,21 +26,23 @@ def install(watch: Watch) -> None:
             super().next(wait)
             watch.woke(time.monotonic() - self.due, self.lag)
 
-    accept, finish = Drive.accept, Drive.finish
+    accept, finish = DrivenRobot.accept, DrivenRobot.finish
 
-    def timed_accept(drive: Drive, linear: float, angular: float, age: float = 0.0) -> str | None:
-        refused = accept(drive, linear, angular, age)
+    def timed_accept(
+        robot: DrivenRobot, linear: float, angular: float, age: float = 0.0
+    ) -> str | None:
+        refused = accept(robot, linear, angular, age)
         if refused is None:
             watch.commanded(linear)
         return refused
 
-    def timed_finish(drive: Drive) -> None:
-        watch.told_wheels(drive.controller.odometry.linear)
-        finish(drive)
+    def timed_finish(robot: DrivenRobot) -> None:
+        watch.told_wheels(robot.controller.odometry.linear)
+        finish(robot)
 
     setattr(control_loop, "Pacer", TimedPacer)  # noqa: B010 - the loop makes its own
-    Drive.accept = timed_accept  # type: ignore
-    Drive.finish = timed_finish  # type: ignore
+    DrivenRobot.accept = timed_accept  # type: ignore
+    DrivenRobot.finish = timed_finish  # type: ignore
 
 
 if __name__ == "__main__":

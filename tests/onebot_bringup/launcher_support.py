@@ -11,13 +11,13 @@ from tests.support import wait_for
 DRIVER = """
 import sys
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.launcher.process import Node, Restart, python_node
-from onebot_bringup.launcher.launcher import Grace
+from onebot_bringup.launcher.process import NodeProcess, Restart, python_node
 
 def script(name, path, on_exit="shutdown", **more):
-    return Node(name, (sys.executable, "-u", path), on_exit, **more)
+    return NodeProcess(name, (sys.executable, "-u", path), on_exit, **more)
 
-sys.exit(Launcher({nodes}, name="test").run())
+with Launcher("test") as launcher:
+    sys.exit(launcher.run({nodes}))
 """
 
 

@@ -208,9 +208,10 @@ def test_simulated_time(tmp_path, ros_domain):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"folder": '""'}, "folder: say where to record to"),
+        ({"folder": '""'}, "folder: is empty; write where to record to, as in -p folder:=run1"),
+        ({"compression": "none"}, "folder: is missing, where to record to, a new folder"),
         ({"folder": "/proc/none/run"}, "cannot record to /proc/none/run: No such file"),
-        ({"folder": "run", "compression": "lz5"}, "compression:=lz5: there is no such compression"),
+        ({"folder": "run", "compression": "lz5"}, 'compression: no "lz5" (known: none, zstd)'),
     ],
 )
 def test_wrong_parameters(tmp_path, monkeypatch, ros_domain, parameters, message):

@@ -8,16 +8,27 @@ from onebot_bringup.launch.arguments import (
     Argument,
     UsageError,
     complete,
+    number,
+    port,
     refuse_positional,
+    ros_settings,
     split,
     switch,
     table,
+    whole,
 )
 
 DECLARED = [
     Argument("viewer", "web", "where to see it", ("web", "none")),
     Argument("save", "", "a file"),
     switch("reload", True, "take up edits"),
+]
+NUMBERS = [
+    number("rate", "20.0", "Hz", 5.0, 100.0),
+    number("x", "0.0", "m"),
+    whole("count", "", "how many", 1, 99),
+    port("port", "8080", "of the page"),
+    *ros_settings(),
 ]
 
 
@@ -86,6 +97,49 @@ def test_all_problems_are_told_at_once() -> None:
 def test_switches_take_both_spellings(written: str, meant: str) -> None:
     """1 is true and 0 is false, in any case of letters."""
     assert complete(DECLARED, {"reload": written})["reload"] == meant
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("rate", ["5", "100", "1e2", "5.5"]),
+        ("x", ["-1e9", "0", ".5"]),
+        ("count", ["", "1", "99"]),
+        ("port", ["0", "65535"]),
+        ("domain_id", ["", "0", "232"]),
+        ("namespace", ["", "/", "left", "/left/", "a/b_2"]),
+    ],
+)
+def test_possible_values_are_kept_as_written(name: str, values: list[str]) -> None:
+    """With both ends of a range, and empty where the default is."""
+    for value in values:
+        assert complete(NUMBERS, {name: value})[name] == value
+
+
+@pytest.mark.parametrize(
+    ("word", "words"),
+    [
+        ("rate:=fast", "write a number from 5 to 100"),
+        ("rate:=nan", "write a number from 5 to 100"),
+        ("rate:=101", "write a number from 5 to 100"),
+        ("rate:=", "write a number from 5 to 100"),
+        ("rate:=1_0", "write a number from 5 to 100"),
+        ("x:=inf", "write a number"),
+        ("count:=1.5", "write a whole number from 1 to 99"),
+        ("count:=1_0", "write a whole number from 1 to 99"),
+        ("port:=", "write a whole number from 0 to 65535"),
+        ("port:=65536", "write a whole number from 0 to 65535"),
+        ("domain_id:=233", "write a whole number from 0 to 232"),
+        ("namespace:=1x", "write a ROS name: words of letters"),
+        ("namespace:=a//b", "write a ROS name: words of letters"),
+    ],
+)
+def test_impossible_values_are_refused(word: str, words: str) -> None:
+    """Nothing is rounded or guessed."""
+    with pytest.raises(UsageError) as caught:
+        complete(NUMBERS, split([word]).given)
+    assert str(caught.value).startswith(f"{word} is not possible; ")
+    assert words in str(caught.value)
 
 
 def test_the_table_names_everything() -> None:

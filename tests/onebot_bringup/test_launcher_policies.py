@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.launcher.process import Node, Restart, describe_exit
+from onebot_bringup.launcher.process import NodeProcess, Restart, describe_exit
 from tests.onebot_bringup.launcher_support import RunningLauncher, alive, number_in
 from tests.support import wait_for
 
@@ -120,7 +120,7 @@ def test_ctrl_c_cancels_a_planned_restart(start: Start) -> None:
 
 def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
     """A command that cannot be run is one line, not a traceback."""
-    launcher = start("[Node('ghost', ('/no/such/program',))]")
+    launcher = start("[NodeProcess('ghost', ('/no/such/program',))]")
     assert launcher.wait() == 1
     assert "ghost cannot be started" in launcher.err and "Traceback" not in launcher.err
 
@@ -133,8 +133,8 @@ def test_waits_double_up_to_a_cap() -> None:
 
 def test_two_nodes_of_one_name_are_refused() -> None:
     """Output could not be told apart otherwise."""
-    with pytest.raises(ValueError, match="same name"):
-        Launcher([Node("a", ("true",)), Node("a", ("true",))])
+    with Launcher("test") as launcher, pytest.raises(ValueError, match="same name"):
+        launcher.run([NodeProcess("a", ("true",)), NodeProcess("a", ("true",))])
 
 
 @pytest.mark.parametrize(

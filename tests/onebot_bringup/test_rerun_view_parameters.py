@@ -63,7 +63,7 @@ def test_a_switch_shows_at_once_and_is_saved_with_the_comments(ros_domain, tmp_p
         answer = _saved_view(peer)
         assert answer.success and str(view) in answer.message
     text = view.read_text()
-    assert text.startswith("# mine\n") and "collision: false  # shapes" in text
+    assert text.startswith("# mine\n") and "collision: false # shapes" in text
     assert load_view(view).camera.eye == (4.0, 0.0, 0.0)
 
 

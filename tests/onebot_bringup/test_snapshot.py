@@ -176,6 +176,48 @@ def test_a_camera_of_ones_own_follows_nothing():
     assert made["/viewport"] == LAYOUT["/viewport"]
 
 
+@pytest.mark.parametrize(
+    ("framing", "as_it_is", "of_robot"),
+    [
+        (Framing(), True, False),
+        (Framing(time_panel=False), False, False),
+        (Framing(dashboard=False), False, True),
+        (Framing(eye=(0.0, 0.0, 0.0)), False, True),
+        (Framing(target=(0.0, 0.0, 0.0)), False, True),
+    ],
+)
+def test_what_a_framing_takes(framing, as_it_is, of_robot):
+    """The robot's view only where it is shown alone, or from elsewhere."""
+    assert (framing.as_it_is, framing.of_robot) == (as_it_is, of_robot)
+    made = framed(LAYOUT, "v1" if of_robot else "", framing)
+    assert (made == LAYOUT) == as_it_is
+
+
+def test_the_time_panel_alone_may_be_hidden():
+    """The other panels of the dashboard stay as they are."""
+    made = framed(LAYOUT, "", Framing(time_panel=False))
+    panel = made.pop("/time_panel")["TimePanelBlueprint"]
+    assert panel == {"state": "Hidden", "timeline": "ros_time"}
+    assert made == {path: entry for path, entry in LAYOUT.items() if path in made}
+
+
+def test_an_eye_or_a_target_alone_leaves_the_other_as_it_was():
+    """And the way the camera moves, if the layout says one."""
+    layout = {"/view/v1/EyeControls3D": {"EyeControls3D": {"kind": "FirstPerson", "position": [9]}}}
+    made = framed(layout, "v1", Framing(target=(1.0, 2.0, 3.0)))
+    assert made["/view/v1/EyeControls3D"]["EyeControls3D"] == {
+        "kind": "FirstPerson",
+        "position": [9],
+        "look_target": [1.0, 2.0, 3.0],
+    }
+    made = framed({}, "v2", Framing(eye=(1.0, 2.0, 3.0)))
+    assert made == {
+        "/view/v2/EyeControls3D": {
+            "EyeControls3D": {"kind": "Orbital", "position": [1.0, 2.0, 3.0]}
+        }
+    }
+
+
 def test_the_view_of_the_robot_is_found():
     """By its name, or else as the first in 3D."""
     views = {"a": ("TimeSeries", "Robot"), "b": ("3D", "Map"), "c": ("3D", "Robot")}

@@ -152,3 +152,44 @@ def test_the_robot_moves_only_while_its_driver_says_so(events):
             assert arbiter.driver in there
             assert now - spoke[arbiter.driver] <= DEAD_MAN
         assert arbiter.pages == len(there)
+
+
+def test_the_times_of_silence_are_exceeded_not_reached(arbiter):
+    """At the limit itself nothing happens yet; nor does an old time undo anything."""
+    arbiter.drive("a", FORWARD, 10.0)
+    arbiter.watch(10.0 + DEAD_MAN)
+    assert arbiter.command == FORWARD and arbiter.lapses == 0
+    arbiter.drive("a", FORWARD, 20.0)
+    arbiter.watch(20.0 + GRIP)
+    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.lapses == 1
+    arbiter.watch(20.0 + GRIP + 0.001)
+    assert arbiter.driver is None and arbiter.lapses == 1
+
+
+def test_a_robot_held_at_zero_is_told_so_and_stopped_like_any_other(arbiter):
+    """A page that holds the wheel at rest commands zero, all the time."""
+    arbiter.drive("a", ZERO, 0.0)
+    assert arbiter.moving and arbiter.busy
+    assert [arbiter.take() for _ in range(5)] == [ZERO] * 5
+    arbiter.release("a")
+    assert not arbiter.moving and arbiter.busy
+    assert _all_that_follows(arbiter) == [ZERO] * ZEROS
+    assert not arbiter.busy
+
+
+def test_stops_and_zeros_are_counted_anew(arbiter):
+    """Each press of the button is one, and is followed by all of its zeros."""
+    for number in (1, 2):
+        arbiter.stop()
+        assert arbiter.stops == number and arbiter.busy
+        assert _all_that_follows(arbiter) == [ZERO] * ZEROS
+
+
+def test_a_page_that_comes_back_may_take_hold(arbiter):
+    """It is a new one: what it held before is forgotten."""
+    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.leave("a")
+    assert arbiter.pages == 1 and arbiter.driver is None
+    arbiter.join("a")
+    arbiter.drive("a", FORWARD, 0.1)
+    assert arbiter.driver == "a" and arbiter.command == FORWARD and arbiter.pages == 2

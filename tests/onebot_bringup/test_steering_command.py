@@ -49,7 +49,7 @@ def test_help_says_how_to_use_it():
         (["hots:=0.0.0.0"], 'no argument "hots" (did you mean "host"?'),
         (["/a", "/b"], 'unexpected "/b"'),
         (["/a", "topic:=/b"], "write the topic or topic:=, not both"),
-        (["namespace:=1x"], "namespace:=1x is no ROS name"),
+        (["namespace:=1x"], "namespace:=1x is not possible; write a ROS name: words of letters"),
         (["viewer:=none", "view:=none"], "leave out view:="),
     ],
 )

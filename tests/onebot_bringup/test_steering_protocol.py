@@ -15,8 +15,11 @@ from onebot_bringup.steering.protocol import (
     SetLimits,
     Stop,
     Velocity,
+    error_text,
     parse,
     state_text,
+    velocity_fields,
+    welcome_text,
 )
 
 
@@ -113,3 +116,65 @@ def test_the_state_is_json_that_browsers_take():
     """A NaN would not be: it is an error here, not a page that stands still."""
     with pytest.raises(ValueError):
         state_text({"odometry": {"x": math.nan}})
+
+
+def test_what_is_just_possible_is_understood():
+    """The longest message, and the longest name of a topic; one character more is refused."""
+    longest = '{"type":"release"}'.ljust(1024)
+    assert parse(longest) == Release()
+    with pytest.raises(ProtocolError, match="at most 1024"):
+        parse(longest + " ")
+    name = "/" + "a" * 199
+    assert parse(json.dumps({"type": "topic", "topic": name})) == ChooseTopic(name)
+    with pytest.raises(ProtocolError, match="name of a ROS topic"):
+        parse(json.dumps({"type": "topic", "topic": name + "a"}))
+    for name in ("~/cmd_vel", "cmd_vel", "_a/b2", "A"):
+        assert parse(json.dumps({"type": "topic", "topic": name})) == ChooseTopic(name)
+
+
+@pytest.mark.parametrize(
+    ("limits", "name"),
+    [("0,1", None), ("1,0", None), ("-1,1", None), ("1e-9,1", "ok"), ("1,1e-9", "ok")],
+)
+def test_both_limits_are_above_zero(limits, name):
+    """Each on its own."""
+    linear, angular = limits.split(",")
+    text = f'{{"type":"limits","linear":{linear},"angular":{angular}}}'
+    if name:
+        assert parse(text) == SetLimits(Velocity(float(linear), float(angular)))
+    else:
+        with pytest.raises(ProtocolError, match="above zero"):
+            parse(text)
+
+
+def test_what_is_refused_is_named():
+    """The field, the type and what would be right."""
+    for text, words in (
+        ('{"type":"drive","seq":1,"linear":0,"angular":"1"}', "angular must be a number"),
+        ('{"type":"drive","seq":1,"linear":1e999,"angular":0}', "linear must be a finite number"),
+        ('{"type":"drive","seq":-1,"linear":1,"angular":0}', "seq must be a whole number"),
+        ('{"type":"release","a":1}', '"release" has no fields beside its type'),
+        ('{"type":"drive"}', '"drive" has angular, linear, seq beside its type'),
+        ('{"type":"fly"}', "one of drive, release, stop, topic, limits"),
+        ('{"type":"stop","type":"stop"}', "given twice"),
+        ("NaN", "NaN is not JSON"),
+        ("[]", "JSON object"),
+    ):
+        with pytest.raises(ProtocolError, match=words):
+            parse(text)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_a_command_beyond_a_limit_becomes_that_limit(linear, angular):
+    """On its own side, and without touching the other number."""
+    clamped = Velocity(linear, angular).clamped(Velocity(1.0, 2.0))
+    assert clamped.linear == (math.copysign(1.0, linear) if abs(linear) > 1.0 else linear)
+    assert clamped.angular == (math.copysign(2.0, angular) if abs(angular) > 2.0 else angular)
+
+
+def test_what_the_server_says_is_json():
+    """Each message has its type."""
+    assert json.loads(welcome_text("p1", 20.0)) == {"type": "welcome", "id": "p1", "rate": 20.0}
+    assert json.loads(error_text('a "b"')) == {"type": "error", "message": 'a "b"'}
+    assert velocity_fields(Velocity(1.0, -2.0)) == {"linear": 1.0, "angular": -2.0}
+    assert json.loads(state_text({"driver": None})) == {"type": "state", "driver": None}

@@ -1,6 +1,15 @@
-import numpy as np
+from pathlib import Path
 
+import numpy as np
+import pytest
+
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.display import Context
+from onebot_bringup.viewer.displays.tf import TfDisplay, TransformStream
 from onebot_bringup.viewer.frames import FrameTree
+from onebot_description.description import parse_description
+from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 QUARTER_TURN = np.array([0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # about z
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
@@ -75,3 +84,88 @@ def test_another_message_on_a_frame_counts_and_so_does_the_next_of_the_first():
     assert tree.top("c") == "b" and tree.names == {"b", "c"}
     tree.update(parents, children, both, turns)
     assert tree.top("c") == "a" and tree.names == {"a", "b", "c"}
+
+
+ROBOT = """<robot name="r"><link name="base"/><link name="{}"/>
+<joint name="j" type="fixed"><parent link="base"/><child link="{}"/></joint></robot>"""
+
+
+class _Shown:
+    """A robot whose link "old" becomes "new", drawn into a file at times that the test sets."""
+
+    def __init__(self, file: Path) -> None:
+        self.now, self._file = 100.0, file
+        self._recording = open_recording(save=file)
+        stream = self._recording.stream
+        self.tree = FrameTree()
+        self._transforms = TransformStream(stream, self.tree)
+        tree = self.tree, self._transforms
+        self._context = Context(stream, *tree, lambda: "a_base", "a_", lambda: self.now)
+        self._display = TfDisplay(self._context)
+
+    def set_robot(self, link: str) -> None:
+        """Show the robot with this link."""
+        self._context.robot = parse_description(ROBOT.format(link, link))
+        self._display.set_robot()
+
+    def receive(self, *children: str) -> None:
+        """A message of /tf names them, and is drawn."""
+        for child in children:
+            self._transforms.add(START_NS, transforms("a_base", f"a_{child}", 0.0))
+        self.flush()
+
+    def flush(self) -> None:
+        """Draw what there is."""
+        self._display.flush()
+
+    def drawn(self, frame: str) -> int:
+        """How often axes were drawn in a frame; the file is complete then."""
+        self._recording.close()
+        frames = column(self._file, f"/frames/a_{frame}", "CoordinateFrame:frame")
+        return frames.count([f"a_{frame}"])
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> _Shown:
+    """Frames of both links of the first robot are shown, and then it is replaced."""
+    shown = _Shown(tmp_path / "x.rrd")
+    shown.receive("old")
+    shown.set_robot("old")
+    shown.receive("old")
+    shown.set_robot("new")
+    return shown
+
+
+def test_a_link_that_is_no_more_is_hidden_at_once(shown: _Shown) -> None:
+    """It goes to a frame that exists; that of a link both robots have stays, and is drawn once."""
+    assert "a_old" not in shown.tree.names
+    shown.receive("new")
+    assert shown.drawn("old") == 1 and shown.drawn("base") == 1 and shown.drawn("new") == 1
+
+
+@pytest.mark.parametrize("after", [0.0, 1.0, 1.001])
+def test_a_straggling_message_does_not_draw_it_again(shown: _Shown, after: float) -> None:
+    """For a second; what came within it is forgotten when that is over."""
+    shown.receive("old")
+    shown.now += after
+    shown.flush()
+    assert ("a_old" in shown.tree.names) == (after <= 1.0)
+    assert shown.drawn("old") == 1
+
+
+def test_whoever_names_it_later_means_it(shown: _Shown) -> None:
+    """Another node may publish a frame of that name: it is drawn, after the second."""
+    shown.now += 1.5
+    shown.flush()
+    shown.receive("old")
+    assert shown.drawn("old") == 2
+
+
+def test_another_robot_within_the_second_is_waited_for_anew(shown: _Shown) -> None:
+    """What it has no more is hidden, and what was hidden before may be there again."""
+    shown.now += 0.9
+    shown.receive("new")
+    shown.set_robot("old")
+    shown.now += 0.9
+    shown.receive("old", "new")
+    assert shown.drawn("old") == 2 and shown.drawn("new") == 1

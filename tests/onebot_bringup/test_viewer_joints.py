@@ -1,13 +1,22 @@
 """Joints with their limits: in the plot, and in the robot."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from trimesh.transformations import euler_matrix, rotation_matrix
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.joint_limits import hand_strips, limited_joints, scale_strips
+from onebot_bringup.viewer.displays.joint_limits import (
+    RangeMarks,
+    hand_strips,
+    limited_joints,
+    scale_strips,
+)
 from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
 from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
@@ -100,6 +109,139 @@ def test_a_range_of_several_turns_is_one_circle_and_a_bar_is_straight():
     np.testing.assert_allclose(arc[:, 0], 0.0, atol=1e-9)
     [slide] = _joint('<axis xyz="0 0 1"/><limit lower="-0.5" upper="1.5"/>', "prismatic")
     np.testing.assert_allclose(scale_strips(slide, 1.0)[0], [[0, 0, -0.5], [0, 0, 1.5]])
+
+
+_direction = st.tuples(*[st.sampled_from([-1.0, -0.5, 0.0, 0.3, 1.0])] * 3).filter(any)
+_angle = st.floats(-3.0, 3.0)
+
+
+def _moved(joint, points, position):
+    """Points of the child's frame in the parent's, with the joint at ``position`` (REP-103)."""
+    if joint.kind == "revolute":
+        points = points @ rotation_matrix(position, joint.axis)[:3, :3].T
+    else:
+        points = points + position * np.array(joint.axis)
+    return points @ euler_matrix(*joint.origin.rpy)[:3, :3].T + np.array(joint.origin.xyz)
+
+
+@settings(max_examples=50)
+@given(
+    axis=_direction,
+    rpy=st.tuples(_angle, _angle, _angle),
+    lower=_angle,
+    span=st.floats(0.01, 3.0),
+    share=st.floats(0.0, 1.0),
+)
+def test_the_hand_points_to_the_arc_at_every_position(axis, rpy, lower, span, share):
+    """From one end of the arc to the other, about any axis, at its own radius."""
+    text = [" ".join(map(repr, numbers)) for numbers in ((0.1, -0.2, 0.3), rpy, axis)]
+    [joint] = _joint(
+        f'<origin xyz="{text[0]}" rpy="{text[1]}"/><axis xyz="{text[2]}"/>'
+        f'<limit lower="{lower!r}" upper="{lower + span!r}"/>'
+    )
+    arc, first, last = scale_strips(joint, 0.5)
+    [hand] = hand_strips(joint, 0.5)
+    np.testing.assert_allclose(arc[0], _moved(joint, hand, joint.lower)[0], atol=1e-6)
+    np.testing.assert_allclose(arc[-1], _moved(joint, hand, joint.upper)[0], atol=1e-6)
+    between = _moved(joint, hand, joint.lower + share * (joint.upper - joint.lower))[0]
+    longest = np.linalg.norm(np.diff(arc, axis=0), axis=1).max()
+    assert np.linalg.norm(arc - between, axis=1).min() <= longest
+    assert longest <= 0.5 * math.radians(5.0) + 1e-9 and len(arc) <= math.degrees(span) / 5 + 3
+    for end, tick in ((arc[0], first), (arc[-1], last)):
+        np.testing.assert_allclose(tick.mean(axis=0), end, atol=1e-9)
+        assert np.linalg.norm(tick[1] - tick[0]) == pytest.approx(0.1)
+
+
+@settings(max_examples=30)
+@given(axis=_direction, rpy=st.tuples(_angle, _angle, _angle), lower=_angle)
+def test_a_bar_leads_from_end_to_end_with_a_tick_at_each(axis, rpy, lower):
+    """The hand is a tick, too, and slides along the bar."""
+    text = [" ".join(map(repr, numbers)) for numbers in ((0.1, -0.2, 0.3), rpy, axis)]
+    [joint] = _joint(
+        f'<origin xyz="{text[0]}" rpy="{text[1]}"/><axis xyz="{text[2]}"/>'
+        f'<limit lower="{lower!r}" upper="{lower + 0.5!r}"/>',
+        "prismatic",
+    )
+    bar, *ticks = scale_strips(joint, 0.5)
+    [hand] = hand_strips(joint, 0.5)
+    assert len(bar) == 2 and len(ticks) == 2
+    for end, tick, position in zip(bar, ticks, (joint.lower, joint.upper), strict=True):
+        at = _moved(joint, hand, position)
+        np.testing.assert_allclose(at.mean(axis=0), end, atol=1e-9)
+        np.testing.assert_allclose((at - end) * 2, (tick - end) * 3, atol=1e-9)
+        assert np.linalg.norm(tick[1] - tick[0]) == pytest.approx(0.2)
+        assert (tick[1] - tick[0]) @ (bar[1] - bar[0]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_hand_is_a_closed_triangle_outside_of_its_arc():
+    """Its tip on the arc, its base square to the ray and to the axis."""
+    [joint] = _joint('<axis xyz="0 0 -1"/><limit lower="-1" upper="1"/>')
+    [hand] = hand_strips(joint, 2.0)
+    np.testing.assert_allclose(hand[0], hand[-1])
+    np.testing.assert_allclose(
+        sorted(hand.tolist()), sorted([[2, 0, 0], [2.56, 0.22, 0], [2.56, -0.22, 0], [2, 0, 0]])
+    )
+
+
+@pytest.mark.parametrize("span", [2 * math.pi, 2 * math.pi + 1e-6, 50.0])
+def test_a_whole_turn_is_a_closed_circle(span):
+    """More is no more of it; a little less leaves a gap."""
+    [joint] = _joint(f'<axis xyz="0 0 1"/><limit lower="-1" upper="{-1 + span!r}"/>')
+    arc = scale_strips(joint, 1.0)[0]
+    np.testing.assert_allclose(arc[0], arc[-1], atol=1e-5)
+    assert 73 <= len(arc) <= 74
+    [less] = _joint('<axis xyz="0 0 1"/><limit lower="-1" upper="5.2"/>')
+    arc = scale_strips(less, 1.0)[0]
+    assert np.linalg.norm(arc[0] - arc[-1]) == pytest.approx(2 * math.sin(math.pi - 3.1), abs=1e-6)
+
+
+def test_what_a_joint_leaves_out_has_urdf_s_default():
+    """The axis is x, the origin the parent's, a limit 0; the axis gets unit length."""
+    [joint] = _joint('<limit upper="1"/>')
+    assert (joint.origin.xyz, joint.origin.rpy, joint.axis) == ((0, 0, 0), (0, 0, 0), (1, 0, 0))
+    assert (joint.lower, joint.upper) == (0.0, 1.0)
+    [joint] = _joint('<limit lower="-1"/><axis xyz="0 -3 4"/>', "prismatic")
+    assert joint.axis == pytest.approx((0.0, -0.6, 0.8)) and joint.upper == 0.0
+    assert joint.kind == "prismatic"
+    assert _joint('<limit lower="0" upper="1"/>', "continuous") == ()
+
+
+def _marks(file: Path) -> dict[str, list]:
+    """The frames that each entity of a joint was put into."""
+    return {
+        entity: column(file, f"/joint_ranges/{entity}", "CoordinateFrame:frame")
+        for entity in ("j/range", "j/hand")
+    }
+
+
+def test_marks_are_drawn_anew_only_when_they_change(tmp_path):
+    """A scale in the parent's frame, a hand in the child's; both go home when they are gone."""
+    [joint] = _joint('<axis xyz="0 0 1"/><limit lower="-1" upper="1"/>')
+    other = replace(joint, name="k")
+    color, counts = {"j": (1, 2, 3)}, []
+    shown = [
+        ([joint], 0.5, {"k": (1, 2, 3)}),  # no colour yet: not drawn
+        ([joint], 0.5, color),
+        ([joint, other], 0.5, color),
+        ([joint], 0.6, color),
+        ([joint], 0.6, {"j": (9, 9, 9)}),
+        ([replace(joint, upper=0.5)], 0.6, {"j": (9, 9, 9)}),
+        ([], 0.6, color),
+        ([], 0.6, color),
+        ([joint], 0.6, color),
+    ]
+    for number in range(1, len(shown) + 1):
+        file = tmp_path / f"{number}.rrd"
+        recording = open_recording(save=file)
+        marks = RangeMarks(recording.stream, lambda link: f"left/{link}")
+        for joints, radius, colors in shown[:number]:
+            marks.show(joints, radius, colors, "home")
+        recording.close()
+        found = _marks(file)
+        counts.append((len(found["j/range"]), len(found["j/hand"])))
+    assert counts == [(0, 0), (1, 1), (1, 1), (2, 2), (3, 3), (4, 3), (5, 4), (5, 4), (6, 5)]
+    assert sorted(found["j/range"]) == [["home"]] + [["left/a"]] * 5
+    assert sorted(found["j/hand"]) == [["home"]] + [["left/b"]] * 4
 
 
 def test_limits_are_level_lines_under_the_joint_s_own_name_and_colour(tmp_path):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.speeds import SpeedStream
+from onebot_bringup.viewer.displays.speeds import GAP, SpeedStream
 from onebot_description.wire.messages import TwistSample
-from tests.onebot_bringup.drive_support import column, curve, odometry
+from tests.onebot_bringup.drive_support import chunks, column, curve, odometry
 from tests.onebot_bringup.viewer_support import START_NS
 
 SECOND = 10**9
@@ -63,3 +63,39 @@ def test_a_steady_speed_is_flat(tmp_path):
     )
     np.testing.assert_array_equal(linear, 0.2)
     np.testing.assert_array_equal(angular, 0.0)
+
+
+def test_a_gap_is_longer_than_a_second_and_a_half(tmp_path):
+    """That long itself is still bridged; the gap begins just after the last message."""
+    rows = [(0, 1, -1), (GAP, 2, -2), (2 * GAP + 1e-9, 3, -3)]
+    linear, angular = _flushed(tmp_path, rows)
+    np.testing.assert_array_equal(linear, [1, 2, np.nan, 3])
+    np.testing.assert_array_equal(angular, [-1, -2, np.nan, -3])
+    *_, rows = chunks(tmp_path / "x.rrd", "/speeds/linear/measured")
+    times = rows.to_record_batch().column("ros_time").cast("int64").to_pylist()
+    last = round(GAP * SECOND)
+    assert [time - START_NS for time in times] == [0, last, last + 1, 2 * last + 1]
+
+
+def test_a_clock_set_back_is_no_gap(tmp_path):
+    """The curve goes on at the earlier time, where a file has it, and gaps count from there."""
+    linear, _ = _flushed(tmp_path, [(9, 1, 0), (0, 2, 0), (1, 3, 0), (8, 4, 0)])
+    np.testing.assert_array_equal(linear, [2, 3, np.nan, 4, 1])
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_curves_look_as_what_they_are(tmp_path, held):
+    """A command lies beneath as a wide band, without the average that would put stairs into it."""
+    _flushed(tmp_path, [(0, 1, 1), (1, 1, 1), (2, 1, 1)], held)
+    for axis in ("linear", "angular"):
+        entity = f"/speeds/{axis}/measured"
+        assert column(tmp_path / "x.rrd", entity, "SeriesLines:colors") == [[0x010203FF]]
+        assert column(tmp_path / "x.rrd", entity, "SeriesLines:widths") == [[6.0 if held else 2.0]]
+        [[policy]] = column(tmp_path / "x.rrd", entity, "SeriesLines:aggregation_policy")
+        assert policy == (1 if held else 2), "Rerun's numbers of Off and Average"
+
+
+def test_the_last_digits_are_left_out(tmp_path):
+    """A tenth of a millimetre a second is kept."""
+    linear, angular = _flushed(tmp_path, [(0, 0.12344, -0.12346)])
+    assert (linear, angular) == ([0.1234], [-0.1235])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.trail import SPACING, TrailSettings, TrailStream
+from onebot_bringup.viewer.displays.trail import JUMP, SPACING, TrailSettings, TrailStream
 from tests.onebot_bringup.drive_support import chunks, column, odometry, strips
 from tests.onebot_bringup.viewer_support import START_NS
 
@@ -91,3 +91,79 @@ def test_what_waits_does_not_grow_without_end(tmp_path):
     pieces = strips(tmp_path / "x.rrd", "way")
     assert len(pieces) == 5000
     np.testing.assert_allclose(pieces[-1][1], [1999.9, 0, 0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("step", "pieces"),
+    [(SPACING, 1), (SPACING * 0.999, 0), (JUMP, 1), (JUMP * 1.001, 0)],
+)
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_how_far_a_piece_may_lead(tmp_path, step, pieces, axis):
+    """From the spacing on, up to the longest way that is driven between two messages."""
+    place = np.zeros(3)
+    for sign in (1, -1):
+        place[axis] = sign * step
+        samples = [(START_NS, odometry(0.0)), (START_NS + 1, odometry(*place))]
+        assert len(_flushed(tmp_path, samples)) == pieces
+
+
+def test_a_jump_is_measured_from_the_last_message(tmp_path):
+    """Not from where the last piece ended; nor is the piece from there across the jump drawn."""
+    near = SPACING * 0.9
+    samples = [
+        (START_NS, odometry(0.0)),
+        (START_NS + 1, odometry(near)),
+        (START_NS + 2, odometry(near + JUMP * 0.999)),
+        (START_NS + 3, odometry(near + JUMP * 2.1)),
+        (START_NS + 4, odometry(near + JUMP * 2.2)),
+    ]
+    pieces = _flushed(tmp_path, samples)
+    ends = [[0.0, near + JUMP * 0.999], [near + JUMP * 2.1, near + JUMP * 2.2]]
+    np.testing.assert_allclose([piece[:, 0] for piece in pieces], ends, rtol=1e-6)
+
+
+def test_the_same_time_again_is_no_reset(tmp_path):
+    """Two messages of one stamp are a piece of the line; one of an older stamp is not."""
+    for back, pieces in ((0, 2), (1, 1)):
+        samples = [
+            (START_NS, odometry(0.0)),
+            (START_NS - back, odometry(0.1)),
+            (START_NS + 1, odometry(0.2)),
+        ]
+        assert len(_flushed(tmp_path, samples)) == pieces
+
+
+def test_another_frame_leaves_nothing_of_the_first_one(tmp_path):
+    """What was not logged yet lies in a frame that no longer counts."""
+    samples = [(START_NS + i, odometry(0.1 * i)) for i in range(5)]
+    samples += [(START_NS + 10 + i, odometry(0.1 * i, frame="map")) for i in range(3)]
+    pieces = _flushed(tmp_path, samples)
+    np.testing.assert_allclose([piece[:, 0] for piece in pieces], [[0.0, 0.1], [0.1, 0.2]])
+    assert column(tmp_path / "x.rrd", "/trails/way", "CoordinateFrame:frame") == [["map"]]
+
+
+def test_a_message_without_a_frame_breaks_the_line(tmp_path):
+    """It says nothing of where the robot is."""
+    samples = [
+        (START_NS, odometry(0.0)),
+        (START_NS + 1, odometry(0.1, frame="")),
+        (START_NS + 2, odometry(0.2)),
+        (START_NS + 3, odometry(0.3)),
+    ]
+    pieces = _flushed(tmp_path, samples)
+    np.testing.assert_allclose([piece[:, 0] for piece in pieces], [[0.2, 0.3]])
+
+
+def test_the_view_s_color_is_the_trail_s(tmp_path):
+    """The one given otherwise counts only where the view names none; the style is logged once."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = TrailStream(
+        recording.stream, "way", TrailSettings(topic="odom", color=(0, 0, 255)), RED
+    )
+    assert stream.frame == ""
+    for i in range(4):
+        stream.add(START_NS + i, odometry(0.1 * i))
+        assert stream.frame == "odom"
+        assert stream.flush() == (i > 0)
+    recording.close()
+    assert column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:colors") == [[0x0000FFFF]]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from onebot_control.drive import Drive
+from onebot_control.driven_robot import DrivenRobot
 from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
 from onebot_control.simulation import JointStates, Pose, Twist
@@ -112,6 +112,6 @@ class IdealPlant:
         self.closed = True
 
 
-def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> Drive:
+def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
     """A drive of the ideal plant."""
-    return Drive(robot(), config(**values), plant or IdealPlant())
+    return DrivenRobot(robot(), config(**values), plant or IdealPlant())

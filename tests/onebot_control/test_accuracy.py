@@ -25,7 +25,7 @@ from onebot_control.accuracy import (
     turn,
     write,
 )
-from onebot_control.drive import Drive
+from onebot_control.driven_robot import DrivenRobot
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
@@ -75,7 +75,7 @@ def test_commanded_paths_are_what_they_are_called():
 
 def test_where_the_robot_starts_does_not_matter():
     """Poses are relative to it, whichever way it heads."""
-    drive = Drive.of(load_description(ROBOT), config(x=3.0, y=-2.0, yaw=2.5))
+    drive = DrivenRobot.of(load_description(ROBOT), config(x=3.0, y=-2.0, yaw=2.5))
     found = follow(drive, DrivenPath("arc", (Segment(0.2, 0.2, 2.0), Segment(0.0, 0.0, 1.0))))
     drive.plant.close()
     assert deviation(found.truth, found.commanded).place < 1e-3

@@ -6,8 +6,13 @@ from typing import Any
 import pytest
 
 from onebot_control.parameters import ControlConfig
+from onebot_control.speed_limiter import SpeedLimits
 from onebot_description.parameters.reader import ConfigError, defaults
 from tests.onebot_control.control_support import WHEELS
+
+DEFAULTS = defaults(ControlConfig)
+REMEDIES = SpeedLimits.REMEDIES
+NEGATIVE = ("min_velocity", "max_deceleration", "max_acceleration_reverse", "min_jerk")
 
 
 def problem(**values: Any) -> str:
@@ -101,6 +106,45 @@ def test_a_wheel_is_on_one_side() -> None:
         ({"linear__x__max_jerk": math.inf}, "linear.x.max_jerk: inf is not finite"),
         ({"real_time_factor": -1.0}, "real_time_factor: -1 is below 0"),
         ({"joint_state_broadcaster__interfaces": ["torque"]}, 'no "torque"'),
+        ({"wheel_radius": True}, "wheel_radius: true is a bool; write a number"),
+        ({"wheel_radius": -0.1}, "wheel_radius: -0.1 is below 0; write a number from 0"),
+        ({"left_wheel_radius_multiplier": -1.0}, "left_wheel_radius_multiplier: -1 is not above 0"),
+        ({"right_wheel_radius_multiplier": 0}, "right_wheel_radius_multiplier: 0 is not above 0"),
+        ({"tf_frame_prefix": 1}, "tf_frame_prefix: 1 is a number; write a text"),
+        ({"base_frame_id": ""}, "base_frame_id: is empty; write the name of a frame, such as"),
+        (
+            {"velocity_rolling_window_size": True},
+            "velocity_rolling_window_size: true is a bool",
+        ),
+        ({"velocity_rolling_window_size": -3}, "velocity_rolling_window_size: -3 is below 1"),
+        (
+            {"publish_rate": 10_000.1},
+            "publish_rate: 10000.1 is above 10000",
+        ),
+        ({"update_rate": -1}, "update_rate: -1 is not above 0; write a number above 0"),
+        ({"pose_covariance_diagonal": [0.0] * 7}, "7 numbers; write 6"),
+        (
+            {"pose_covariance_diagonal": [0.0] * 5 + [-0.1]},
+            "diagonal: -0.1 is below 0",
+        ),
+        ({"pose_covariance_diagonal": ["a"] * 6}, "write a list of 6 numbers"),
+        ({"x": math.nan}, "x: nan is not finite"),
+        ({"y": "left"}, 'y: "left" is a text; write a number'),
+        ({"yaw": -math.inf}, "yaw: -inf is not finite"),
+        ({"world_frame_id": 3}, "world_frame_id: 3 is a number; write a text"),
+        ({"cmd_vel_type": "twist"}, 'no "twist" (did you mean "Twist"?'),
+        ({"cmd_vel_type": ""}, 'cmd_vel_type: no "" (known: Twist, TwistStamped, auto)'),
+        ({"linear__x__max_velocity": "fast"}, 'linear.x.max_velocity: "fast" is a text'),
+        ({"linear__x__min_velocity": 0.1}, "linear.x.min_velocity: 0.1 is above 0"),
+        ({"angular__z__max_acceleration": True}, "angular.z.max_acceleration: true is a bool"),
+        ({"left_wheel_names": "left"}, 'left_wheel_names: "left" is a text; write a list'),
+        ({"joint_state_broadcaster__interfaces": ["position"] * 2}, '"position" is there twice'),
+        ({"joint_state_broadcaster__interfaces": ["Velocity"]}, 'did you mean "velocity"?'),
+        ({"joint_state_broadcaster__joints": ["a", "b", "a"]}, '"a" is there twice'),
+        ({"joint_state_broadcaster__extra_joints": ["a", "a"]}, '"a" is there twice'),
+        ({"joint_state_broadcaster__frame_id": 1}, "frame_id: 1 is a number; write a text"),
+        ({"joint_state_broadcaster__frameid": "a"}, "did you mean"),
+        ({"linear__x__max_speed": 1.0}, "linear.x.max_speed: no such parameter"),
         ({"wheel_seperation": 0.3}, 'did you mean "wheel_separation"?'),
         ({"use_stamped_vel": False}, "no longer a parameter; write cmd_vel_type"),
         ({"linear__x__has_velocity_limits": True}, "leave it out, and write max_velocity: .nan"),
@@ -115,3 +159,96 @@ def test_all_problems_are_said_at_once() -> None:
     """Three mistakes give three lines."""
     text = problem(wheel_radius=-1.0, open_loop="no", colour="red")
     assert len(text.splitlines()) == 3
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"wheel_separation": 0.0, "cmd_vel_timeout": 0, "real_time_factor": 0.0},
+        {"wheel_separation_multiplier": 1e-9},
+        {"publish_rate": 10_000, "update_rate": 1e-3},
+        {"velocity_rolling_window_size": 1},
+        {"pose_covariance_diagonal": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]},
+        {"x": -1.0, "y": -2, "yaw": -9.0},
+        {"tf_frame_prefix": "", "world_frame_id": ""},
+        {"linear.x.max_velocity": 0.0, "linear.x.min_velocity": 0.0},
+        {"use_sim_time": True, "start_type_description_service": False},
+        {"qos_overrides./clock.subscription.depth": 1},
+    ],
+)
+def test_edges_that_are_allowed(values: dict[str, Any]) -> None:
+    """And parameters that every node has."""
+    config = ControlConfig.from_parameters({**WHEELS, **values})
+    for name in ("wheel_separation", "publish_rate", "velocity_rolling_window_size", "x", "yaw"):
+        assert getattr(config, name) == values.get(name, DEFAULTS[name])
+
+
+def test_each_parameter_is_the_one_of_its_name() -> None:
+    """Every value differs from its default and from all others."""
+    values: dict[str, Any] = dict(WHEELS)
+    for number, (name, default) in enumerate(DEFAULTS.items(), start=2):
+        if isinstance(default, bool):
+            values[name] = not default
+        elif isinstance(default, float):
+            sign = -1.0 if name.split(".")[-1] in NEGATIVE else 1.0
+            values[name] = sign * number
+        elif isinstance(default, int):
+            values[name] = number
+        elif name.endswith("diagonal"):
+            values[name] = [float(number + place) for place in range(6)]
+        elif name.endswith("joints"):
+            values[name] = [name]
+        elif isinstance(default, str):
+            values[name] = name
+    values |= {"cmd_vel_type": "Twist", "joint_state_broadcaster.interfaces": ["effort"]}
+    config = ControlConfig.from_parameters(values)
+    groups = {
+        "linear.x.": config.linear,
+        "angular.z.": config.angular,
+        "joint_state_broadcaster.": config.broadcaster,
+    }
+    for name, value in values.items():
+        prefix = next((prefix for prefix in groups if name.startswith(prefix)), "")
+        if name == "robot_description":  # the node's own
+            continue
+        got = getattr(groups.get(prefix, config), name.removeprefix(prefix))
+        assert got == (tuple(value) if isinstance(value, list) else value), name
+
+
+def test_each_name_of_both_sides_is_in_the_error() -> None:
+    """Twice on one side and on both: each once, in alphabetical order."""
+    names = ["c", "b", "a"]
+    text = problem(left_wheel_names=names, right_wheel_names=names)
+    assert [line.split('"')[1] for line in text.splitlines()] == ["a", "b", "c"]
+    assert all(line.startswith("right_wheel_names: ") for line in text.splitlines())
+
+
+def test_a_side_that_is_wrong_is_not_compared() -> None:
+    """One mistake is one line."""
+    assert len(problem(left_wheel_names=["a", "a"]).splitlines()) == 1
+    assert len(problem(left_wheel_names=[], right_wheel_names=["a", "b"]).splitlines()) == 1
+    assert len(problem(left_wheel_names=["a"], right_wheel_names=[]).splitlines()) == 1
+    assert len(problem(left_wheel_names=[1]).splitlines()) == 1
+
+
+def test_a_diagonal_that_is_no_list_is_one_mistake() -> None:
+    """It is not counted as well; the other one is."""
+    text = problem(pose_covariance_diagonal="wide", twist_covariance_diagonal=[1.0])
+    assert [line.split(":")[0] for line in text.splitlines()] == [
+        "pose_covariance_diagonal",
+        "twist_covariance_diagonal",
+    ]
+
+
+def test_nan_is_no_limit() -> None:
+    """As in ros2_control's files; of no other parameter."""
+    config = ControlConfig.from_parameters({**WHEELS, "linear.x.max_velocity": math.nan})
+    assert math.isnan(config.linear.max_velocity)
+    assert "cmd_vel_timeout: nan is not finite" in problem(cmd_vel_timeout=math.nan)
+
+
+@pytest.mark.parametrize("name", REMEDIES)
+def test_parameters_of_times_gone_by(name: str) -> None:
+    """What is to be written instead, and no near miss."""
+    text = problem(**{f"linear__x__{name}": True})
+    assert text == f"linear.x.{name}: no longer a parameter; {REMEDIES[name]}"

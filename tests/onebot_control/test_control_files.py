@@ -113,3 +113,82 @@ def test_later_files_come_first(file: Path, tmp_path: Path) -> None:
     other.write_text("velocity_controller: {ros__parameters: {wheel_radius: 0.5}}")
     values = read_control_files([file, other], "/", "velocity_controller").values
     assert (values["wheel_radius"], values["update_rate"]) == (0.5, 200)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "joint_state_broadcaster/JointStateBroadcaster",
+            "joint_state_controller/JointStateController",
+            ":5: joint_state_broadcaster.type: joint_state_controller/JointStateController is not "
+            "what runs here; write joint_state_broadcaster/JointStateBroadcaster",
+        ),
+        (
+            "    joints: [",
+            "    frame_id: 3\n    joints: [",
+            ":8: joint_state_broadcaster.frame_id: 3",
+        ),
+        ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
+        ("update_rate: 200", "use_stamped_vel: true", ":3: use_stamped_vel: no such parameter"),
+        ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a text'),
+    ],
+)
+def test_mistakes_in_each_section(file: Path, old: str, new: str, said: str) -> None:
+    """The line is that of the section where it was written."""
+    assert said in complaint(file, old, new)
+
+
+def test_mistakes_of_all_sections_are_in_one_error(file: Path) -> None:
+    """Each with its line."""
+    text = GOOD.replace("update_rate:", "updaterate:").replace("joints:", "joinst:")
+    file.write_text(text.replace("wheel_radius:", "wheelradius:"))
+    with pytest.raises(OneBotError) as caught:
+        read_control_files([file], "/", "velocity_controller")
+    lines = str(caught.value).removeprefix(f"{file}").split(f"\n{file}")
+    assert sorted(line.split(": ")[0] for line in lines) == [":13", ":3", ":8"]
+
+
+def test_the_controllers_own_section_comes_first(file: Path) -> None:
+    """What it says of the rate and of the broadcaster overrides the sections of those."""
+    own = "    update_rate: 50\n    joint_state_broadcaster: {joints: [left_wheel_joint]}\n"
+    file.write_text(GOOD + own)
+    config = read(file)
+    assert config.update_rate == 50
+    assert config.broadcaster.joints == ("left_wheel_joint",)
+
+
+def test_all_of_the_broadcasters_parameters_are_read(file: Path) -> None:
+    """Each by its name, with its place."""
+    more = "    interfaces: [effort]\n    extra_joints: [arm]\n    frame_id: odd\n"
+    file.write_text(GOOD.replace("velocity_controller:\n", f"{more}velocity_controller:\n"))
+    broadcaster = read(file).broadcaster
+    assert broadcaster.interfaces == ("effort",)
+    assert (broadcaster.extra_joints, broadcaster.frame_id) == (("arm",), "odd")
+    places = read_control_files([file], "/", "velocity_controller").places
+    assert places["joint_state_broadcaster.frame_id"] == f"{file}:11"
+    assert places["update_rate"] == f"{file}:3"
+
+
+def test_the_controller_may_have_another_name(file: Path) -> None:
+    """Its section is that of the node's own name, and so is its type."""
+    file.write_text(GOOD.replace("velocity_controller", "other"))
+    parameters = read_control_files([file], "/", "other")
+    assert ControlConfig.from_parameters(parameters.values).wheel_radius == 0.1
+    with pytest.raises(OneBotError, match=r":4: other\.type: no such parameter"):
+        read_control_files([file], "/", "velocity_controller")
+
+
+def test_what_every_node_has_is_no_mistake(file: Path) -> None:
+    """Nor are QoS overrides, in the section of any of the three."""
+    more = "  ros__parameters:\n    use_sim_time: true\n    qos_overrides: {a: 1}\n"
+    file.write_text(GOOD.replace("  ros__parameters:\n", more))
+    assert read(file).update_rate == 200
+
+
+def test_said_to_all_and_to_one(file: Path) -> None:
+    """What a node's own section repeats and it does not know is a mistake there."""
+    shared = "/**:\n  ros__parameters: {frame_prefix: a}\n"
+    file.write_text(shared + GOOD.replace("wheel_radius: 0.1", "frame_prefix: b"))
+    with pytest.raises(OneBotError, match=r":15: frame_prefix: no such parameter"):
+        read(file)

@@ -1,11 +1,13 @@
 """The thread that runs the control cycles."""
 
 import threading
+import time
+from itertools import pairwise
 
 import pytest
 
 from onebot_control.control_loop import ControlLoop
-from onebot_control.drive import Snapshot
+from onebot_control.driven_robot import Snapshot
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import IdealPlant, ideal_drive
 from tests.support import wait_for
@@ -14,14 +16,16 @@ from tests.support import wait_for
 class Run:
     """A loop over an ideal plant, with what it published; a context that starts and stops it."""
 
-    def __init__(self, *, simulated: bool = False, factor: float = 1.0) -> None:
+    def __init__(self, *, simulated: bool = False, factor: float = 1.0, **values: float) -> None:
         self.plant = IdealPlant()
+        self.lags: list[float] = []
         self.published: list[tuple[Snapshot, int]] = []
         self.failures: list[BaseException] = []
         self.loop = ControlLoop(
-            ideal_drive(self.plant, real_time_factor=factor),
+            ideal_drive(self.plant, real_time_factor=factor, **values),
             lambda snapshot, stamp: self.published.append((snapshot, stamp)),
             simulated=simulated,
+            late=self.lags.append,
             failed=self.failures.append,
         )
 
@@ -32,6 +36,9 @@ class Run:
     def __exit__(self, *_: object) -> None:
         self.loop.stop()
         assert self.plant.closed
+
+    def ticks(self) -> list[int]:
+        return [snapshot.tick for snapshot, _ in self.published]
 
 
 def test_simulated_stamps_count_cycles() -> None:
@@ -46,17 +53,17 @@ def test_as_fast_as_possible_still_answers() -> None:
     """At a factor of 0 jobs are done between cycles."""
     with Run(simulated=True, factor=0.0) as run:
         for _ in range(20):
-            assert run.loop.call(lambda: run.loop.drive.ticks) >= 0
+            assert run.loop.call(lambda: run.loop.robot.ticks) >= 0
 
 
 def test_pause_and_step() -> None:
     """Paused, the robot's time stands still; each step is one cycle."""
     with Run(simulated=True) as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
-        ticks = run.loop.call(lambda: run.loop.drive.ticks)
+        ticks = run.loop.call(lambda: run.loop.robot.ticks)
         run.loop.call(run.loop.step)
         run.loop.call(run.loop.step)
-        assert run.loop.call(lambda: run.loop.drive.ticks) == ticks + 2
+        assert run.loop.call(lambda: run.loop.robot.ticks) == ticks + 2
         run.loop.call(lambda: setattr(run.loop, "paused", False))
         with pytest.raises(OneBotError, match="pause it first"):
             run.loop.call(run.loop.step)
@@ -66,9 +73,9 @@ def test_paused_on_the_systems_time_keeps_publishing() -> None:
     """Listeners get the standing robot with stamps of now."""
     with Run() as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
-        count, ticks = len(run.published), run.loop.drive.ticks
+        count, ticks = len(run.published), run.loop.robot.ticks
         wait_for(lambda: len(run.published) > count + 5, "messages while paused")
-        assert run.loop.drive.ticks == ticks
+        assert run.loop.robot.ticks == ticks
         stamps = [stamp for _, stamp in run.published]
         assert stamps == sorted(set(stamps))
 
@@ -92,3 +99,149 @@ def test_what_ends_the_loop_is_reported() -> None:
         run.loop.post(lambda: 1 // 0)
         wait_for(lambda: run.failures, "the failure")
     assert isinstance(run.failures[0], ZeroDivisionError)
+
+
+def test_each_cycle_is_published_as_it_begins() -> None:
+    """What is published is the state before the robot moves on, with the command to come."""
+    run = Run(simulated=True, factor=0.0)
+    run.loop.post(lambda: run.loop.robot.accept(0.6, 0.0))
+    with run:
+        wait_for(lambda: len(run.published) > 3, "cycles")
+    assert run.ticks() == list(range(len(run.published)))
+    for tick, (snapshot, _) in enumerate(run.published[:3]):
+        assert snapshot.joints.positions == pytest.approx(0.1 * tick)
+        assert snapshot.command.left == pytest.approx(10.0)
+
+
+def test_jobs_are_done_in_their_order() -> None:
+    """All of them, before the next cycle."""
+    run, done = Run(simulated=True, factor=0.0), list[int]()
+    for number in range(50):
+        run.loop.post(lambda number=number: done.append(number))
+    run.loop.post(lambda: done.append(len(run.published)))
+    with run:
+        assert run.loop.call(lambda: len(done)) == 51
+    assert done == [*range(50), 0]
+
+
+def test_paused_simulated_time_publishes_nothing_but_steps() -> None:
+    """Its stamps go on where they stopped, one period a step."""
+    with Run(simulated=True, factor=0.0) as run:
+        run.loop.call(lambda: setattr(run.loop, "paused", True))
+        count = len(run.published)
+        for _ in range(5):
+            run.loop.call(lambda: None)
+        assert len(run.published) == count
+        before = run.loop.now_ns()
+        run.loop.call(run.loop.step)
+        assert len(run.published) == count + 1
+        assert run.published[-1][1] == before
+        assert run.loop.now_ns() == before + 10_000_000
+        run.loop.call(lambda: setattr(run.loop, "paused", False))
+        wait_for(lambda: len(run.published) > count + 5, "cycles after the pause")
+    stamps = [stamp for _, stamp in run.published]
+    assert stamps == [10_000_000 * (cycle + 1) for cycle in range(len(stamps))]
+
+
+def test_simulated_stamps_are_of_the_update_rate() -> None:
+    """At 30 Hz they are rounded, but do not drift."""
+    with Run(simulated=True, factor=0.0, update_rate=30) as run:
+        wait_for(lambda: len(run.published) > 30, "a second")
+    assert [stamp for _, stamp in run.published[:4]] == [33333333, 66666667, 100000000, 133333333]
+    assert run.published[29][1] == 1_000_000_000
+
+
+def test_real_time_factor_changes_while_it_runs() -> None:
+    """Slowed down, cycles keep the new distance; as fast as possible, they do not wait.
+
+    Each limit of time is one that a slow machine cannot miss.
+    """
+    with Run(simulated=True, factor=0.0) as run:
+        assert run.lags == []
+        began = time.monotonic()
+        run.loop.call(lambda: run.loop.set_factor(2.0))
+        first = run.loop.robot.ticks
+        wait_for(lambda: run.loop.robot.ticks >= first + 20, "20 cycles of 5 ms")
+        # The one that the call fell into may have ended at once.
+        assert time.monotonic() - began >= 17 * 0.005
+        run.loop.call(lambda: run.loop.set_factor(0.1))
+        run.loop.call(lambda: run.loop.set_factor(0.0))
+        first = run.loop.robot.ticks
+        wait_for(lambda: run.loop.robot.ticks > first + 700, "700 cycles, not of 0.1 s each")
+
+
+def test_cycles_left_out_are_reported() -> None:
+    """By how long, and stamps of the system's time go on from there."""
+    with Run(update_rate=1000) as run:
+
+        def work() -> None:
+            until = time.monotonic() + 0.03
+            while time.monotonic() < until:
+                pass
+
+        run.loop.call(work)
+        wait_for(lambda: max(run.lags, default=0.0) >= 0.028, "the lag")
+        count = len(run.published)
+        wait_for(lambda: len(run.published) > count, "cycles after the lag")
+    assert all(lag >= 0.001 for lag in run.lags)
+    stamps = [stamp for _, stamp in run.published]
+    assert stamps == sorted(stamps)
+
+
+def test_stamps_of_the_systems_time_are_the_systems() -> None:
+    """Between the start and the end of the run, and 0.01 s apart."""
+    began = time.time_ns()
+    with Run() as run:
+        wait_for(lambda: len(run.published) > 3, "cycles")
+    for _, stamp in run.published:
+        assert began - 10_000_000 <= stamp <= time.time_ns() + 10_000_000
+
+
+def test_another_robot_takes_over() -> None:
+    """The first one's simulation is closed, the second is driven from then on, at its ticks."""
+    with Run(simulated=True, factor=0.0) as run:
+        first, plant = run.plant, IdealPlant()
+
+        def use() -> int:
+            run.loop.use(ideal_drive(plant, real_time_factor=0.0))
+            run.loop.robot.ticks = 1_000_000
+            return len(run.published)
+
+        at = run.loop.call(use)
+        assert first.closed and not plant.closed
+        wait_for(lambda: len(run.published) > at + 3, "cycles of the second robot")
+    assert plant.closed
+    assert run.ticks()[at : at + 3] == [1_000_000, 1_000_001, 1_000_002]
+    assert run.published[at][1] == 10_000_000 * 1_000_001
+
+
+def test_a_job_that_fails_ends_the_loop_and_who_waits_for_it_is_told() -> None:
+    """An error that is no OneBotError is a fault of ours, which is not kept quiet."""
+    with Run() as run:
+        with pytest.raises(OneBotError, match="the control loop has failed"):
+            run.loop.call(lambda: 1 // 0)
+        wait_for(lambda: run.failures, "the failure")
+    assert isinstance(run.failures[0], ZeroDivisionError)
+
+
+def test_stop_is_no_failure_and_may_come_twice() -> None:
+    """It ends a loop that waits for its next cycle at once."""
+    run = Run(update_rate=0.001)
+    with run:
+        wait_for(lambda: run.published, "the first cycle")
+        began = time.monotonic()
+        run.loop.stop()
+        assert time.monotonic() - began < 9.0
+    assert len(run.published) == 1
+    assert run.failures == run.lags == []
+
+
+def test_paused_it_does_not_use_up_the_processor() -> None:
+    """As fast as possible is for simulated time that passes: paused, it is 10 ms a look."""
+    with Run(factor=0.0) as run:
+        run.loop.call(lambda: setattr(run.loop, "paused", True))
+        count = len(run.published)
+        wait_for(lambda: len(run.published) > count + 4, "messages while paused")
+    stamps = [stamp for _, stamp in run.published[count:]]
+    # The first may have been under way as it was paused.
+    assert all(after - before > 9_000_000 for before, after in pairwise(stamps[1:]))

@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_control.drive import Drive, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.poses import PlanarPose
 from onebot_control.publishing import Publishers
 from onebot_control.simulation import Twist
@@ -88,7 +88,7 @@ class Listening:
         for name, count in product(TOPICS, counts):
             wait_for(lambda name=name, count=count: count(name), f"{name} to be found")
 
-    def last(self, drive: Drive, snapshot: Snapshot) -> dict[str, Any]:
+    def last(self, drive: DrivenRobot, snapshot: Snapshot) -> dict[str, Any]:
         """What is heard of ``snapshot``."""
         self.publishers.use(drive)
         before = {name: len(heard) for name, heard in self.heard.items()}
@@ -113,7 +113,7 @@ PARAMETERS = {
 }
 
 
-def driven(**parameters: Any) -> tuple[Drive, Snapshot]:
+def driven(**parameters: Any) -> tuple[DrivenRobot, Snapshot]:
     """A robot on its way, and how it is."""
     drive = ideal_drive(IdealPlant(left=0.3, right=-0.7), **{**PARAMETERS, **parameters})
     drive.teleport(PlanarPose(1.0, -2.0, 0.5))

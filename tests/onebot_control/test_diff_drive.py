@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.speed_limiter import SpeedLimiter
 from onebot_control.wheel_geometry import WheelGeometry
 from tests.onebot_control.control_support import RADIUS, SEPARATION, config
 
@@ -147,3 +148,133 @@ def test_limits_can_change_while_driving() -> None:
     chosen = config(linear_x_max_acceleration=2.0)
     drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
     assert drive.update(REST, 0.01).linear == pytest.approx(0.12)
+
+
+def test_nothing_of_before_is_left_after_halt() -> None:
+    """It starts as a new one does: no jerk, no speed, no command and no age are left over."""
+    drive = controller(linear_x_max_jerk=10.0, angular_z_max_jerk=10.0, cmd_vel_timeout=0.5)
+    drive.accept(1.0, 1.0)
+    updates(drive, 60)
+    assert drive.timed_out
+    drive.halt()
+    assert not drive.timed_out
+    assert updates(drive, 1, dt=1.0)[:4] == (0.0, 0.0, 0.0, 0.0)
+    assert not drive.timed_out
+    drive.halt()
+    drive.accept(1.0, 1.0)
+    new = controller(linear_x_max_jerk=10.0, angular_z_max_jerk=10.0)
+    new.accept(1.0, 1.0)
+    for _ in range(5):
+        assert drive.update(REST, 0.01) == new.update(REST, 0.01)
+
+
+def test_each_command_is_as_old_as_it_says() -> None:
+    """The next one's age replaces that of the last; its first cycle adds nothing to it."""
+    drive = controller(cmd_vel_timeout=0.5)
+    drive.accept(0.1, 0.0, age=0.4)
+    updates(drive, 5)
+    drive.accept(0.2, 0.0, age=0.1)
+    speeds = [drive.update(REST, 0.1).linear for _ in range(7)]
+    assert speeds == [0.2] * 5 + [0.0] * 2
+    assert drive.timed_out
+
+
+def test_a_stamp_ahead_counts_as_now() -> None:
+    """It drives exactly as long as a command without an age."""
+    drive = controller(cmd_vel_timeout=0.5)
+    drive.accept(0.2, 0.0, age=-0.3)
+    speeds = [drive.update(REST, 0.1).linear for _ in range(8)]
+    assert speeds == [0.2] * 6 + [0.0] * 2
+
+
+def test_a_refused_command_leaves_the_one_before() -> None:
+    """Neither its speed nor its age counts; one just within the timeout is taken."""
+    drive = controller(cmd_vel_timeout=0.5)
+    drive.accept(0.2, 0.1)
+    assert drive.accept(0.7, 0.7, age=0.5) is not None
+    assert drive.update(REST, 0.1)[2:4] == (0.2, 0.1)
+    assert drive.accept(0.7, 0.7, age=0.499) is None
+    assert drive.update(REST, 0.1)[2:4] == (0.7, 0.7)
+
+
+def test_configure_keeps_command_age_speed_and_pose() -> None:
+    """Only the parameters change, of both axes: no jump and no second life for a command."""
+    drive = controller(linear_x_max_jerk=1.0, angular_z_max_jerk=1.0, cmd_vel_timeout=0.5)
+    twin = controller(linear_x_max_jerk=1.0, angular_z_max_jerk=1.0, cmd_vel_timeout=0.5)
+    wheels = [WheelStates(0.1 * i, 0.12 * i, 0.0, 0.0) for i in range(100)]
+    for one in (drive, twin):
+        one.accept(1.0, 1.0)
+        for state in wheels[:30]:
+            one.update(state, 0.01)
+    chosen = config(linear_x_max_jerk=1.0, angular_z_max_jerk=1.0, cmd_vel_timeout=0.5)
+    drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
+    for state in wheels[30:]:
+        assert drive.update(state, 0.01) == twin.update(state, 0.01)
+        assert (drive.odometry.x, drive.odometry.linear) == (twin.odometry.x, twin.odometry.linear)
+
+
+def test_configure_changes_limits_timeout_geometry_and_window() -> None:
+    """Each of them counts from the next cycle on."""
+    drive = controller(velocity_rolling_window_size=10, cmd_vel_timeout=0.0)
+    drive.accept(1.0, 1.0)
+    drive.update(WheelStates(0.0, 0.0, 0.0, 0.0), 0.1)
+    drive.update(WheelStates(0.1, 0.1, 0.0, 0.0), 0.1)
+    chosen = config(
+        linear_x_max_velocity=0.5,
+        angular_z_max_velocity=0.25,
+        velocity_rolling_window_size=1,
+        cmd_vel_timeout=0.5,
+        wheel_separation_multiplier=2.0,
+    )
+    drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
+    command = drive.update(WheelStates(0.2, 0.4, 0.0, 0.0), 0.1)
+    assert command[2:4] == (0.5, 0.25)
+    across = 0.25 * 2.0 * SEPARATION / 2.0
+    assert command[:2] == pytest.approx(((0.5 - across) / RADIUS, (0.5 + across) / RADIUS))
+    assert drive.odometry.linear == pytest.approx(0.2 * RADIUS / 0.1)
+    assert drive.odometry.angular == pytest.approx(0.2 * RADIUS / 0.1 / (2.0 * SEPARATION))
+    assert updates(drive, 10, dt=0.1).linear == 0.0
+
+
+def test_open_loop_hears_no_wheels() -> None:
+    """Wheels that are not finite are no fault then, and those that move do not count."""
+    drive = controller(open_loop=True)
+    drive.accept(0.5, 0.2)
+    for wheels in (REST, WheelStates(math.nan, 7.0, 7.0, math.nan)):
+        assert drive.update(wheels, 0.1).healthy
+    assert (drive.odometry.linear, drive.odometry.angular) == (0.5, 0.2)
+    assert drive.odometry.heading == pytest.approx(0.04)
+
+
+def test_healthy_says_that_all_is_finite() -> None:
+    """As long as both wheels are, in either kind of feedback."""
+    for position_feedback in (True, False):
+        drive = controller(position_feedback=position_feedback)
+        assert drive.update(REST, 0.01).healthy
+        for field in range(2):
+            values = [0.0] * 4
+            values[field if position_feedback else field + 2] = math.nan
+            assert not drive.update(WheelStates(*values), 0.01).healthy
+        assert drive.update(REST, 0.01).healthy
+
+
+def test_both_axes_are_limited_each_on_its_own() -> None:
+    """Each by its own limits and by what it was told before."""
+    limits = {"max_jerk": 10.0, "max_acceleration": 0.9}
+    linear = {f"linear_x_{name}": value for name, value in limits.items()}
+    angular = {f"angular_z_{name}": 3.0 * value for name, value in limits.items()}
+    drive = controller(**linear, **angular)
+    chosen = config(**linear, **angular)
+    limiters = SpeedLimiter(chosen.linear), SpeedLimiter(chosen.angular)
+    last = before = (0.0, 0.0)
+    for step in range(60):
+        wanted = (1.0, -0.5) if step < 30 else (-1.0, 2.0)
+        drive.accept(*wanted)
+        before, last = (
+            last,
+            (
+                limiters[0].limit(wanted[0], last[0], before[0], 0.01),
+                limiters[1].limit(wanted[1], last[1], before[1], 0.01),
+            ),
+        )
+        assert drive.update(REST, 0.01)[2:4] == last

@@ -22,6 +22,9 @@ from onebot_control.poses import PlanarPose, prefixed, yaw_of
         (True, "/test_prefix/", "/", "test_prefix/odom"),
         (True, "/", "/test_namespace", "odom"),
         (True, "", "/a/b", "a/b/odom"),
+        (True, "/", "/", "odom"),
+        (True, "a", "/a", "a/odom"),
+        (True, "//a//", "/", "/a//odom"),
     ],
 )
 def test_prefix(enabled: bool, prefix: str, namespace: str, expected: str) -> None:
@@ -44,3 +47,22 @@ def test_inverse_undoes(one: PlanarPose, other: PlanarPose) -> None:
 def test_yaw_of_a_turn_about_z(yaw: float) -> None:
     """The heading of a turn about z is its angle."""
     assert yaw_of(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)) == pytest.approx(yaw)
+
+
+def test_then_is_seen_from_the_first_pose() -> None:
+    """One step ahead of a robot that looks to the left is to the left."""
+    there = PlanarPose(1.0, 2.0, math.pi / 2).then(PlanarPose(3.0, 1.0, 0.5))
+    assert there == pytest.approx((0.0, 5.0, math.pi / 2 + 0.5))
+    assert PlanarPose(1.0, 2.0, math.pi / 2).inverse() == pytest.approx((-2.0, 1.0, -math.pi / 2))
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5), st.floats(-3.0, 3.0))
+def test_yaw_of_a_tilted_body(yaw: float, pitch: float, roll: float) -> None:
+    """Pitch and roll on top of a heading do not change it."""
+    (cy, sy), (cp, sp), (cr, sr) = ((math.cos(a / 2), math.sin(a / 2)) for a in (yaw, pitch, roll))
+    x = sr * cp * cy - cr * sp * sy
+    y = cr * sp * cy + sr * cp * sy
+    z = cr * cp * sy - sr * sp * cy
+    w = cr * cp * cy + sr * sp * sy
+    assert yaw_of(x, y, z, w) == pytest.approx(yaw, abs=1e-9)
+    assert yaw_of(-x, -y, -z, -w) == pytest.approx(yaw, abs=1e-9)

@@ -1,10 +1,18 @@
 """Reading the drive's geometry from the description."""
 
+from typing import Any
+
 import pytest
 
-from onebot_control.wheel_geometry import wheel_geometry
+from onebot_control.driven_robot import geometry_of
+from onebot_control.wheel_geometry import (
+    check_wheel_names,
+    wheel_geometry,
+    wheel_radius,
+    wheel_separation,
+)
 from onebot_description.errors import OneBotError
-from tests.onebot_control.control_support import robot, wheel
+from tests.onebot_control.control_support import config, robot, wheel
 
 LEFT, RIGHT = ["left_wheel_joint"], ["right_wheel_joint"]
 
@@ -69,3 +77,193 @@ def test_wheel_without_round_shape() -> None:
     box = wheel("right", -0.2, '<box size="0.1 0.1 0.1"/>')
     with pytest.raises(OneBotError, match='link "right_wheel" has no sphere.*set wheel_radius'):
         wheel_geometry(robot(wheel("left", 0.2), box), LEFT, RIGHT)
+
+
+def turned(part: str, origin: str, axis: str = "0 1 0") -> str:
+    """A wheel with another place and axis of its joint."""
+    place = part.index("<origin xyz")
+    end = part.index("/>", place)
+    return (part[:place] + f"<origin {origin}" + part[end:]).replace("0 1 0", axis)
+
+
+def test_only_the_distance_across_counts() -> None:
+    """Wheels further ahead or lower are no further apart, nor are those of a base off centre."""
+    left = turned(wheel("left", 0.0), 'xyz="0.5 0.4 -0.7"')
+    right = turned(wheel("right", 0.0), 'xyz="-0.5 0.1 0.9"')
+    assert wheel_separation(robot(left, right), LEFT, RIGHT) == pytest.approx(0.3)
+
+
+def test_axes_are_seen_from_the_base() -> None:
+    """A wheel whose joint is turned rolls about its own z axis, which is the left all the same."""
+    left, right = (
+        turned(wheel(side, 0.0), f'xyz="0 {y} 0" rpy="-1.5707963 0 0"', "0 0 1")
+        for side, y in (("left", 0.2), ("right", -0.2))
+    )
+    assert wheel_geometry(robot(left, right), LEFT, RIGHT) == pytest.approx((0.4, 0.06))
+
+
+@pytest.mark.parametrize(
+    ("axis", "shown"),
+    [
+        ("1 0 0", "1 0 0"),
+        ("0 0 1", "0 0 1"),
+        ("0 0 -1", "0 0 -1"),
+        ("0 -1 0", "0 -1 0"),
+        ("-0.0001 -1 0", "0 -1 0"),
+        ("0.01 1 0", "0.01 1 0"),
+        ("0 1 -0.002", "0 1 -0.002"),
+    ],
+)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_axles_that_point_elsewhere(axis: str, shown: str, side: str) -> None:
+    """On either side; the error names joint, axis, and the frame it is seen from."""
+    wheels = {"left": wheel("left", 0.2), "right": wheel("right", -0.2)}
+    wheels[side] = wheels[side].replace("0 1 0", axis)
+    with pytest.raises(OneBotError) as caught:
+        wheel_geometry(robot(*wheels.values()), LEFT, RIGHT)
+    text = f'joint "{side}_wheel_joint": its axis points to ({shown}) in the frame of base_link'
+    assert text in str(caught.value)
+
+
+def test_an_axle_may_be_off_by_rounding() -> None:
+    """As far as three digits go."""
+    left = wheel("left", 0.2).replace("0 1 0", "0.0005 1 -0.0005")
+    assert wheel_separation(robot(left, wheel("right", -0.2)), LEFT, RIGHT) == pytest.approx(0.4)
+
+
+def test_swapped_sides_are_told_with_their_places() -> None:
+    """The means of both sides and the names of all wheels are in the error."""
+    sides = {"left": -0.1, "left2": -0.2, "right": 0.4, "right2": 0.5}
+    description = robot(*(wheel(side, y) for side, y in sides.items()))
+    names = [[f"{side}_wheel_joint", f"{side}2_wheel_joint"] for side in ("left", "right")]
+    with pytest.raises(OneBotError) as caught:
+        wheel_separation(description, *names)
+    assert (
+        "the left wheels (left_wheel_joint, left2_wheel_joint) are at y = -0.15 m, not left of the "
+        "right ones (right_wheel_joint, right2_wheel_joint) at y = 0.45 m"
+    ) in str(caught.value)
+
+
+def test_wheels_in_one_place() -> None:
+    """A separation of 0 is no separation."""
+    description = robot(wheel("left", 0.2), wheel("right", 0.2))
+    with pytest.raises(OneBotError, match="not left of"):
+        wheel_separation(description, LEFT, RIGHT)
+
+
+SPHERE, CYLINDER = '<sphere radius="0.1"/>', '<cylinder radius="0.2" length="0.02"/>'
+BOX = '<box size="1 1 1"/>'
+
+
+def shapes(*collisions: str, visuals: tuple[str, ...] = ()) -> str:
+    """A left wheel with any number of shapes."""
+    part = wheel("left", 0.2, "XXX")
+    for kind, chosen in (("collision", collisions), ("visual", visuals)):
+        parts = (f"<{kind}><geometry>{shape}</geometry></{kind}>" for shape in chosen)
+        part = part.replace("</inertial>", "</inertial>" + "".join(parts), 1)
+    return part.replace("<collision><geometry>XXX</geometry></collision>", "", 1)
+
+
+@pytest.mark.parametrize(
+    ("collisions", "visuals", "radius"),
+    [
+        ((SPHERE,), (CYLINDER,), 0.1),
+        ((CYLINDER,), (SPHERE,), 0.2),
+        ((), (SPHERE,), 0.1),
+        ((BOX,), (CYLINDER,), 0.2),
+        ((BOX, SPHERE), (), 0.1),
+        ((SPHERE, SPHERE), (CYLINDER,), 0.1),
+        ((SPHERE, CYLINDER), (CYLINDER,), 0.2),
+    ],
+)
+def test_which_shape_is_the_wheels(
+    collisions: tuple[str, ...], visuals: tuple[str, ...], radius: float
+) -> None:
+    """Collision comes before visual, and only round shapes count, if they agree."""
+    description = robot(shapes(*collisions, visuals=visuals))
+    assert wheel_radius(description, LEFT) == radius
+
+
+@pytest.mark.parametrize(
+    ("collisions", "visuals"),
+    [((), ()), ((BOX,), (BOX,)), ((SPHERE, CYLINDER), ()), ((), (SPHERE, CYLINDER))],
+)
+def test_no_shape_or_shapes_that_disagree(
+    collisions: tuple[str, ...], visuals: tuple[str, ...]
+) -> None:
+    """The error names joint and link, and what to set."""
+    with pytest.raises(OneBotError) as caught:
+        wheel_radius(robot(shapes(*collisions, visuals=visuals)), LEFT)
+    assert str(caught.value) == (
+        'robot "bot", joint "left_wheel_joint": link "left_wheel" has no sphere or cylinder to '
+        "read the wheel's radius from; set wheel_radius (m)"
+    )
+
+
+@pytest.mark.parametrize(("other", "same"), [("0.0600009", True), ("0.0600011", False)])
+def test_radii_are_the_same_to_a_micrometre(other: str, same: bool) -> None:
+    """What a CAD program rounds is no difference."""
+    big = wheel("right", -0.2, f'<sphere radius="{other}"/>')
+    description = robot(wheel("left", 0.2), big)
+    names = [*LEFT, *RIGHT]
+    if same:
+        assert wheel_radius(description, names) == 0.06
+        return
+    for order in (names, names[::-1]):
+        with pytest.raises(OneBotError, match="wheels of several radii"):
+            wheel_radius(description, order)
+
+
+def test_joints_of_each_side_are_checked() -> None:
+    """All that are wrong are in the error; revolute and continuous ones turn, others do not."""
+    slider = wheel("right", -0.2).replace("continuous", "prismatic")
+    hinge = wheel("left", 0.2).replace("continuous", "revolute")
+    limits = '<limit lower="-1" upper="1" effort="5" velocity="40"/>'
+    parts = (part.replace('<limit effort="5" velocity="40"/>', limits) for part in (hinge, slider))
+    description = robot(*parts)
+    check_wheel_names(description, left_wheel_names=LEFT)
+    with pytest.raises(OneBotError) as caught:
+        check_wheel_names(description, left_wheel_names=[*LEFT, "a"], right_wheel_names=RIGHT)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith('left_wheel_names: robot "bot" has no joint "a" that turns')
+    assert lines[1].startswith(
+        'right_wheel_names: robot "bot" has no joint "right_wheel_joint" that turns'
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, (0.3, 0.06)),
+        ({"wheel_separation": 0.5}, (0.5, 0.06)),
+        ({"wheel_radius": 0.2}, (0.3, 0.2)),
+        ({"wheel_separation": 0.5, "wheel_radius": 0.2}, (0.5, 0.2)),
+        ({"wheel_separation_multiplier": 2.0}, (0.3, 0.06)),
+    ],
+)
+def test_parameters_override_the_description(
+    values: dict[str, Any], expected: tuple[float, float]
+) -> None:
+    """Each for itself; multipliers are no part of it."""
+    assert geometry_of(robot(), config(**values)) == pytest.approx(expected)
+
+
+def test_what_a_parameter_gives_is_not_asked_of_the_description() -> None:
+    """A robot with boxes for wheels, or with its wheels in one place, drives by parameters."""
+    boxes = robot(wheel("left", 0.2, BOX), wheel("right", -0.2, BOX))
+    assert geometry_of(boxes, config(wheel_radius=0.1)) == pytest.approx((0.4, 0.1))
+    crossed = robot(wheel("left", -0.2), wheel("right", 0.2))
+    assert geometry_of(crossed, config(wheel_separation=0.4)) == pytest.approx((0.4, 0.06))
+
+
+def test_multipliers_scale_each_its_own() -> None:
+    """Separation, left and right radius."""
+    chosen = config(
+        wheel_separation_multiplier=2.0,
+        left_wheel_radius_multiplier=3.0,
+        right_wheel_radius_multiplier=5.0,
+    )
+    kinematics = chosen.kinematics(geometry_of(robot(), chosen))
+    lengths = kinematics.separation, kinematics.left_radius, kinematics.right_radius
+    assert lengths == pytest.approx((0.6, 0.18, 0.3))

@@ -28,8 +28,17 @@ def test_body_motion_undoes_wheel_velocities(
     assert back == pytest.approx((linear, angular), abs=1e-9 / separation)
 
 
+def test_body_motion_is_that_of_the_formula() -> None:
+    """Half the sum of both ways forward, their difference by the separation to the left."""
+    kinematics = DiffDriveKinematics(0.4, 0.1, 0.2)
+    assert kinematics.body_motion(6.0, 7.0) == pytest.approx((1.0, 2.0))
+    assert kinematics.body_motion(1.0, 0.0) == pytest.approx((0.05, -0.25))
+
+
 @pytest.mark.parametrize("wrong", [0.0, -0.1, math.nan, math.inf])
-def test_geometry_no_robot_has_is_refused(wrong: float) -> None:
+@pytest.mark.parametrize("name", ["separation", "left_radius", "right_radius"])
+def test_geometry_no_robot_has_is_refused(name: str, wrong: float) -> None:
     """Lengths are above 0 and finite; the error names the one that is not."""
-    with pytest.raises(ValueError, match="left_radius must be above 0"):
-        DiffDriveKinematics(0.3, wrong, 0.1)
+    lengths = {"separation": 0.3, "left_radius": 0.1, "right_radius": 0.1}
+    with pytest.raises(ValueError, match=f"{name} must be above 0"):
+        DiffDriveKinematics(**{**lengths, name: wrong})

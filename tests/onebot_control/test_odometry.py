@@ -6,7 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from onebot_control.odometry import DiffDriveKinematics, Odometry
+from onebot_control.odometry import DiffDriveKinematics, Odometry, RollingMean
+from onebot_control.poses import PlanarPose
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)
 DT = 0.01
@@ -130,3 +131,161 @@ def test_reset_begins_again_at_zero() -> None:
         odometry.update_from_positions(7.0, 8.0, DT)
     pose = (odometry.x, odometry.y, odometry.heading)
     assert (*pose, odometry.linear, odometry.angular) == (0.0,) * 5
+
+
+def state(odometry: Odometry) -> tuple[float, ...]:
+    """Pose and twist."""
+    o = odometry
+    return o.x, o.y, o.heading, o.linear, o.angular
+
+
+turns = st.one_of(st.floats(-3.0, 3.0), st.floats(-2e-6, 2e-6))
+
+
+@given(st.floats(-100.0, 100.0), turns, st.floats(-3.0, 3.0))
+def test_a_step_does_not_depend_on_where_it_begins(way: float, turn: float, yaw: float) -> None:
+    """From any pose it is the same step, straight or along an arc; its chord is the formula's."""
+    at_zero, elsewhere = Odometry(KINEMATICS), Odometry(KINEMATICS)
+    start = PlanarPose(1.0, -2.0, yaw)
+    elsewhere.set_pose(*start)
+    for odometry in (at_zero, elsewhere):
+        odometry.update_open_loop(way, turn, 1.0)
+    step = PlanarPose(at_zero.x, at_zero.y, at_zero.heading)
+    reached = (elsewhere.x, elsewhere.y, elsewhere.heading)
+    assert reached == pytest.approx(tuple(start.then(step)), abs=1e-7)
+    half = turn / 2.0
+    chord = way * (math.sin(half) / half if half else 1.0)
+    assert step[:2] == pytest.approx((chord * math.cos(half), chord * math.sin(half)), abs=1e-7)
+    assert step.yaw == turn
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-12, -1e-12, 1e-7, -1e-7, 9.99e-7, 1e-6, 1.01e-6, -1e-6])
+def test_at_the_change_from_line_to_arc(turn: float) -> None:
+    """A small turn of a long way is not lost: sideways it makes way * turn / 2."""
+    odometry = Odometry(KINEMATICS)
+    odometry.update_open_loop(1e5, turn, 1.0)
+    assert odometry.x == pytest.approx(1e5, abs=1e-4)
+    assert odometry.y == pytest.approx(1e5 * turn / 2.0, rel=1e-3, abs=1e-12)
+
+
+def test_open_loop_moves_by_the_time_that_passed() -> None:
+    """The twist is the last command, not a mean."""
+    odometry = Odometry(KINEMATICS)
+    odometry.update_open_loop(0.5, 0.0, 0.1)
+    odometry.update_open_loop(0.2, 0.4, 0.5)
+    assert (odometry.linear, odometry.angular) == (0.2, 0.4)
+    assert odometry.heading == pytest.approx(0.2)
+    assert odometry.x == pytest.approx(0.05 + 0.5 * math.sin(0.2))
+
+
+def test_rolling_mean_forgets_the_oldest() -> None:
+    """Until it is full it is the mean of those there are."""
+    mean = RollingMean(3)
+    assert [mean.add(value) for value in (3.0, 1.0, 2.0, 6.0, -2.0)] == [3.0, 2.0, 2.0, 3.0, 2.0]
+
+
+@pytest.mark.parametrize(("size", "expected"), [(1, 10.0), (2, 7.0), (3, 6.0), (9, 5.0)])
+def test_rolling_mean_resized(size: int, expected: float) -> None:
+    """It keeps the last values that fit, and has room for the new size."""
+    mean = RollingMean(3)
+    for value in (100.0, 2.0, 4.0, 4.0):
+        mean.add(value)
+    other = mean.resized(size)
+    assert other.add(10.0) == pytest.approx(expected)
+    for _ in range(size - 1):
+        last = other.add(1.0)
+    assert other.add(1.0) == pytest.approx(1.0)
+    assert size == 1 or last > 1.0
+    assert mean.add(4.0) == 4.0
+
+
+def test_both_twists_are_means_of_the_window() -> None:
+    """The turning too, also of a window that was changed, and after the wheels were forgotten."""
+    odometry = Odometry(KINEMATICS, window=5)
+    odometry.set_window(2)
+
+    def turned() -> list[float]:
+        seen, right = [], 0.0
+        for step in (0.0, 0.1, 0.3, 0.6):
+            right += step
+            odometry.update_from_positions(0.0, right, 0.1)
+            seen.append((odometry.linear, odometry.angular))
+        assert [linear for linear, _ in seen] == pytest.approx([a * 0.15 for _, a in seen])
+        return [angular for _, angular in seen]
+
+    unit = KINEMATICS.right_radius / KINEMATICS.separation / 0.1
+    expected = [0.0, 0.1 * unit, 0.2 * unit, 0.45 * unit]
+    assert turned() == pytest.approx(expected)
+    odometry.forget_wheels()
+    assert turned() == pytest.approx(expected)
+
+
+def test_forgotten_wheels_leave_the_pose() -> None:
+    """The twist is zero at once; positions anywhere are a new start, at their own time."""
+    odometry = drive(0.5, 0.5, 100)
+    pose = state(odometry)[:3]
+    odometry.update_from_positions(math.nan, 0.0, 100.0)  # whose time is forgotten, too
+    odometry.forget_wheels()
+    assert state(odometry) == (*pose, 0.0, 0.0)
+    odometry.update_from_positions(-70.0, 900.0, 0.1)
+    assert state(odometry) == (*pose, 0.0, 0.0)
+    odometry.update_from_positions(-69.9, 900.1, 0.1)
+    assert odometry.linear == pytest.approx(0.06)
+    assert odometry.angular == pytest.approx(0.0, abs=1e-12)
+
+
+def test_pose_set_while_driving() -> None:
+    """The twist stays, and the way goes on from there without a jump."""
+    odometry = drive(0.5, 0.0, 100)
+    odometry.set_pose(1.0, 2.0, math.pi / 2.0)
+    assert state(odometry) == (1.0, 2.0, math.pi / 2.0, pytest.approx(0.5), pytest.approx(0.0))
+    position = 0.5 / 0.06 * 1.01
+    odometry.update_from_positions(position, position, DT)
+    assert (odometry.x, odometry.y) == pytest.approx((1.0, 2.005))
+
+
+def test_reset_forgets_the_wheels_and_the_twist() -> None:
+    """Also before the wheels are heard of again."""
+    odometry = drive(0.5, 0.5, 100)
+    odometry.reset()
+    assert state(odometry) == (0.0,) * 5
+
+
+@pytest.mark.parametrize("dt", [0.0, -5.0])
+def test_a_clock_that_stands_or_is_set_back(dt: float) -> None:
+    """No division by zero, no twist and no way out of no time; the next step counts as always."""
+    odometry = drive(0.5, 0.0, 100)
+    before = state(odometry)
+    position = 0.5 / 0.06 * 1.0
+    assert odometry.update_from_positions(position, position, dt)
+    assert odometry.update_from_velocities(1.0, 2.0, dt)
+    assert state(odometry) == before
+    assert odometry.update_from_positions(position + 0.1, position + 0.1, 0.1)
+    assert odometry.x == pytest.approx(before[0] + 0.006)
+    assert odometry.linear == pytest.approx((9 * 0.5 + 0.06) / 10.0)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_either_wheel_may_be_wrong(wrong: float) -> None:
+    """One that is not finite is enough for the feedback to be left out whole."""
+    odometry = Odometry(KINEMATICS, window=1)
+    assert odometry.update_from_positions(0.0, 0.0, 0.1)
+    assert odometry.update_from_velocities(0.0, 0.0, 0.1)
+    for pair in ((wrong, 0.1), (0.1, wrong), (wrong, wrong)):
+        assert not odometry.update_from_positions(*pair, 0.1)
+        assert not odometry.update_from_velocities(*pair, 0.1)
+    assert state(odometry) == (0.0,) * 5
+    odometry.update_from_positions(0.4, 0.4, 0.1)
+    assert odometry.linear == pytest.approx(0.4 * 0.06 / 0.4)
+    odometry.update_from_positions(0.5, 0.5, 0.1)
+    assert odometry.linear == pytest.approx(0.1 * 0.06 / 0.1)
+
+
+def test_twist_by_velocities() -> None:
+    """It is the mean of the window as well, and the way is velocity times time."""
+    odometry = Odometry(KINEMATICS, window=2)
+    for left, right in ((1.0, 1.0), (1.0, 1.0), (2.0, 4.0)):
+        odometry.update_from_velocities(left, right, 0.5)
+    assert odometry.linear == pytest.approx((1.0 + 3.0) / 2.0 * 0.06)
+    assert odometry.angular == pytest.approx((0.0 + 2.0) / 2.0 * 0.06 / 0.3)
+    assert odometry.heading == pytest.approx(2.0 * 0.06 / 0.3 * 0.5)

@@ -228,7 +228,7 @@ def test_a_robot_that_rests_is_not_watched_any_longer():
         simulate(settings=Settings(settling=20.0)) as late,
     ):
         assert bits(soon) == bits(late)
-        assert soon.stance == late.stance
+        assert soon.rest_pose == late.rest_pose
 
 
 def test_a_robot_that_is_but_balanced_is_watched_until_it_tips_over(caplog):

@@ -1,6 +1,7 @@
 """C code's output is caught, without losing what others print."""
 
 import ctypes
+import logging
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_control.simulation.engine import captured
+from onebot_control.simulation.engine import captured, log
 
 _LIBC = ctypes.CDLL(None)
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -57,6 +58,55 @@ def test_two_threads_do_not_mix_up_each_others_stdout(capfd):
     assert len(caught) == 100
     os.write(1, b"heard\n")
     assert capfd.readouterr().out == "heard\n"
+
+
+def test_catches_only_the_descriptors_asked_for(capfd):
+    """Stdout without a word, stderr when named, each only until the end."""
+    with captured() as lines:
+        os.write(1, b"one\n")
+        os.write(2, b"two\n")
+    assert lines == ["one"]
+    with captured(2) as lines:
+        os.write(1, b"three\n")
+        os.write(2, b"four\n")
+    assert lines == ["four"]
+    with captured(1, 2) as lines:
+        os.write(1, b"five\n")
+        os.write(2, b"six\n")
+    assert lines == ["five", "six"]
+    assert tuple(capfd.readouterr()) == ("three\n", "two\n")
+
+
+def test_lines_are_cut_without_blanks_and_places(capfd):
+    """Each message a line, wherever the C code ended it; bytes that are no text do no harm."""
+    with captured() as lines:
+        os.write(1, b"b3Error[a.cpp,1]:first b3Warning[b.cpp,22]:  second\n\n  \n  third \xff\n")
+    assert lines == ["first", "second", "third \ufffd"]
+    with captured() as lines:
+        pass
+    assert lines == []
+
+
+def test_what_was_buffered_before_is_not_caught(capfd):
+    """Neither Python's buffer nor C's, though neither has been flushed."""
+    _LIBC.printf(b"of C;")
+    sys.stdout.write("of Python;")
+    with captured() as lines:
+        _LIBC.printf(b"inside")
+    assert lines == ["inside"]
+    sys.stdout.flush()
+    assert sorted(capfd.readouterr().out.split(";")) == ["", "of C", "of Python"]
+
+
+def test_caught_lines_are_logged_as_warnings(caplog):
+    """One each, under the simulation's name."""
+    with caplog.at_level(logging.DEBUG):
+        log(["first", "100 % sure"])
+    found = [(record.name, record.levelname, record.getMessage()) for record in caplog.records]
+    assert found == [
+        ("onebot_control.simulation", "WARNING", "PyBullet: first"),
+        ("onebot_control.simulation", "WARNING", "PyBullet: 100 % sure"),
+    ]
 
 
 def test_leaves_no_file_descriptors_behind():

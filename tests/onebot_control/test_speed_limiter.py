@@ -1,5 +1,6 @@
 """The speed limiter, against ros2_control's own numbers."""
 
+import dataclasses
 import math
 from collections.abc import Iterable
 
@@ -9,6 +10,21 @@ from hypothesis import strategies as st
 
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.parameters.reader import ConfigError
+
+NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
+NEGATIVE = tuple(
+    name
+    for name in NAMES
+    if name in ("min_velocity", "max_deceleration", "max_acceleration_reverse", "min_jerk")
+)
+POSITIVE = tuple(name for name in NAMES if name not in NEGATIVE)
+
+ACCELERATIONS = SpeedLimits(
+    max_acceleration=2.0,
+    max_deceleration=-4.0,
+    max_acceleration_reverse=-8.0,
+    max_deceleration_reverse=10.0,
+)
 
 
 def run(limits: SpeedLimits, commands: Iterable[float], dt: float = 0.01) -> list[float]:
@@ -23,15 +39,9 @@ def run(limits: SpeedLimits, commands: Iterable[float], dt: float = 0.01) -> lis
 
 def test_golden_vector_of_acceleration() -> None:
     """Each of the four accelerations has its own limit."""
-    limits = SpeedLimits(
-        max_acceleration=2.0,
-        max_deceleration=-4.0,
-        max_acceleration_reverse=-8.0,
-        max_deceleration_reverse=10.0,
-    )
     expected = [0.02, 0.04, 0.06, 0.02, 0.0, 0.0, -0.08, -0.16, -0.24, -0.14, -0.04, 0.0]
     commands = [1.0] * 3 + [0.0] * 3 + [-1.0] * 3 + [0.0] * 3
-    assert run(limits, commands) == pytest.approx(expected, abs=1e-12)
+    assert run(ACCELERATIONS, commands) == pytest.approx(expected, abs=1e-12)
 
 
 def test_golden_vector_of_jerk() -> None:
@@ -48,13 +58,7 @@ def test_golden_vector_of_jerk() -> None:
 )
 def test_ramps_arrive_on_time_and_hold(start: float, target: float, rate: float) -> None:
     """A ramp is not there before its time, within 1e-3 at its time, and then holds."""
-    limits = SpeedLimits(
-        max_acceleration=2.0,
-        max_deceleration=-4.0,
-        max_acceleration_reverse=-8.0,
-        max_deceleration_reverse=10.0,
-    )
-    dt, limiter = 0.001, SpeedLimiter(limits)
+    dt, limiter = 0.001, SpeedLimiter(ACCELERATIONS)
     last = before = start
     due = round(abs(target - start) / rate / dt)
     for step in range(1, due + 100):
@@ -99,18 +103,153 @@ def test_never_beyond_the_limits(commands: list[float], speed: float, accelerati
         last = value
 
 
-@pytest.mark.parametrize("name", ["max_velocity", "max_deceleration_reverse", "max_jerk"])
+@pytest.mark.parametrize("name", POSITIVE)
 def test_positive_limits_must_be_positive(name: str) -> None:
     """The error names the limit and the remedy."""
     with pytest.raises(ConfigError, match=f"{name}: -1 is below 0; .* from 0, or .nan for no"):
         SpeedLimiter(SpeedLimits(**{name: -1.0}))
+    SpeedLimiter(SpeedLimits(**{name: 0.0}))
 
 
-@pytest.mark.parametrize("name", ["min_velocity", "max_acceleration_reverse", "min_jerk"])
+@pytest.mark.parametrize("name", NEGATIVE)
 def test_negative_limits_must_be_negative(name: str) -> None:
     """The error names the limit and the remedy."""
-    with pytest.raises(ConfigError, match=f"{name}: 1 is above 0; .* up to 0, or .nan for minus"):
+    with pytest.raises(ConfigError, match=f"{name}: 1 is above 0; .* up to 0, or .nan for"):
         SpeedLimiter(SpeedLimits(**{name: 1.0}))
+    SpeedLimiter(SpeedLimits(**{name: 0.0}))
+
+
+def test_all_wrong_limits_are_in_one_error() -> None:
+    """A minimum above the maximum has a wrong sign on one side at least, so it cannot be."""
+    with pytest.raises(ConfigError) as caught:
+        SpeedLimiter(SpeedLimits(min_velocity=1.0, max_velocity=-1.0))
+    assert sorted(line.split(":")[0] for line in str(caught.value).splitlines()) == [
+        "max_velocity",
+        "min_velocity",
+    ]
+
+
+@pytest.mark.parametrize("minimum", [-0.5, -0.0, math.nan])
+@pytest.mark.parametrize("last", [-2.0, 0.0, 2.0])
+def test_commands_at_and_beyond_the_velocity_limits(minimum: float, last: float) -> None:
+    """Each direction has its own limit, also where the robot drove faster before."""
+    limiter = SpeedLimiter(SpeedLimits(min_velocity=minimum, max_velocity=0.8))
+    lowest = -0.8 if math.isnan(minimum) else minimum
+    for command, expected in [
+        (-5.0, lowest),
+        (math.nextafter(lowest, -1.0), lowest),
+        (lowest, lowest),
+        (lowest / 2.0, lowest / 2.0),
+        (0.4, 0.4),
+        (0.8, 0.8),
+        (math.nextafter(0.8, 1.0), 0.8),
+        (5.0, 0.8),
+    ]:
+        assert limiter.limit(command, last, last, 0.01) == expected
+
+
+@pytest.mark.parametrize(
+    ("last", "lower", "upper"),
+    [(3.0, -0.4, 0.2), (0.1, -0.4, 0.2), (0.0, -0.8, 0.2), (-0.1, -0.8, 1.0), (-3.0, -0.8, 1.0)],
+)
+def test_the_last_command_chooses_the_acceleration(last: float, lower: float, upper: float) -> None:
+    """Forward, at rest or backward: changes within the limits are exact, others are cut to them."""
+    limiter = SpeedLimiter(ACCELERATIONS)
+    for change in (0.9 * lower, 0.0, 0.9 * upper):
+        assert limiter.limit(last + change, last, last, 0.1) == pytest.approx(last + change)
+    for beyond in (1.1, 100.0):
+        assert limiter.limit(last + beyond * lower, last, 7.0, 0.1) == pytest.approx(last + lower)
+        assert limiter.limit(last + beyond * upper, last, 7.0, 0.1) == pytest.approx(last + upper)
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ({}, {"max_acceleration_reverse": -2.0, "max_deceleration": -2.0}),
+        ({"max_acceleration_reverse": -8.0}, {"max_deceleration": -8.0}),
+        ({"max_deceleration": -4.0}, {"max_acceleration_reverse": -2.0}),
+        ({"max_deceleration_reverse": 10.0}, {"max_deceleration": -2.0}),
+    ],
+)
+def test_accelerations_not_given(given: dict[str, float], meant: dict[str, float]) -> None:
+    """A deceleration is the acceleration of its sign, and that in reverse mirrors the forward."""
+    everything = {"max_acceleration_reverse": -2.0, "max_deceleration_reverse": 2.0}
+    everything |= {"max_deceleration": -2.0} | meant | given
+    partly = SpeedLimiter(SpeedLimits(max_acceleration=2.0, **given))
+    wholly = SpeedLimiter(SpeedLimits(max_acceleration=2.0, **everything))
+    for last in (-1.0, 0.0, 1.0):
+        for command in (-9.0, 9.0):
+            assert partly.limit(command, last, 0.0, 0.1) == wholly.limit(command, last, 0.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("last", "before", "command", "expected"),
+    [
+        # Driving faster and faster forward, by 0.2 a period.
+        (1.0, 0.8, 9.0, 1.3),  # to grow still more: by max_jerk
+        (1.0, 0.8, 1.25, 1.25),  # within max_jerk
+        (1.0, 0.8, 1.1, 1.1),  # to grow less is no jerk to be limited
+        (1.0, 0.8, 1.0, 1.0),  # nor is to keep the speed
+        (1.0, 0.8, 0.0, 1.15),  # to slow down: by min_jerk
+        # The same backward.
+        (-1.0, -0.8, -9.0, -1.25),
+        (-1.0, -0.8, -1.23, -1.23),
+        (-1.0, -0.8, -1.1, -1.1),
+        (-1.0, -0.8, -1.0, -1.0),
+        (-1.0, -0.8, 0.0, -1.1),
+        # Slowing down forward.
+        (1.0, 1.2, 0.0, 0.75),
+        (1.0, 1.2, 0.9, 0.9),
+        (1.0, 1.2, 9.0, 0.9),
+        # From rest.
+        (0.0, 0.0, 9.0, 0.1),
+        (0.0, 0.0, -9.0, -0.05),
+    ],
+)
+def test_jerk_is_limited_where_it_lengthens_the_change(
+    last: float, before: float, command: float, expected: float
+) -> None:
+    """Both signs, each with its own limit: 10 up and 5 down."""
+    limiter = SpeedLimiter(SpeedLimits(max_jerk=10.0, min_jerk=-5.0))
+    assert limiter.limit(command, last, before, 0.1) == pytest.approx(expected)
+
+
+def test_jerk_down_not_given_is_the_jerk_up() -> None:
+    """A minimum not given is minus the maximum here too."""
+    limiter = SpeedLimiter(SpeedLimits(max_jerk=10.0))
+    assert limiter.limit(-9.0, 0.0, 0.0, 0.1) == pytest.approx(-0.1)
+    assert limiter.limit(9.0, 0.0, 0.0, 0.1) == pytest.approx(0.1)
+
+
+limit = st.floats(0.0, 10.0)
+speed = st.floats(-10.0, 10.0)
+
+
+@given(st.tuples(*[limit] * 8), speed, speed, speed, st.floats(0.001, 1.0))
+def test_backward_is_the_mirror_of_forward(
+    limits: tuple[float, ...], command: float, last: float, before: float, dt: float
+) -> None:
+    """With each limit in the place of its opposite, all that was forward is backward."""
+    values = dict(zip(NAMES, limits, strict=True))
+    values |= {name: -values[name] for name in NEGATIVE}
+    opposite = {
+        "max_velocity": "min_velocity",
+        "max_acceleration": "max_acceleration_reverse",
+        "max_deceleration_reverse": "max_deceleration",
+        "max_jerk": "min_jerk",
+    }
+    opposite |= {other: name for name, other in opposite.items()}
+    forward = SpeedLimiter(SpeedLimits(**values))
+    backward = SpeedLimiter(SpeedLimits(**{opposite[n]: -v for n, v in values.items()}))
+    result = forward.limit(command, last, before, dt)
+    assert backward.limit(-command, -last, -before, dt) == pytest.approx(-result)
+    assert values["min_velocity"] <= result <= values["max_velocity"]
+
+
+@given(speed, speed, speed)
+def test_without_limits_commands_are_as_given(command: float, last: float, before: float) -> None:
+    """Nothing is set by default."""
+    assert SpeedLimiter(SpeedLimits()).limit(command, last, before, 0.01) == command
 
 
 def test_zero_is_a_limit() -> None:

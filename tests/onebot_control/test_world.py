@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from onebot_control.drive import Fleet
+from onebot_control.driven_robot import Fleet
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.simulation import Member, World
+from onebot_control.simulation import RobotSpawn, World
 from onebot_control.simulation.engine import engine
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import config
@@ -28,7 +28,7 @@ STARTS = [(0.0, 0.0, 0.0), (3.0, 0.0, 1.0), (0.0, -4.0, -2.0)]
 
 def _world(starts=STARTS):
     description = robot()
-    return World([Member(description, DRIVEN, *start) for start in starts])
+    return World([RobotSpawn(description, DRIVEN, *start) for start in starts])
 
 
 def _planar(body):
@@ -100,7 +100,7 @@ def test_efforts_are_of_the_last_step_whether_or_not_a_speed_is_given_again():
 def test_a_robot_alone_in_a_world_is_a_simulation():
     """To the bit, also after it was moved and has been stopped."""
     with (
-        World([Member(robot(), DRIVEN, 1.0, 2.0, 0.5)]) as world,
+        World([RobotSpawn(robot(), DRIVEN, 1.0, 2.0, 0.5)]) as world,
         simulate(x=1, y=2, yaw=0.5) as one,
     ):
         (body,) = world.robots
@@ -111,7 +111,7 @@ def test_a_robot_alone_in_a_world_is_a_simulation():
             each.brake()
             each.step([0.0, 0.0], 0.1)
         assert _bits(world) == bits(one)
-        assert body.stance == one.stance
+        assert body.rest_pose == one.rest_pose
 
 
 def test_reset_returns_to_the_start_bit_for_bit():
@@ -153,7 +153,9 @@ def test_one_is_put_elsewhere_and_the_others_drive_on():
 
 def test_robots_run_into_each_other():
     """One that drives against another pushes it, or is stopped; it does not go through."""
-    with World([Member(robot(), DRIVEN), Member(robot(), DRIVEN, x=1.0, yaw=math.pi)]) as world:
+    with World(
+        [RobotSpawn(robot(), DRIVEN), RobotSpawn(robot(), DRIVEN, x=1.0, yaw=math.pi)]
+    ) as world:
         for body in world.robots:
             body.turn(wheels(0.3, 0.0))
         world.step(3.0)
@@ -199,17 +201,17 @@ def test_a_fleet_drives_as_commanded_each_on_its_own():
     starts = [PlanarPose(), PlanarPose(2.0, 0.0, 1.5)]
     with Fleet(small_robot(), config(linear_x_max_acceleration=0.5), starts) as fleet:
         for _ in range(150):
-            fleet.drives[1].accept(0.2, 0.4)
+            fleet.robots[1].accept(0.2, 0.4)
             snapshots = fleet.cycle()
         resting, driving = snapshots
         assert resting.odometry == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         assert driving.twist == pytest.approx((0.2, 0.4), abs=1e-3)
-        drive = fleet.drives[1]
+        drive = fleet.robots[1]
         believed, true = drive.origin.then(drive.snapshot().odometry), drive.true_pose
         assert believed[:2] == pytest.approx(true[:2], abs=5e-3)
         assert drive.ticks == 150
-        fleet.drives[1].reset()
-        assert fleet.drives[1].true_pose == pytest.approx(starts[1], abs=1e-9)
+        fleet.robots[1].reset()
+        assert fleet.robots[1].true_pose == pytest.approx(starts[1], abs=1e-9)
 
 
 def test_fast_wheels_cost_no_more_than_slow_ones():

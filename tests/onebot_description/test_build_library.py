@@ -90,11 +90,11 @@ def test_missing_library(checkout: Path) -> None:
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
     command = "python -m onebot_description.wire.build_library"
-    assert last.endswith(f"_tf_message.so is not built. Build it with: {command}")
+    assert last.endswith(f"_library.so is not built. Build it with: {command}")
 
     built = run(*command.split()[1:], cwd=checkout)
     assert built.returncode == 0, built.stderr
-    library = checkout / FOLDER / "_tf_message.so"
+    library = checkout / FOLDER / "_library.so"
     assert built.stdout.split() == [str(library)]
     assert not built.stderr
     result = run("-c", USE_MESSAGE, cwd=checkout)
@@ -106,7 +106,7 @@ def test_missing_library(checkout: Path) -> None:
 @needs_compiler
 def test_outdated_or_broken_library(checkout: Path) -> None:
     """A library that is older than its source, or none at all, is refused with the remedy."""
-    library = checkout / FOLDER / "_tf_message.so"
+    library = checkout / FOLDER / "_library.so"
     build_library.build(library)
     source = checkout / FOLDER / "_tf_message.c"
     source.write_text(source.read_text() + "\n")
@@ -212,7 +212,7 @@ def build_backend(project: Path, call: str, **environment: str) -> str:
 def test_wheel(checkout: Path, tmp_path: Path, ignored: bool) -> None:
     """The wheel holds the library once, fits any Python 3 of the platform, and works unpacked."""
     # A library from an earlier editable install must not get into the way.
-    (checkout / FOLDER / "_tf_message.so").write_bytes(b"old")
+    (checkout / FOLDER / "_library.so").write_bytes(b"old")
     if not ignored:
         (checkout / ".gitignore").unlink()
     name = build_backend(checkout, f"build_wheel({str(tmp_path)!r})")
@@ -221,12 +221,12 @@ def test_wheel(checkout: Path, tmp_path: Path, ignored: bool) -> None:
     with zipfile.ZipFile(tmp_path / name) as wheel:
         libraries = [item for item in wheel.namelist() if item.endswith(".so")]
         wheel.extractall(unpacked)
-    assert libraries == [f"{FOLDER}/_tf_message.so"]
+    assert libraries == [f"{FOLDER}/_library.so"]
     metadata = (unpacked / "onebot-0.1.0.dist-info" / "WHEEL").read_text()
     assert "Root-Is-Purelib: false" in metadata
     result = run("-c", USE_MESSAGE, cwd=unpacked)
     assert result.returncode == 0, result.stderr
-    assert result.stdout.split() == [str(unpacked / FOLDER / "_tf_message.so")]
+    assert result.stdout.split() == [str(unpacked / FOLDER / "_library.so")]
 
 
 @needs_compiler
@@ -242,14 +242,14 @@ def test_editable(checkout: Path, tmp_path: Path) -> None:
 @needs_compiler
 def test_source_distribution(checkout: Path, tmp_path: Path) -> None:
     """A source distribution holds no compiled file and all it takes to make the wheel."""
-    (checkout / FOLDER / "_tf_message.so").write_bytes(b"old")
+    (checkout / FOLDER / "_library.so").write_bytes(b"old")
     name = build_backend(checkout, f"build_sdist({str(tmp_path)!r})")
     with tarfile.open(tmp_path / name) as archive:
         assert not [item for item in archive.getnames() if item.endswith(".so")]
         archive.extractall(tmp_path)
     wheel = build_backend(tmp_path / "onebot-0.1.0", f"build_wheel({str(tmp_path)!r})")
     with zipfile.ZipFile(tmp_path / wheel) as content:
-        assert f"{FOLDER}/_tf_message.so" in content.namelist()
+        assert f"{FOLDER}/_library.so" in content.namelist()
 
 
 def test_build_requirements(checkout: Path, tmp_path: Path) -> None:

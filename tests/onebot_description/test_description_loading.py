@@ -263,3 +263,91 @@ def test_parsed_text_names_itself() -> None:
     description = parse_description(text, "parameter robot_description")
     assert (description.source, description.files) == ("parameter robot_description", ())
     assert (description.robot_name, description.root_link) == ("a", "base")
+
+
+def _xacro_problem(folder: Path, *lines: str) -> str:
+    """The one problem of a xacro file whose lines these are, from line 2 on, without its name."""
+    path = folder / "robot.xacro"
+    head = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    path.write_text("\n".join([head, *lines, '<link name="base"/></robot>']))
+    with pytest.raises(DescriptionError) as caught:
+        load_description(path)
+    (problem,) = caught.value.problems
+    return problem.replace(f"{path}:", "")
+
+
+@pytest.mark.parametrize(
+    ("lines", "found"),
+    [
+        (
+            ['<xacro:property name="radius" value="1"/>', '<link name="${radus}"/>'],
+            '3: unknown property "radus" in ${radus} (did you mean "radius"?',
+        ),
+        (
+            [
+                '<xacro:macro name="wheel" params="side"><link name="${side}"/></xacro:macro>',
+                "<xacro:whel/>",
+            ],
+            '3: unknown macro "whel" (did you mean "wheel"?',
+        ),
+        (
+            [
+                '<xacro:macro name="inner" params="x">',
+                '<link name="${x + y}"/></xacro:macro>',
+                '<xacro:macro name="outer" params="x">',
+                '<xacro:inner x="${x}"/></xacro:macro>',
+                '<xacro:outer x="b"/>',
+            ],
+            '3 (called at 5, from 6): unknown property "y" in ${x + y}',
+        ),
+        (['<link name="${[1][3]}"/>'], "2: cannot evaluate ${[1][3]}: list index out of range"),
+        (
+            ['<link name="$(arg side)"/>'],
+            '2: argument "side" has no value (declared: none); give side:=<value>, or declare '
+            '<xacro:arg name="side" default="..."/>',
+        ),
+        (
+            ['<xacro:macro name="m"><xacro:m/></xacro:macro>', "<xacro:m/>"],
+            'macro "m" calls itself without end',
+        ),
+    ],
+)
+def test_what_xacro_raises_is_explained(tmp_path: Path, lines: list[str], found: str) -> None:
+    """The line of the fault, the calls that led there, what it is, and what was meant."""
+    problem = _xacro_problem(tmp_path, *lines)
+    if found[0].isdigit():
+        assert problem.startswith(found)
+    else:
+        assert found in problem
+
+
+def test_names_that_are_proposed_are_the_files_own(tmp_path: Path) -> None:
+    """Not those of Python or of xacro, of which there are hundreds."""
+    lines = ['<xacro:property name="width" value="1"/>', '<link name="${zzz}"/>']
+    problem = _xacro_problem(tmp_path, *lines)
+    assert problem == '3: unknown property "zzz" in ${zzz} (defined: width)'
+
+
+def test_text_that_names_a_file_has_its_folder(tmp_path: Path) -> None:
+    """Then relative meshes are found, and the file is one to watch; else neither."""
+    shutil.copy(ROBOTS / "meshes" / "cube.stl", tmp_path)
+    shape = '<geometry><mesh filename="cube.stl"/></geometry>'
+    text = f'<robot name="a"><link name="b"><visual>{shape}</visual></link></robot>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    description = parse_description(text, str(path))
+    assert description.files == (path,)
+    assert load_description(path).files == (path,)
+    assert load_description(path).source == str(path)
+    with pytest.raises(DescriptionError, match="lies in no folder"):
+        parse_description(text, "robot.urdf of another folder")
+
+
+def test_every_argument_that_is_not_declared_is_a_problem() -> None:
+    """Each once; those that are declared, or that only an included file uses, are not."""
+    with pytest.raises(DescriptionError) as caught:
+        load_description(ROBOTS / "good_arguments.xacro", {"sids": "3", "sides": "3", "b": "1"})
+    assert [problem.split(" (")[0].rsplit("takes ")[1] for problem in caught.value.problems] == [
+        'no argument "sids"',
+        'no argument "b"',
+    ]

@@ -183,3 +183,90 @@ def test_parameters_of_every_node_are_passed_over() -> None:
     """They say nothing about joints."""
     others = {"use_sim_time": True, "start_type_description_service": True, "qos_overrides.a.b": 1}
     assert JointsConfig.from_parameters(others) == JointsConfig()
+
+
+def test_the_edges_of_what_is_possible() -> None:
+    """The highest rate, no step, a time that begins at 0 and a pose that nobody uses."""
+    assert JointsConfig.from_parameters({"rate": 1000}).rate == 1000.0
+    assert JointsConfig.from_parameters({"rate": 1e-6}).rate == 1e-6
+    assert refused({"rate": 1000.5}).startswith("rate: 1000.5 is above 1000")
+    assert JointsConfig.from_parameters({"delta": 0}).delta == 0.0
+    motion = {"times": [0.0], "positions": [1.0]}
+    assert JointsConfig.from_parameters({"motions": {"a": motion}}).motions == {
+        "a": Keyframes((0.0,), (1.0,))
+    }
+    still = {"amplitude": 1.0, "frequency": 0.0}
+    assert JointsConfig.from_parameters({"motions": {"a": still}}).motions == {"a": Sine(1.0, 0.0)}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "moves"),
+    [
+        ({"delta": 0.1}, True),
+        ({"motions": {"a": {"position": 0.0}}}, True),
+        ({"poses": {"p": {"a": 1.0}}}, False),
+        ({"poses": {"p": {"a": 1.0}}, "pose": "p"}, True),
+        ({"poses": {"p": {"a": 1.0}}, "sequence": {"poses": ["p"], "durations": [1]}}, True),
+        ({"poses": {"p": {"a": 1.0}}, "sequence": {"poses": ["p"]}}, False),
+        ({"zeros": {"a": 1.0}}, False),
+        ({"dependent_joints": {"a": {"parent": "b"}}}, False),
+    ],
+)
+def test_what_moves_the_robot(parameters: dict[str, Any], moves: bool) -> None:
+    """Any motion that is asked for, and nothing that only says where joints are."""
+    assert JointsConfig.from_parameters(parameters).moves == moves
+
+
+@pytest.mark.parametrize("missing", ["poses", "durations"])
+def test_half_a_sequence_is_noted(missing: str) -> None:
+    """It moves nothing, but may be completed while the node runs."""
+    sequence = {"poses": ["h"], "durations": [1.0]}
+    del sequence[missing]
+    config = JointsConfig.from_parameters({"poses": {"h": {"a": 0}}, "sequence": sequence})
+    assert not config.sequence.complete
+    assert [(note.key, note.text) for note in config.notes] == [
+        ("sequence", f"without {missing} nothing moves")
+    ]
+    assert JointsConfig.from_parameters({}).notes == ()
+
+
+def test_a_sequence_s_own_blend_and_end() -> None:
+    """As they are written."""
+    written = {"poses": ["h"], "durations": [1], "blend": "linear", "loop": False}
+    config = JointsConfig.from_parameters({"poses": {"h": {"a": 0}}, "sequence": written})
+    assert config.sequence == Sequence(("h",), (1.0,), "linear", False)
+    assert 'no "liner"' in refused({"sequence": {**written, "blend": "liner"}})
+    assert 'no pose "x"' in refused({"sequence": {**written, "poses": ["x"]}})
+    for duration in (-1.0, 0.0):
+        both = {**written, "poses": ["h", "h"], "durations": [1.0, duration]}
+        assert "write a number above 0" in refused({"poses": {"h": {"a": 0}}, "sequence": both})
+
+
+@pytest.mark.parametrize("times", [[0.0, 1.0, 1.0], [0.0, 2.0, 1.0], [-1e-9, 1.0, 2.0]])
+def test_times_of_keyframes_increase(times: list[float]) -> None:
+    """Each of them, from 0 on."""
+    motion = {"times": times, "positions": [0.0, 1.0, 2.0]}
+    assert "must increase, from 0 on" in refused({"motions": {"a": motion}})
+
+
+@pytest.mark.parametrize("missing", ["amplitude", "frequency"])
+def test_half_a_sine_is_noted(missing: str) -> None:
+    """It does not swing; the other half may be set while the node runs."""
+    written = {"type": "sine", "amplitude": 0.5, "frequency": 0.25, "offset": 0.125}
+    del written[missing]
+    config = JointsConfig.from_parameters({"motions": {"a": written}})
+    assert [note.text for note in config.notes] == [f"sine without {missing} does not swing"]
+    motion = config.motions["a"]
+    assert isinstance(motion, Sine) and motion.amplitude * motion.frequency == 0.0
+
+
+def test_a_motion_without_its_type_has_the_keys_of_one() -> None:
+    """Keys of several types are answered with the types there are."""
+    mixed = {"position": 1.0, "amplitude": 1.0}
+    assert "write its type, one of constant, sine, keyframes, pose" in refused(
+        {"motions": {"a": mixed}}
+    )
+    both = {"times": [0.0], "positions": [1.0], "poses": ["p"]}
+    assert "either positions or poses" in refused(
+        {"motions": {"a": both}, "poses": {"p": {"a": 1.0}}}
+    )

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
@@ -124,3 +126,109 @@ def test_a_follower_takes_to_a_new_leader_without_a_jump() -> None:
     assert np.allclose(positions, [0.0, 0.5])
     assert np.allclose(velocities, [0.0, 0.5])
     assert np.allclose(source.sample(3.0)[0], [0.0, 1.0])
+
+
+_factor = st.sampled_from([-2.0, -0.5, 0.25, 1.0, 3.0])
+_offset = st.sampled_from([-0.125, 0.0, 0.25])
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(_factor, _offset), min_size=1, max_size=4), st.floats(-1.0, 1.0))
+def test_each_joint_of_a_chain_follows_the_one_before(
+    links: list[tuple[float, float]], position: float
+) -> None:
+    """Position, velocity and limits: what is folded into one step is what each link says."""
+    joints = [joint("j0", velocity=0.5)]
+    for number, (factor, offset) in enumerate(links):
+        wide = {"lower": -1e3, "upper": 1e3, "velocity": 1e3}
+        joints.append(joint(f"j{number + 1}", mimic=mimic(f"j{number}", factor, offset), **wide))
+    config = JointsConfig.from_parameters({"motions": {"j0": {"position": position}}})
+    source = JointStateSource(joints[::-1], config)  # the leader comes last
+    for moment in (0.0, 0.5, 10.0):
+        positions, velocities = (values[::-1] for values in source.sample(moment))
+        for number, (factor, offset) in enumerate(links):
+            assert positions[number + 1] == pytest.approx(positions[number] * factor + offset)
+            assert velocities[number + 1] == pytest.approx(velocities[number] * factor)
+    assert positions[0] == pytest.approx(position)
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.tuples(_factor, _offset), min_size=1, max_size=3),
+    st.sampled_from([-1.0, 1.0]),
+)
+def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
+    links: list[tuple[float, float]], toward: float
+) -> None:
+    """Several joints follow it, each with limits of its own; the tightest counts on each side."""
+    joints = [joint("leader", lower=-2.0, upper=2.0, velocity=0.5)]
+    joints += [
+        joint(
+            f"f{number}",
+            lower=-0.5 - number,
+            upper=0.75,
+            velocity=0.4,
+            mimic=mimic("leader", *link),
+        )
+        for number, link in enumerate(links)
+    ]
+    ends = [(-2.0, 2.0)]
+    for number, (factor, offset) in enumerate(links):
+        pair = [(-0.5 - number - offset) / factor, (0.75 - offset) / factor]
+        ends.append((min(pair), max(pair)))
+    reached = max(low for low, _ in ends) if toward < 0 else min(high for _, high in ends)
+    speed = min([0.5, *(0.4 / abs(factor) for factor, _ in links)])
+    config = JointsConfig.from_parameters({"motions": {"leader": {"position": 9.0 * toward}}})
+    source = JointStateSource(joints, config)
+    start = source.sample(0.0)[0][0]
+    positions, velocities = source.sample(1e-3)
+    assert velocities[0] == pytest.approx(toward * speed)
+    assert positions[0] == pytest.approx(start + toward * speed * 1e-3)
+    assert source.sample(1e3)[0][0] == pytest.approx(reached)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("end", [-1.0, 1.0])
+def test_a_follower_that_never_moves_narrows_nothing(end: float) -> None:
+    """Factor 0: it stands at its offset, even where that is its limit, whatever its speed."""
+    joints = [joint("a"), joint("b", velocity=0.0, mimic=mimic("a", 0.0, end))]
+    config = JointsConfig.from_parameters({"motions": {"a": {"position": 1.0}}})
+    source = JointStateSource(joints, config)
+    source.sample(0.0)
+    assert source.sample(1.0)[0] == pytest.approx([0.5, end])
+    assert source.reports == ()
+
+
+@pytest.mark.parametrize(("upper", "notes"), [(1.0, 0), (1.5, 0), (1.0 - 1e-5, 1), (0.5, 1)])
+def test_only_a_range_that_becomes_smaller_is_noted(upper: float, notes: int) -> None:
+    """And that both joints keep to, in the words of the follower."""
+    joints = [joint("a"), joint("b", lower=-1.5, upper=upper, mimic=mimic("a"))]
+    reports = JointStateSource(joints).reports
+    assert len(reports) == notes
+    if notes:
+        ends = f"has limits [-1.5, {upper:g}], so both keep to [-1, {upper:g}]"
+        assert ends in reports[0].text
+    mirrored = [joint("a"), joint("b", lower=-upper, upper=1.5, mimic=mimic("a"))]
+    assert len(JointStateSource(mirrored).reports) == notes
+
+
+def test_every_contradiction_is_reported() -> None:
+    """One does not hide the next, and what one asks does not count for the next."""
+    joints = [
+        joint("a"),
+        joint("b", mimic=mimic("a", 1.0, 3.0)),
+        joint("c", mimic=mimic("a", 1.0, -3.0)),
+        joint("d", mimic=mimic("a", 1.0)),
+    ]
+    lines = refused(joints).splitlines()
+    assert [line.split('"')[1] for line in lines] == ["b", "c"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_joints_without_end_follow_one_another_without_a_note() -> None:
+    """Nothing bounds them; one that a follower bounds is said to keep to its limits."""
+    free = joint("free", "continuous", mimic=mimic("wheel"))
+    assert JointStateSource([joint("wheel", "continuous"), free]).reports == ()
+    bound = joint("bound", mimic=mimic("wheel", 2.0))
+    reports = JointStateSource([joint("wheel", "continuous"), free, bound]).reports
+    assert len(reports) == 1 and "so both keep to [-0.5, 0.5]" in reports[0].text

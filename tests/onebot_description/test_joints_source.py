@@ -355,3 +355,230 @@ def test_a_thousand_joints_are_cheap() -> None:
     for number in range(100):
         source.sample(number * 0.01)
     assert time.perf_counter() - begin < 0.5
+
+
+def test_a_motion_begins_when_it_is_asked_for() -> None:
+    """Not when the source began, however long ago; and at its own phase 0."""
+    source = source_of({})
+    for moment in (1e9, 1e9 + 40.0):
+        source.sample(moment)
+    sine = {"amplitude": 0.5, "frequency": 0.1}
+    source.configure(JointsConfig.from_parameters({"motions": {"elbow": sine}}))
+    for since in np.arange(0.0, 5.0, 0.25):
+        position = source.sample(1e9 + 40.0 + since)[0][0]
+        assert position == pytest.approx(0.5 * math.sin(0.2 * math.pi * since), abs=1e-9)
+
+
+def test_a_clock_set_back_goes_on_with_the_same_motion() -> None:
+    """The time between two samples counts, never the time itself."""
+    steps = [0.5, 0.25, -100.0, 0.5, 1e6, 0.25]
+    source, plain = (
+        source_of({"motions": {"elbow": {"amplitude": 0.5, "frequency": 0.1}}, "delta": 0.01})
+        for _ in range(2)
+    )
+    source.sample(200.0)
+    plain.sample(0.0)
+    now, elapsed = 200.0, 0.0
+    for step in steps:
+        now, elapsed = now + step, elapsed + max(step, 0.0)
+        positions, velocities = source.sample(now)
+        wanted, speeds = plain.sample(elapsed)
+        assert positions == pytest.approx(wanted, abs=1e-6)
+        assert velocities == pytest.approx(speeds if step > 0.0 else np.zeros(5), abs=1e-6)
+        assert source.moving == (step > 0.0)
+
+
+def test_a_jump_of_the_time_is_one_long_step() -> None:
+    """The joint arrives; its velocity is the way over the time, far below its limit."""
+    source = source_of({"motions": {"elbow": {"position": 0.5}}})
+    source.sample(0.0)
+    positions, velocities = source.sample(1000.0)
+    assert positions[0] == 0.5 and velocities[0] == pytest.approx(0.0005)
+
+
+@pytest.mark.parametrize(("loop", "first"), [(True, 0.4), (False, 0.25)])
+def test_a_first_pose_without_the_joint_is_where_the_loop_leaves_it(
+    loop: bool, first: float
+) -> None:
+    """In a loop it stands as the last pose left it; else it rests at its zero position."""
+    source = source_of(
+        {
+            "zeros": {"elbow": 0.25},
+            "poses": {"a": {"wheel": 0.0}, "b": {"elbow": 0.4}},
+            "sequence": {
+                "poses": ["a", "b"],
+                "durations": [1.0, 1.0],
+                "blend": "linear",
+                "loop": loop,
+            },
+        }
+    )
+    course = [float(source.sample(t)[0][0]) for t in np.arange(0.0, 4.1, 0.5)]
+    assert course == pytest.approx([0.25, (0.25 + first) / 2, first, (first + 0.4) / 2, *[0.4] * 5])
+
+
+def test_a_sequence_holds_its_last_pose_or_goes_back_to_its_first() -> None:
+    """A loop takes the first duration to come back; a pose twice in a row holds it."""
+    written = {
+        "poses": ["a", "b", "b"],
+        "durations": [0.5, 1.0, 2.0],
+        "blend": "linear",
+    }
+    poses = {"a": {"elbow": 0.1}, "b": {"elbow": 0.3}}
+    wanted = {0.25: 0.05, 0.5: 0.1, 1.0: 0.2, 1.5: 0.3, 3.5: 0.3}
+    ends = {True: {3.75: 0.2, 4.0: 0.1, 4.5: 0.2, 5.0: 0.3, 7.0: 0.3, 7.25: 0.2}, False: {9.0: 0.3}}
+    for loop, end in ends.items():
+        source = source_of({"poses": poses, "sequence": {**written, "loop": loop}})
+        source.sample(0.0)
+        for moment, position in {**wanted, **end}.items():
+            assert source.sample(moment)[0][0] == pytest.approx(position), moment
+        assert source.reports == ()
+
+
+def test_poses_of_a_sequence_are_kept_within_limits() -> None:
+    """The joint waits at its limit, and the pose is reported, not each of its uses."""
+    source = source_of(
+        {
+            "poses": {"far": {"elbow": 5.0}, "low": {"elbow": -5.0}},
+            "sequence": {"poses": ["far", "low"], "durations": [9.0, 9.0], "blend": "linear"},
+        }
+    )
+    source.sample(0.0)
+    assert source.sample(9.0)[0][0] == 1.0
+    assert source.sample(13.5)[0][0] == pytest.approx(0.0)
+    assert source.sample(18.0)[0][0] == -1.0
+    assert {report.key for report in source.reports} == {"poses.far.elbow", "poses.low.elbow"}
+
+
+def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
+    """As its parameter does not name it; one that none of its poses name has nothing to do."""
+    source = source_of(
+        {
+            "poses": {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}},
+            "sequence": {"poses": ["a", "b"], "durations": [1.0, 1.0]},
+        }
+    )
+    assert {report.key for report in source.reports} == {"sequence"}
+    assert all(report.text.startswith('joint "elbow": from keyframe') for report in source.reports)
+
+
+def test_a_sweep_too_fast_for_a_joint_is_reported_and_slower() -> None:
+    """Each joint by its name, in its unit; those that can keep up are not."""
+    source = source_of({"delta": 0.02, "rate": 10})
+    assert [(report.key, report.text.partition(" asks ")[0]) for report in source.reports] == [
+        ("delta", 'joint "slide": delta times rate'),
+    ]
+    assert "0.2 m/s, over its limit 0.1 m/s" in source.reports[0].text
+    source.sample(0.0)
+    assert source.sample(0.5)[1] == pytest.approx([0.2, 0.1, 0.2, 0.2, -0.2])
+
+
+WHEELS = [
+    joint("left", "continuous", velocity=2.0),
+    joint("right", "continuous", velocity=9.0, mimic=mimic("left", -0.5, 0.25)),
+    joint("free", "continuous", velocity=2.0),
+]
+
+
+def test_a_wheel_that_leads_is_not_wrapped() -> None:
+    """Its follower would jump by half a turn with each of its turns."""
+    speed = {"times": [0.0, 10.0], "positions": [0.0, 2.0 * math.pi]}
+    config = JointsConfig.from_parameters({"motions": {"left": speed, "free": speed}})
+    source = JointStateSource(WHEELS, config)
+    for moment in np.arange(0.0, 8.0, 0.1):
+        (left, right, free), velocities = source.sample(moment)
+        turned = moment * math.tau / 10.0
+        assert left == pytest.approx(turned)
+        assert right == pytest.approx(0.25 - turned / 2.0)
+        assert free == pytest.approx(math.remainder(turned, math.tau))
+        if moment:
+            assert velocities == pytest.approx([0.2 * math.pi, -0.1 * math.pi, 0.2 * math.pi])
+
+
+def test_a_wheel_that_leads_takes_the_whole_way_to_its_new_motion() -> None:
+    """The short way would not bring its follower to where it ought to be."""
+    source = JointStateSource(
+        WHEELS, JointsConfig.from_parameters({"motions": {"left": {"position": 5.0}}})
+    )
+    source.sample(0.0)
+    source.sample(100.0)
+    source.configure(JointsConfig.from_parameters({"motions": {"left": {"position": -1.0}}}))
+    course = [source.sample(100.0 + t)[0] for t in (1.0, 2.0, 3.0, 9.0)]
+    assert [left for left, _, _ in course] == pytest.approx([3.0, 1.0, -1.0, -1.0])
+    assert [right for _, right, _ in course] == pytest.approx([-1.25, -0.25, 0.75, 0.75])
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=5))
+def test_wrapped_angles_are_the_same_angles(angles: list[float]) -> None:
+    """Within half a turn to either side, both ends included."""
+    found = wrapped(np.array(angles))
+    assert (np.abs(found) <= math.pi + 1e-12).all()
+    assert np.exp(1j * found) == pytest.approx(np.exp(1j * np.array(angles)), abs=1e-9)
+    inside = np.abs(angles) <= math.pi
+    assert np.array_equal(found[inside], np.array(angles)[inside])
+
+
+def test_half_a_turn_stays_as_it_is() -> None:
+    """Either of them."""
+    assert wrapped(np.array([math.pi, -math.pi])).tolist() == [math.pi, -math.pi]
+
+
+def test_a_new_description_takes_over_time_motion_and_feedback() -> None:
+    """Whatever the order of its joints: the next sample is that of the source before."""
+    parameters = {
+        "motions": {"elbow": {"amplitude": 0.5, "frequency": 0.05}},
+        "poses": {"p": {"finger": 0.5}},
+        "sequence": {"poses": ["p"], "durations": [10.0], "loop": False, "blend": "linear"},
+    }
+    config = JointsConfig.from_parameters(parameters)
+    old, plain = JointStateSource(ROBOT, config), JointStateSource(ROBOT, config)
+    for source in (old, plain):
+        for moment in (5.0, 6.0, 7.0):
+            source.sample(moment)
+        source.feedback.hear(["slide"], [0.3], [0.05], [7.0])
+    new = JointStateSource([*reversed(ROBOT), joint("extra")], config, previous=old)
+    positions, velocities = new.sample(7.5)
+    wanted, speeds = plain.sample(7.5)
+    assert positions == pytest.approx([*reversed(wanted), 0.0])
+    assert velocities == pytest.approx([*reversed(speeds), 0.0])
+    assert new.efforts() == pytest.approx([0.0, 0.0, 0.0, 7.0, 0.0, 0.0])
+
+
+def test_feedback_of_velocities_or_efforts_alone_leaves_the_positions() -> None:
+    """What is not given is what the motion says."""
+    source = source_of({"motions": {"elbow": {"position": 1.0}}})
+    source.sample(0.0)
+    feedback = source.feedback
+    assert not (feedback.any or feedback.any_velocity or feedback.any_effort)
+    source.feedback.hear(["finger"], [], [0.25], [])
+    assert feedback.any_velocity and not (feedback.any or feedback.any_effort)
+    positions, velocities = source.sample(1.0)
+    assert positions == pytest.approx([0.5, 0.4, 0.0, 0.0, 0.05])
+    assert velocities == pytest.approx([0.5, 0.0, 0.0, 0.25, -0.25])
+    source.feedback.hear(["finger", "thumb"], [], [], [3.0, 4.0])
+    assert feedback.any_effort and not feedback.any
+    assert source.efforts() == pytest.approx([0.0, 0.0, 0.0, 3.0, 3.0])
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_each_list_of_a_feedback_has_one_value_a_name(which: int) -> None:
+    """Else nothing of the message counts, not even its other lists."""
+    lists: list[list[float]] = [[0.1, 0.2], [0.1, 0.2], [0.1, 0.2]]
+    lists[which] = [0.1, 0.2, 0.3]
+    source = source_of({})
+    what = ("position", "velocity", "effort")[which]
+    reason = source.feedback.hear(["elbow", "slide"], *lists)
+    assert reason == f"2 names but 3 values of {what}"
+    feedback = source.feedback
+    assert not (feedback.any or feedback.any_velocity or feedback.any_effort)
+
+
+def test_feedback_of_a_leader_moves_its_follower_by_the_factor() -> None:
+    """Position and velocity; the effort is the leader's own."""
+    source = JointStateSource(WHEELS)
+    source.sample(0.0)
+    source.feedback.hear(["left"], [1.0], [0.5], [2.0])
+    positions, velocities = source.sample(1.0)
+    assert positions == pytest.approx([1.0, -0.25, 0.0])
+    assert velocities == pytest.approx([0.5, -0.25, 0.0])
+    assert source.efforts() == pytest.approx([2.0, 2.0, 0.0])

@@ -1,6 +1,7 @@
 """onebot_description.joints.motions: motions of many joints evaluated together."""
 
 import math
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -10,10 +11,127 @@ from hypothesis import strategies as st
 from onebot_description.joints.motions import Constant, Keyframes, Motion, Sine, Sweep, Tracks
 
 
-def at(motion: Motion, time: float, start: float = 0.0, endless: bool = False) -> float:
-    """One motion that began at 0."""
-    tracks = Tracks([motion], np.zeros(1), np.array([start]), np.array([endless]))
+def at(
+    motion: Motion, time: float, start: float = 0.0, endless: bool = False, origin: float = 0.0
+) -> float:
+    """One motion that began at ``origin``."""
+    tracks = Tracks([motion], np.array([origin]), np.array([start]), np.array([endless]))
     return float(tracks.at(time)[0])
+
+
+def expected(motion: Keyframes, time: float, start: float, endless: bool) -> float:
+    """Where a joint ought to be on keyframes, worked out one piece after the other."""
+    times, places = list(motion.times), list(motion.positions)
+    if motion.lead:
+        times, places = [0.0, *(motion.lead + t for t in times)], [start, *places]
+    turned, period = 0.0, times[-1] - motion.lead
+    if motion.loop and period > 0.0:
+        turn = motion.positions[-1] - motion.positions[0]
+        while time >= times[-1]:
+            time -= period
+            turned += turn if endless and abs(math.remainder(turn, math.tau)) < 1e-2 else 0.0
+    if time < times[0]:
+        return places[0] + turned
+    for (begin, end), (from_, to) in zip(
+        zip(times, times[1:], strict=False), zip(places, places[1:], strict=False), strict=True
+    ):
+        if begin <= time < end:
+            u = (time - begin) / (end - begin)
+            if motion.blend == "minimum_jerk":
+                u = 10 * u**3 - 15 * u**4 + 6 * u**5
+            return from_ + u * (to - from_) + turned
+    return places[-1] + turned
+
+
+_quarters = st.integers(1, 12).map(lambda number: number / 4)
+_keyframes = st.builds(
+    lambda first_lead, steps, positions, blend, loop: Keyframes(
+        tuple(np.cumsum([first_lead[0], *steps[: len(positions) - 1]]).tolist()),
+        tuple(positions),
+        blend,
+        loop,
+        first_lead[1],
+    ),
+    st.sampled_from([(0.0, 0.0), (0.5, 0.0), (0.0, 1.5)]),  # with a lead, times begin at 0
+    st.lists(_quarters, min_size=4, max_size=4),
+    st.lists(st.sampled_from([-1.0, 0.0, 0.75, math.tau, 2 * math.tau]), min_size=1, max_size=5),
+    st.sampled_from(["linear", "minimum_jerk"]),
+    st.booleans(),
+)
+
+
+@given(_keyframes, st.integers(0, 400).map(lambda number: number / 8), st.booleans())
+def test_keyframes_at_every_moment(motion: Keyframes, time: float, endless: bool) -> None:
+    """At the keyframes themselves, too (all times are binary fractions): as worked out by hand.
+
+    A loop that does not close has its first position at the moment it starts over.
+    """
+    found = at(motion, time, start=0.3, endless=endless)
+    assert found == pytest.approx(expected(motion, time, 0.3, endless), abs=1e-9)
+
+
+EXAMPLES: dict[type, Motion] = {
+    Constant: Constant(0.5),
+    Sine: Sine(0.0, 1.0, 0.0, 0.5),
+    Keyframes: Keyframes((0.0,), (0.5,)),
+    Sweep: Sweep(1.0, 0.5, 0.5, 0.5),
+}
+
+
+@pytest.mark.parametrize("kind", get_args(Motion))
+def test_every_kind_of_motion_has_a_track(kind: type) -> None:
+    """None is left at 0 because nothing evaluates it."""
+    assert at(EXAMPLES[kind], 1.0) == pytest.approx(0.5)
+
+
+def test_a_motion_that_nothing_evaluates_is_an_error() -> None:
+    """A new kind of motion without its track must not send the joint to 0."""
+    with pytest.raises(TypeError, match="object"):
+        at(object(), 1.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("motion", "positions"),
+    [
+        (Sine(1.0, 0.25), [0.0, 0.0, 1.0, 0.0]),
+        (Keyframes((0.0, 2.0), (0.5, 1.5), loop=False), [0.5, 0.5, 1.0, 1.5]),
+        (Keyframes((0.0,), (0.5,), lead=2.0), [0.25, 0.25, 0.375, 0.5]),
+        (Sweep(0.25, 0.25, -1.0, 1.0), [0.25, 0.25, 0.5, 0.75]),
+    ],
+)
+def test_a_motion_counts_from_its_own_origin(motion: Motion, positions: list[float]) -> None:
+    """Before it began it is as at its beginning."""
+    found = [at(motion, 10.0 + t, start=0.25, origin=10.0) for t in (-7.0, 0.0, 1.0, 2.0)]
+    assert found == pytest.approx(positions)
+
+
+@pytest.mark.parametrize(
+    ("beyond", "whole"), [(0.009, True), (-0.009, True), (0.011, False), (-0.011, False)]
+)
+def test_what_counts_as_a_whole_turn(beyond: float, whole: bool) -> None:
+    """A hundredth of a radian is what a turn may be rounded by; 3.142 is half of one."""
+    turn = math.tau + beyond
+    motion = Keyframes((0.0, 1.0), (0.0, turn))
+    assert at(motion, 1.5, endless=True) == pytest.approx((1.5 if whole else 0.5) * turn)
+    backward = Keyframes((0.0, 1.0), (0.0, -turn))
+    assert at(backward, 1.5, endless=True) == pytest.approx(-(1.5 if whole else 0.5) * turn)
+
+
+@given(
+    st.floats(0.1, 3.0),
+    st.floats(0.0, 50.0),
+    st.floats(-1.0, 2.0),
+)
+def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, start: float) -> None:
+    """From its start upwards; after there and back it is where it was, and so for ever."""
+    motion = Sweep(speed, start, -1.0, 2.0)
+    here, next_ = at(motion, time), at(motion, time + 0.001)
+    assert -1.0 - 1e-9 <= here <= 2.0 + 1e-9
+    assert abs(next_ - here) <= 0.001 * speed + 1e-9
+    assert at(motion, time + 6.0 / speed) == pytest.approx(here, abs=1e-6)
+    assert at(motion, 0.0) == pytest.approx(start)
+    if start < 1.9:
+        assert at(motion, 0.01 / speed) == pytest.approx(start + 0.01)
 
 
 def test_constant() -> None:
@@ -24,8 +142,8 @@ def test_constant() -> None:
 @given(st.floats(0.0, 1e3))
 def test_sine(time: float) -> None:
     """Is the formula."""
-    expected = 0.1 + 0.5 * math.sin(2.0 * math.pi * 0.2 * time + 0.3)
-    assert at(Sine(0.5, 0.2, 0.3, 0.1), time) == pytest.approx(expected, abs=1e-9)
+    wanted = 0.1 + 0.5 * math.sin(2.0 * math.pi * 0.2 * time + 0.3)
+    assert at(Sine(0.5, 0.2, 0.3, 0.1), time) == pytest.approx(wanted, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -34,6 +152,14 @@ def test_sine(time: float) -> None:
 def test_linear_keyframes_loop(time: float, position: float) -> None:
     """The first position holds until its time; after the last it starts over."""
     assert at(Keyframes((1, 3, 5, 6), (0, 1, -1, 0)), time) == pytest.approx(position)
+
+
+def test_a_loop_is_at_its_first_keyframe_when_it_starts_over() -> None:
+    """Each time; the moment before, it is at its last one."""
+    for motion in (Keyframes((0.0, 2.0), (0.0, 1.0)), Keyframes((1.0, 2.0), (0.0, 1.0))):
+        for end in (2.0, 4.0, 6.0):
+            assert at(motion, end) == 0.0
+            assert at(motion, end - 1e-9) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_keyframes_hold_the_last_when_they_do_not_loop() -> None:
@@ -78,7 +204,9 @@ def test_sweep_goes_to_and_fro() -> None:
     motion = Sweep(1.0, 0.5, -1.0, 1.0)
     assert [at(motion, t) for t in (0.0, 0.5, 2.5, 3.5)] == pytest.approx([0.5, 1.0, -1.0, 0.0])
     assert at(Sweep(1.0, 0.0, -math.inf, math.inf), 7.0) == 7.0
-    assert at(Sweep(1.0, 0.5, 0.5, 0.5), 7.0) == 0.5
+    assert at(Sweep(1.0, 0.5, 0.5, 0.5), 7.25) == 0.5
+    assert at(Sweep(1.0, 0.0, -math.inf, 1.0), 7.0) == 7.0
+    assert at(Sweep(1.0, 0.0, -1.0, math.inf), 7.0) == 7.0
 
 
 def test_many_motions_are_as_each_alone() -> None:

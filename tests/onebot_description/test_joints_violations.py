@@ -101,3 +101,101 @@ def test_a_joint_that_cannot_move_is_told() -> None:
     still = Allowed(-1.0, 1.0, 0.0)
     motion = Keyframes((0.0, 1.0), (0.0, 1.0), loop=False)
     assert "cannot move" in violations(motion, still)[0]
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        Constant(3.14 + 1e-6),
+        Constant(-3.14 - 1e-6),
+        Sine(1.0, 0.5 / (2 * math.pi) + 1e-6),
+        Sine(-1.0, 0.5 / (2 * math.pi) + 1e-6),
+        Sine(1.0, 0.01, 0.0, 2.1401),
+        Sine(1.0, 0.01, 0.0, -2.1401),
+        Sine(-1.0, 0.01, 0.0, -2.1401),
+        Keyframes((0.0, 1.9999), (0.0, 1.0), loop=False),
+        Keyframes((0.0, 1.9999), (1.0, 0.0), loop=False),
+        Keyframes((5.0, 6.9999), (0.0, 1.0), loop=False),
+        Keyframes((0.0, 3.7499), (0.0, 1.0), "minimum_jerk", loop=False),
+        Keyframes((0.0, 9.0), (3.1401, 0.0), loop=False),
+        Keyframes((0.0, 9.0), (0.0, 0.0101)),
+        Keyframes((0.0, 9.0), (0.0101, 0.0)),
+        Sweep(0.5001, 0.0, -3.14, 3.14),
+    ],
+)
+def test_just_beyond_a_limit_is_reported_once(motion: Motion) -> None:
+    """In either direction."""
+    assert len(violations(motion, MRM)) == 1
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        Constant(-3.14),
+        Sine(1.0, 0.5 / (2 * math.pi)),
+        Sine(-1.0, 0.01, 0.0, 2.14),
+        Sine(1.0, 0.01, 0.0, -2.14),
+        Keyframes((0.0, 2.0), (0.0, 1.0), loop=False),
+        Keyframes((0.0, 3.75), (0.0, 1.0), "minimum_jerk", loop=False),
+        Keyframes((0.0, 9.0), (-3.14, 0.0), loop=False),
+        Keyframes((0.0, 9.0), (0.0, 0.0099)),
+        Keyframes((0.0,), (1.0,)),
+    ],
+)
+def test_just_within_a_limit_is_not_reported(motion: Motion) -> None:
+    """In either direction."""
+    assert violations(motion, MRM) == []
+
+
+def test_each_thing_beyond_a_limit_is_reported() -> None:
+    """A sine too wide and too fast is both; so are keyframes, each by its number."""
+    assert len(violations(Sine(4.0, 1.0), MRM)) == 2
+    motion = Keyframes((0.0, 1.0, 9.0, 9.5), (4.0, 3.0, -4.0, 0.0))
+    assert [text.split(" ", 3)[:3] for text in violations(motion, MRM)] == [
+        ["keyframe", "1", "at"],
+        ["keyframe", "3", "at"],
+        ["from", "keyframe", "1"],
+        ["from", "keyframe", "2"],
+        ["from", "keyframe", "3"],
+        ["the", "loop", "jumps"],
+    ]
+
+
+@pytest.mark.parametrize(("position", "nearest"), [(4.0, "3.14"), (-4.0, "-3.14")])
+def test_the_nearest_position_is_advised(position: float, nearest: str) -> None:
+    """The limit on its own side."""
+    assert violations(Constant(position), MRM)[0].endswith(f"held at {nearest}")
+    far = Keyframes((0.0, 99.0), (0.0, position), loop=False)
+    assert violations(far, MRM)[0].endswith(f"write {nearest}")
+
+
+@pytest.mark.parametrize("kind", ["offset", "amplitude"])
+def test_a_sine_beyond_one_end_is_advised_by_the_other(kind: str) -> None:
+    """About a middle off the centre the nearer limit decides how wide it may be."""
+    narrow = Allowed(-1.0, 3.0, 9.0, "m")
+    if kind == "amplitude":
+        for offset in (0.5, 1.5):
+            text = violations(Sine(2.0, 0.01, 0.0, offset), narrow)[0]
+            assert "lower amplitude to 1.5" in text and " m," in text
+    else:
+        for offset in (3.0, -1.0, 5.0):
+            text = violations(Sine(1.0, 0.01, 0.0, offset), narrow)[0]
+            assert text.endswith("bring offset to 1")
+
+
+def test_a_joint_without_end_that_loops_over_less_than_a_turn_jumps() -> None:
+    """Whole turns do not count, in either direction; what is left of them does."""
+    wheel = Allowed(-math.inf, math.inf, 99.0, endless=True)
+    for turns in (-2, 1, 3):
+        whole = Keyframes((0.0, 10.0), (1.0, 1.0 + turns * math.tau))
+        assert violations(whole, wheel) == []
+        more = dataclasses.replace(whole, positions=(1.0, 1.02 + turns * math.tau))
+        assert len(violations(more, wheel)) == 1
+    assert (
+        len(
+            violations(
+                Keyframes((0.0, 99.0), (0.0, math.tau)), dataclasses.replace(wheel, endless=False)
+            )
+        )
+        == 1
+    )

@@ -12,10 +12,10 @@ import yaml
 import yourdfpy
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.meshes import load_mesh, resolve
 from onebot_bringup.viewer.pictures import render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
+from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import Description, load_description, read_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
@@ -133,7 +133,9 @@ def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
     body = pybullet.loadURDF(str(urdf), physicsClientId=world)
     found = np.array(pybullet.getAABB(body, physicsClientId=world))
     # Its boxes stand off by a margin.
-    np.testing.assert_allclose(found, load_mesh(path).bounds, atol=5e-3)
+    np.testing.assert_allclose(
+        found, load_shape(Mesh(str(path), (1.0, 1.0, 1.0))).bounds, atol=5e-3
+    )
 
 
 def test_rerun_shows_every_combination_without_complaint(combination):
@@ -144,7 +146,7 @@ def test_rerun_shows_every_combination_without_complaint(combination):
     for visual in (visual for link in robot.links for visual in link.visuals):
         assert visual.color is not None
         if isinstance(visual.shape, Mesh):
-            assert load_mesh(resolve(visual.shape.uri)).colored
+            assert load_shape(visual.shape).colored
 
 
 @pytest.mark.parametrize("mesh", ["true", "false"])

@@ -184,6 +184,117 @@ def test_mimics_follow_through_chains():
     np.testing.assert_allclose(model.positions({"joint_1": 1.0, "joint_2": 3.0}), [2.5, 1.0, 3.0])
 
 
+_ARM = """<robot name="arm"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="a"/>
+<origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/><axis xyz="0 0 2"/>
+<limit lower="-1" upper="2" effort="1" velocity="3"/></joint>
+<joint name="slide" type="prismatic"><parent link="a"/><child link="b"/>
+<origin xyz="0 0 1" rpy="0 0 1.5707963267948966"/><axis xyz="-4 0 0"/>
+<limit lower="-0.5" upper="0.25" effort="1" velocity="4"/></joint>
+<joint name="spin" type="continuous"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>
+</joint></robot>"""
+
+
+def test_a_small_arm_by_hand():
+    """Positive turns are right-handed about the axis; slides go along it; its length is none."""
+    model = RobotModel.from_description(parse_description(_ARM))
+    assert (model.joints, model.root_link) == (("turn", "slide", "spin"), "base")
+    poses = dict(zip(model.links, model.link_poses([np.pi / 2, 0.5, 0.0]), strict=True))
+    np.testing.assert_allclose(poses["base"], [0, 0, 0, 0, 0, 0, 1], atol=0)
+    # Turned by 90 degrees at its origin and by 90 more, x is -x, and the slide's y is -y.
+    np.testing.assert_allclose(np.abs(poses["a"]), [1, 2, 3, 0, 0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(poses["b"][:3], [1.0, 2.5, 4.0], atol=1e-12)
+    translations, rotations = model.transforms({"slide": -0.25, "spin": np.pi / 2})
+    np.testing.assert_allclose(translations[1], [0.0, 0.25, 1.0], atol=1e-12)
+    np.testing.assert_allclose(rotations[2], [0, np.sqrt(0.5), 0, np.sqrt(0.5)], atol=1e-12)
+
+
+def test_limits_are_the_joints_own():
+    """Infinite where there is none; a continuous joint knows only speed."""
+    model = RobotModel.from_description(parse_description(_ARM))
+    np.testing.assert_array_equal(model.lower, [-1.0, -0.5, -np.inf])
+    np.testing.assert_array_equal(model.upper, [2.0, 0.25, np.inf])
+    np.testing.assert_array_equal(model.velocity, [3.0, 4.0, np.inf])
+    limited = _ARM.replace("</joint></robot>", '<limit effort="1" velocity="0"/></joint></robot>')
+    model = RobotModel.from_description(parse_description(limited))
+    np.testing.assert_array_equal(model.velocity, [3.0, 4.0, 0.0])
+
+
+def test_rows_taken_are_those_joints_in_that_order():
+    """What is taken transforms as it did among the others."""
+    moving = RobotModel.from_description(parse_description(_ARM)).moving
+    q = np.array([0.3, -0.4, 0.5])
+    for rows in ([2, 0], [1], [0, 2, 1], []):
+        taken = moving.take(rows)
+        assert taken.children == tuple(moving.children[row] for row in rows)
+        assert taken.parents == tuple(moving.parents[row] for row in rows)
+        np.testing.assert_array_equal(taken.transforms(q[rows]), moving.transforms(q)[rows])
+
+
+def _mimic_chain(*rules):
+    """joint_0 follows joint_1, which follows joint_2, ..., by these multipliers and offsets."""
+    urdf = chain(len(rules) + 1)
+    for row, (multiplier, offset) in enumerate(rules):
+        name = f'name="joint_{row}" type="revolute">'
+        tag = f'<mimic joint="joint_{row + 1}" multiplier="{multiplier!r}" offset="{offset!r}"/>'
+        urdf = urdf.replace(name, name + tag)
+    return RobotModel.from_description(parse_description(urdf))
+
+
+_number = st.floats(-2.0, 2.0)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.tuples(_number, _number), min_size=1, max_size=4), _number)
+def test_a_chain_of_mimics_is_folded_from_its_leader(rules, leader):
+    """Each follower is where its own rule puts it, given the one that it follows."""
+    model = _mimic_chain(*rules)
+    q = model.positions({f"joint_{len(rules)}": leader})
+    assert q[-1] == leader
+    for row, (multiplier, offset) in enumerate(rules):
+        assert q[row] == pytest.approx(multiplier * q[row + 1] + offset, abs=1e-9)
+
+
+def test_who_determines_a_joint():
+    """Itself if it is given, else the first given one that it follows; None if there is none."""
+    model = _mimic_chain((2.0, 0.5), (-1.0, 0.25))
+    assert model.follower("joint_0", {"joint_0": 0}) == ("joint_0", 1.0, 0.0)
+    assert model.follower("joint_0", {"joint_1": 0, "joint_2": 0}) == ("joint_1", 2.0, 0.5)
+    assert model.follower("joint_0", {"joint_2": 0}) == ("joint_2", -2.0, 1.0)
+    assert model.follower("joint_0", {}) is None
+    assert model.follower("joint_2", {"joint_0": 0, "joint_1": 0}) is None
+
+
+def test_what_nothing_determines_stands_at_zero_and_its_followers_at_their_offset():
+    """A follower that is given does not lead the one that it follows."""
+    model = _mimic_chain((2.0, 0.5), (-1.0, 0.25))
+    np.testing.assert_allclose(model.positions({}), [1.0, 0.25, 0.0])
+    np.testing.assert_allclose(model.positions({"joint_0": 3.0}), [3.0, 0.25, 0.0])
+    np.testing.assert_allclose(model.positions({"joint_1": 1.0}), [2.5, 1.0, 0.0])
+
+
+def test_a_quaternion_of_no_length_is_no_rotation():
+    """And one of any length the rotation of its direction."""
+    np.testing.assert_array_equal(quaternions.to_matrix(np.zeros(4)), np.eye(3))
+    batch = np.array([[0, 0, 0, 1e-9], [0, 0, 5.0, 5.0]])
+    quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    np.testing.assert_allclose(quaternions.to_matrix(batch), [np.eye(3), quarter], atol=1e-12)
+
+
+def test_quaternion_products_are_hamiltons():
+    """The product of i and j is k, and the sign of the whole quaternion is kept."""
+    i, j, k, one = np.eye(4)
+    np.testing.assert_array_equal(quaternions.multiply(i, j), k)
+    np.testing.assert_array_equal(quaternions.multiply(j, i), -k)
+    np.testing.assert_array_equal(quaternions.multiply(k, k), -one)
+    np.testing.assert_allclose(quaternions.from_rpy([0.0, 0.0, np.pi]), k, atol=1e-15)
+    np.testing.assert_allclose(
+        quaternions.rotate(quaternions.from_rpy([np.pi / 2, 0, 0]), np.array([0.0, 1.0, 0.0])),
+        [0, 0, 1],
+        atol=1e-15,
+    )
+
+
 def test_unknown_joint_and_wrong_size_are_named():
     """The error lists the joints there are, and the shape that is right."""
     model = RobotModel.from_description(parse_description(chain(2)))

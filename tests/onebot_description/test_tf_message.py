@@ -31,7 +31,7 @@ from tests.support import wait_for
 
 TYPE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 own_only = pytest.mark.skipif(
-    TFMessage is not tf_message.OwnTFMessage, reason="a genuine tf2_msgs is installed"
+    TFMessage is not tf_message._OWN, reason="a genuine tf2_msgs is installed"
 )
 
 
@@ -492,7 +492,7 @@ NOT_LOADABLE = """
 SILENT = "pass"
 LOADABLE = """
             import sys
-            load = sys.modules["onebot_description.wire.tf_message"].load
+            load = sys.modules["onebot_description.wire.tf_message"].load_type_support
             support = load(TFMessage)
             cls._CREATE_ROS_MESSAGE = support.create_ros_message
             cls._CONVERT_FROM_PY = support.convert_from_py
@@ -534,7 +534,7 @@ def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
     (package / "package.xml").write_text("<package><version>4.9.2</version></package>")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     with pytest.raises(tf_message.TypeSupportError) as caught:
-        tf_message.load(tf_message.OwnTFMessage)
+        tf_message.load_type_support(tf_message._OWN)
     assert isinstance(caught.value, ImportError)
     assert "rosidl_runtime_c is version 4.9.2 instead of 4.6.x" in str(caught.value)
 

@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+
 from onebot_description.node import Throttled
 
 
@@ -22,3 +24,15 @@ def test_a_text_may_have_a_time_of_its_own() -> None:
     say("a", "2", every=0.0)
     say("a", "3")
     assert said == ["1", "2"]
+
+
+def test_a_kind_is_said_again_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted from when it was said, not from when it was last kept back."""
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    said: list[str] = []
+    say = Throttled(said.append, every=5.0)
+    for moment in (100.0, 104.9, 105.0, 109.9, 110.0):
+        now[0] = moment
+        say("a", str(moment))
+    assert said == ["100.0", "105.0", "110.0"]

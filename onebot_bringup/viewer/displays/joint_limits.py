@@ -5,7 +5,7 @@ the child, so that /tf moves the hand along the arc: it is drawn once, and costs
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,7 +47,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         self._settings = JointRangesSettings()
         self._ranges: tuple[Joint, ...] = ()
         self._made_of: tuple[object, ...] = ()
-        self._drawn: dict[str, object] = {}
+        self._marks = RangeMarks(context.recording, context.frame_of)
 
     def topics(self) -> Sequence[Topic]:
         """Return none: the colours of the joints are those of their curves."""
@@ -75,10 +75,33 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         made_of = (ranges, radius, len(colors))
         if made_of != self._made_of:
             self._made_of = made_of
-            self._show(ranges, radius, colors)
+            self._marks.show(ranges, radius, colors, self.context.home)
 
-    def _show(self, joints: Iterable[Joint], radius: float, colors: Mapping[str, Color]) -> None:
-        """Draw the marks of ``joints``, and no other; one without a colour is not drawn yet."""
+
+class RangeMarks:
+    """Keeps the marks in a recording equal to the joints' ranges."""
+
+    def __init__(self, recording: rr.RecordingStream, frame_of: Callable[[str], str]) -> None:
+        """Draw into ``recording``; ``frame_of`` names the TF frame of a link."""
+        self._recording = recording
+        self._frame_of = frame_of
+        self._drawn: dict[str, object] = {}
+
+    def show(
+        self,
+        joints: Iterable[Joint],
+        radius: float,
+        colors: Mapping[str, Color],
+        home: str,
+    ) -> None:
+        """Draw the marks of ``joints``, and no other; what did not change is left alone.
+
+        Args:
+            joints: those to be seen.
+            radius: of an arc, metres.
+            colors: of joints; one without is not drawn yet.
+            home: a frame that exists.
+        """
         wanted: dict[str, tuple[str, Strips, float, Color]] = {}
         for joint in joints:
             if joint.name in colors:
@@ -87,19 +110,19 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
                 hand = (joint.child, hand_strips(joint, radius), _HAND_WIDTH, color)
                 wanted[_entity(joint.name, "range")] = scale
                 wanted[_entity(joint.name, "hand")] = hand
-        recording, frame_of = self.context.recording, self.context.frame_of
         for entity in set(self._drawn) - set(wanted):
             # Static data can only be overwritten; a frame that is gone would be an error forever.
             del self._drawn[entity]
-            home, empty = rr.CoordinateFrame(self.context.home), rr.LineStrips3D.cleared()
-            recording.log(entity, home, empty, static=True)
+            empty = rr.LineStrips3D.cleared()
+            self._recording.log(entity, rr.CoordinateFrame(home), empty, static=True)
         for entity, (link, strips, width, color) in wanted.items():
             what = (link, [strip.tolist() for strip in strips], color)
             if self._drawn.get(entity) != what:
                 self._drawn[entity] = what
                 radii: Any = [rr.Radius.ui_points(width)]
                 lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
-                recording.log(entity, rr.CoordinateFrame(frame_of(link)), lines, static=True)
+                frame = rr.CoordinateFrame(self._frame_of(link))
+                self._recording.log(entity, frame, lines, static=True)
 
 
 def _entity(joint: str, part: str) -> str:

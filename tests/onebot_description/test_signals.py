@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from onebot_description.node import StopSignals
+from onebot_description.signals import StopSignals
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

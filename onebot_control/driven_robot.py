@@ -1,9 +1,9 @@
 """A robot that is driven: simulation and controller, one control cycle at a time. No ROS here.
 
-drive = Drive.of(description, ControlConfig.from_parameters({...}))
-drive.accept(0.2, 0.0)
+robot = DrivenRobot.of(description, ControlConfig.from_parameters({...}))
+robot.accept(0.2, 0.0)
 for _ in range(500):
-    snapshot = drive.cycle()
+    snapshot = robot.cycle()
 """
 
 import math
@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.simulation import JointStates, Member, Pose, Settings, Simulation, Twist, World
+from onebot_control.simulation import (
+    JointStates,
+    Pose,
+    RobotSpawn,
+    Settings,
+    Simulation,
+    Twist,
+    World,
+)
 from onebot_control.wheel_geometry import (
     WheelGeometry,
     check_wheel_names,
@@ -27,11 +35,52 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import ConfigError, Problem
 
-# joint_state_broadcaster's choice of joints and interfaces. No ROS here.
+Floats = NDArray[np.float64]
+
+
+class Plant(Protocol):
+    """What a controller drives; ``onebot_control.simulation.Simulation`` is one."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints that move."""
+
+    def step(self, velocities: Mapping[str, float], duration: float) -> None:
+        """Turn the wheels with these velocities, rad/s, for ``duration`` seconds."""
+
+    def joint_states(self) -> JointStates:
+        """State of ``joints``, in that order."""
+
+    def base_pose(self) -> Pose:
+        """Pose of the root link in the world."""
+
+    def base_twist(self) -> Twist:
+        """Velocity of the root link in its own frame."""
+
+    def reset(self) -> None:
+        """Go back to the beginning."""
+
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        """Put the robot elsewhere."""
+
+    def close(self) -> None:
+        """Free what it holds."""
+
+
+class Snapshot(NamedTuple):
+    """The robot at one control cycle."""
+
+    tick: int  # cycles done before this one
+    joints: JointStates  # of all joints that move
+    odometry: PlanarPose  # by the wheels, in the odometry's frame
+    twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
+    pose: Pose  # the true one in the world
+    velocity: Twist  # the true one, in the base's frame
+    command: DriveCommand  # of the wheels
 
 
 class JointStateBroadcaster:
-    """Says what a JointState message holds.
+    """Chooses the joints and interfaces that a JointState message holds, as ros2_control's does.
 
     Attributes:
         names: of the joints in the message.
@@ -74,70 +123,16 @@ class JointStateBroadcaster:
         return [field[row] for row in self._rows] + self._extra
 
 
-Floats = NDArray[np.float64]
-
-
-class Plant(Protocol):
-    """What is driven; ``onebot_control.simulation.Simulation`` is one."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """All joints that move."""
-
-    def step(self, velocities: Mapping[str, float], duration: float) -> None:
-        """Turn the wheels with these velocities, rad/s, for ``duration`` seconds."""
-
-    def joint_states(self) -> JointStates:
-        """State of ``joints``, in that order."""
-
-    def base_pose(self) -> Pose:
-        """Pose of the root link in the world."""
-
-    def base_twist(self) -> Twist:
-        """Velocity of the root link in its own frame."""
-
-    def reset(self) -> None:
-        """Go back to the beginning."""
-
-    def teleport(self, x: float, y: float, yaw: float) -> None:
-        """Put the robot elsewhere."""
-
-    def close(self) -> None:
-        """Free what it holds."""
-
-
-class Snapshot(NamedTuple):
-    """The robot at one control cycle.
-
-    Attributes:
-        tick: cycles done before this one.
-        joints: state of all joints that move.
-        odometry: pose by the wheels, in the odometry's frame.
-        twist: linear and angular velocity by the wheels, m/s and rad/s.
-        pose: the true pose in the world.
-        velocity: the true velocity, in the base's frame.
-        command: what the wheels were told.
-    """
-
-    tick: int
-    joints: JointStates
-    odometry: PlanarPose
-    twist: tuple[float, float]
-    pose: Pose
-    velocity: Twist
-    command: DriveCommand
-
-
-class Drive:
-    """Runs a robot.
+class DrivenRobot:
+    """A robot and its controller.
 
     Attributes:
         config: the parameters in force.
-        geometry: the drive's, before multipliers.
+        geometry: of the wheels, before multipliers.
         description: of the robot.
-        broadcaster: says what joint_states holds.
+        broadcaster: chooses what joint_states holds.
         plant: what is driven.
-        origin: where the odometry's zero lies in the world; moved by what moves the odometry.
+        origin: where the odometry's zero is in the world; moved by what moves the odometry.
         ticks: control cycles done.
     """
 
@@ -157,11 +152,11 @@ class Drive:
         self._left = [plant.joints.index(name) for name in config.left_wheel_names]
         self._right = [plant.joints.index(name) for name in config.right_wheel_names]
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0, True)
-        self._look()
+        self._read_state()
         self.place_odometry(PlanarPose())
 
     @classmethod
-    def of(cls, description: Description, config: ControlConfig) -> "Drive":
+    def of(cls, description: Description, config: ControlConfig) -> "DrivenRobot":
         """Return a robot in a simulation of its own.
 
         Raises:
@@ -190,7 +185,7 @@ class Drive:
         return PlanarPose(x, y, yaw_of(*rotation))
 
     def configure(self, config: ControlConfig) -> None:
-        """Go on with other parameters, from the next cycle on.
+        """Apply other parameters, from the next cycle on.
 
         Raises:
             OneBotError: they do not suit the robot; then nothing has changed.
@@ -202,7 +197,7 @@ class Drive:
         self.config, self.geometry, self.broadcaster = config, geometry, broadcaster
 
     def accept(self, linear: float, angular: float, age: float = 0.0) -> str | None:
-        """Take a command; see ``DiffDriveController.accept``."""
+        """Command a velocity; see ``DiffDriveController.accept``."""
         return self.controller.accept(linear, angular, age)
 
     def cycle(self) -> Snapshot:
@@ -212,8 +207,8 @@ class Drive:
         return snapshot
 
     def begin(self) -> Snapshot:
-        """Read the robot's state and decide what its wheels are to do."""
-        self._look()
+        """Read the robot's state and update the controller with it."""
+        self._read_state()
         positions, velocities = self._joints.positions, self._joints.velocities
         wheels = WheelStates(
             _mean(positions, self._left),
@@ -231,13 +226,13 @@ class Drive:
 
     @property
     def wheel_velocities(self) -> dict[str, float]:
-        """What ``begin`` decided on: the velocity of each driven joint, rad/s."""
+        """The velocity of each driven joint, rad/s, as ``begin`` has decided."""
         velocities = dict.fromkeys(self.config.left_wheel_names, self._command.left)
         velocities.update(dict.fromkeys(self.config.right_wheel_names, self._command.right))
         return velocities
 
     def snapshot(self) -> Snapshot:
-        """Return the robot as it was last looked at."""
+        """Return the robot as its state was last read."""
         odometry = self.controller.odometry
         pose = PlanarPose(odometry.x, odometry.y, odometry.heading)
         twist = (odometry.linear, odometry.angular)
@@ -249,35 +244,35 @@ class Drive:
         """Put everything back to the beginning, except time and parameters."""
         self.plant.reset()
         self.controller.halt()
-        self._look()
+        self._read_state()
         self.controller.odometry.reset()
         self.place_odometry(PlanarPose())
 
     def teleport(self, pose: PlanarPose) -> None:
-        """Put the robot elsewhere in the world, at rest; its odometry knows nothing of it."""
+        """Put the robot elsewhere in the world, at rest; its odometry stays as it is."""
         self.plant.teleport(*pose)
         self.controller.halt()
         self.controller.odometry.forget_wheels()
-        self._look()
+        self._read_state()
 
     def place_odometry(self, pose: PlanarPose) -> None:
-        """Make the odometry say ``pose`` here and now."""
+        """Set the odometry to ``pose`` here and now."""
         self.controller.odometry.set_pose(*pose)
         self.origin = self.true_pose.then(pose.inverse())
 
-    def replaced(self, description: Description) -> "Drive":
+    def replaced(self, description: Description) -> "DrivenRobot":
         """Return the same robot by another description, standing where this one stands.
 
         Raises:
             OneBotError: the description does not suit the parameters, or cannot be simulated.
         """
-        drive = Drive.of(description, self.config)
-        drive.teleport(self.true_pose)
-        drive.controller.odometry.set_pose(*self.snapshot().odometry)
-        drive.origin, drive.ticks = self.origin, self.ticks
-        return drive
+        robot = DrivenRobot.of(description, self.config)
+        robot.teleport(self.true_pose)
+        robot.controller.odometry.set_pose(*self.snapshot().odometry)
+        robot.origin, robot.ticks = self.origin, self.ticks
+        return robot
 
-    def _look(self) -> None:
+    def _read_state(self) -> None:
         self._joints = self.plant.joint_states()
         self._pose, self._twist = self.plant.base_pose(), self.plant.base_twist()
 
@@ -287,7 +282,7 @@ class Drive:
 
 
 def geometry_of(description: Description, config: ControlConfig) -> WheelGeometry:
-    """Return the drive's geometry: the parameters', or where they are 0 the description's.
+    """Return the wheels' geometry: the parameters', or where they are 0 the description's.
 
     Raises:
         OneBotError: a wheel joint is missing, or the description does not say.
@@ -303,15 +298,12 @@ def _mean(values: Floats, rows: Sequence[int]) -> float:
     return values.item(rows[0]) if len(rows) == 1 else float(values[list(rows)].mean())
 
 
-# Several robots in one world, each with its controller. No ROS here.
-
-
 class Fleet:
-    """Robots of one kind, driven together.
+    """Robots of one kind in one world, each with its controller, driven together.
 
     Attributes:
         world: which they share.
-        drives: one a robot, for commands and parameters.
+        robots: for commands and parameters.
     """
 
     def __init__(
@@ -329,10 +321,12 @@ class Fleet:
         """
         left, right = config.left_wheel_names, config.right_wheel_names
         check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
-        members = [Member(description, (*left, *right), *start) for start in starts]
-        self.world = World(members, settings)
+        spawns = [RobotSpawn(description, (*left, *right), *start) for start in starts]
+        self.world = World(spawns, settings)
         try:
-            self.drives = tuple(Drive(description, config, body) for body in self.world.robots)
+            self.robots = tuple(
+                DrivenRobot(description, config, plant) for plant in self.world.robots
+            )
         except BaseException:
             self.world.close()
             raise
@@ -341,11 +335,11 @@ class Fleet:
         """Do a control cycle of all robots; return them as they were at its beginning."""
         snapshots = []
         # One after the other, each while all that is its own is in the processor's caches.
-        for drive, robot in zip(self.drives, self.world.robots, strict=True):
-            snapshots.append(drive.begin())
-            robot.turn(drive.wheel_velocities)
-            drive.ticks += 1
-        self.world.step(self.drives[0].period)
+        for robot, plant in zip(self.robots, self.world.robots, strict=True):
+            snapshots.append(robot.begin())
+            plant.turn(robot.wheel_velocities)
+            robot.ticks += 1
+        self.world.step(self.robots[0].period)
         return snapshots
 
     def close(self) -> None:

@@ -114,3 +114,90 @@ def test_whole_numbers_of_any_use_are_computed(base: int, exponent: int) -> None
     """And one to any power is one."""
     assert bounded_power(base, exponent) == base**exponent
     assert bounded_power(1, 10**20) == 1 and bounded_power(-1, 10**20) == 1
+
+
+EDGES = [
+    # the largest that is computed, and the smallest that is refused
+    ("2**5000", "2**5001"),
+    ("(-2)**5000", "(-2)**5001"),
+    ("1 << 9999", "1 << 10000"),
+    ("-1 << 9999", "-1 << 10000"),
+    ("(1 << 4999) * (1 << 4999)", "(1 << 5000) * (1 << 4999)"),
+    ("[0] * 100000", "[0] * 100001"),
+    ("50000 * 'ab'", "50001 * 'ab'"),
+    ("(0, 0) * 50000", "(0, 0) * 50001"),
+    ("b'ab' * 50000", "b'ab' * 50001"),
+    ("list(range(100000))", "list(range(100001))"),
+    ("range(5, 100005)", "range(5, 100006)"),
+    ("range(0, -200000, -2)", "range(0, -200001, -2)"),
+    ("factorial(1000)", "factorial(1001)"),
+    ("perm(1000)", "perm(1001)"),
+    ("perm(2**99, 100)", "perm(2**99, 101)"),
+    ("comb(2**99, 100)", "comb(2**99, 101)"),
+    ("comb(1000, 10**9)", "comb(1001, 10**9)"),
+    ("round(12345, -2500)", "round(12345, -2501)"),
+]
+
+
+@pytest.mark.parametrize(("largest", "beyond"), EDGES)
+def test_the_largest_that_is_computed(largest: str, beyond: str) -> None:
+    """Right at the border: nothing that is short enough is refused."""
+    assert value_of(largest) == eval(largest, {n: getattr(math, n) for n in NAMES})
+    with pytest.raises(OverflowError, match="too (large|long|much)"):
+        value_of(beyond)
+
+
+NAMES = ("factorial", "comb", "perm")
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "2.0**1000",
+        "2**-100000",
+        "1.5 * 10**300",
+        "0 << 10**9",
+        "0**10**9",
+        "(-1)**(10**9 + 1)",
+        "[0] * -1000000",
+        "'' * 10**9",
+        "range(10**12, 0)",
+        "round(1.5, -10**9)",
+        "round(5, 10**9)",
+        "True * 3",
+    ],
+)
+def test_large_numbers_that_cost_nothing_are_taken(expression: str) -> None:
+    """Floats, negative powers, empty ranges and repetitions, and rounding to digits behind."""
+    assert value_of(expression) == eval(expression)
+
+
+def test_large_numbers_are_not_written_out() -> None:
+    """A message holds numbers up to 99 bits."""
+    with pytest.raises(OverflowError, match=rf"^2 \*\* {2**98} is too large a number$"):
+        value_of("2 ** 2**98")
+    with pytest.raises(OverflowError, match=r"^2 \*\* a large number is too large a number$"):
+        value_of("2 ** 2**99")
+    with pytest.raises(OverflowError, match=r"^a large number << 9999 is too large a number$"):
+        value_of("2**99 << 9999")
+
+
+def test_expressions_without_such_operators_are_left_as_they_are() -> None:
+    """To the blank, even where they are no Python."""
+    for expression in (" a + b ", "1 +", "-x / 2"):
+        assert bounded(expression) == expression
+    with pytest.raises(SyntaxError):
+        bounded("2 * ")
+    assert bounded("f(*values)") == "f(*values)"
+    assert bounded("'*'") == "'*'"
+
+
+def test_functions_that_are_not_there_are_not_added() -> None:
+    """Only what operators become is; the functions keep their names."""
+    symbols: dict = {"math": {"factorial": math.factorial}, "x": 1}
+    bound_functions(symbols)
+    assert set(symbols) == {"math", "x", "bounded_power", "bounded_product", "bounded_shift"}
+    assert set(symbols["math"]) == {"factorial"}
+    assert symbols["math"]["factorial"].__name__ == "factorial"
+    with pytest.raises(OverflowError):
+        symbols["math"]["factorial"](10**8)

@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_bringup.viewer.meshes import load_mesh, resolve
+from onebot_bringup.viewer.shapes import file_state, load_shape
+from onebot_description.description.description import Box, Capsule, Cylinder, Mesh, Sphere
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.viewer_support import ORANGE, box, write_collada, write_obj
 
 BOUNDS = [[-0.5, -0.3, -0.15], [0.5, 0.3, 0.15]]
+
+
+def _load(path, scale=(1.0, 1.0, 1.0)):
+    return load_shape(Mesh(str(path), scale))
 
 
 def _glb(asset) -> trimesh.Scene:
@@ -25,8 +30,8 @@ def _materials(asset) -> list:
 def test_collada_has_the_size_of_the_same_stl(tmp_path, meter, up_axis, tag):
     """<unit> scales, and <up_axis> turns nothing, as in RViz."""
     box().export(tmp_path / "box.stl")
-    stl = load_mesh(tmp_path / "box.stl")
-    dae = load_mesh(write_collada(tmp_path / "box.dae", meter, up_axis, tag))
+    stl = _load(tmp_path / "box.stl")
+    dae = _load(write_collada(tmp_path / "box.dae", meter, up_axis, tag))
     for asset in (stl, dae):
         np.testing.assert_allclose(asset.bounds, BOUNDS, atol=1e-6)
         np.testing.assert_allclose(_glb(asset).bounds, BOUNDS, atol=1e-6)
@@ -34,7 +39,7 @@ def test_collada_has_the_size_of_the_same_stl(tmp_path, meter, up_axis, tag):
 
 def test_collada_keeps_its_colours_in_linear_light(tmp_path):
     """A glTF means linear light: the file's sRGB is converted, and shown as it was."""
-    asset = load_mesh(write_collada(tmp_path / "box.dae", 1.0, "Z_UP"))
+    asset = _load(write_collada(tmp_path / "box.dae", 1.0, "Z_UP"))
     assert asset.colored
     linear = [np.asarray(material.baseColorFactor) / 255 for material in _materials(asset)]
     expected = [((value / 255 + 0.055) / 1.055) ** 2.4 for value in ORANGE[:2]]
@@ -45,7 +50,7 @@ def test_collada_keeps_its_colours_in_linear_light(tmp_path):
 def test_stl_has_no_colour_of_its_own_and_sharp_edges(tmp_path):
     """A box's normals stand square on its faces, so that it looks like a box."""
     box().export(tmp_path / "box.stl")
-    asset = load_mesh(tmp_path / "box.stl")
+    asset = _load(tmp_path / "box.stl")
     assert not asset.colored
     for part in _glb(asset).geometry.values():
         np.testing.assert_allclose(np.abs(part.vertex_normals).max(axis=1), 1.0, atol=1e-6)
@@ -54,7 +59,7 @@ def test_stl_has_no_colour_of_its_own_and_sharp_edges(tmp_path):
 def test_a_round_stl_is_shaded_round(tmp_path):
     """A cylinder's side is smooth: each corner's normal points straight out."""
     trimesh.creation.cylinder(radius=1, height=1, sections=32).export(tmp_path / "c.stl")
-    [part] = _glb(load_mesh(tmp_path / "c.stl")).geometry.values()
+    [part] = _glb(_load(tmp_path / "c.stl")).geometry.values()
     side = np.abs(part.vertex_normals[:, 2]) < 0.5
     out = part.vertices[side, :2] / np.linalg.norm(part.vertices[side, :2], axis=1)[:, None]
     np.testing.assert_allclose(part.vertex_normals[side, :2], out, atol=0.05)
@@ -62,8 +67,8 @@ def test_a_round_stl_is_shaded_round(tmp_path):
 
 def test_obj_is_coloured_only_with_a_material(tmp_path):
     """An OBJ without usemtl takes the URDF's colour, one with it keeps its own."""
-    assert not load_mesh(write_obj(tmp_path / "plain.obj")).colored
-    asset = load_mesh(write_obj(tmp_path / "orange.obj", "orange"))
+    assert not _load(write_obj(tmp_path / "plain.obj")).colored
+    asset = _load(write_obj(tmp_path / "orange.obj", "orange"))
     assert asset.colored
     np.testing.assert_allclose(asset.bounds, BOUNDS)
     assert np.asarray(_materials(asset)[0].baseColorFactor)[0] == 255
@@ -73,17 +78,17 @@ def test_glb_is_passed_on_untouched(tmp_path):
     """It is the format the viewer reads."""
     data = trimesh.Scene([box()]).export(file_type="glb")
     (tmp_path / "box.glb").write_bytes(data)
-    assert load_mesh(tmp_path / "box.glb").glb == data
+    assert _load(tmp_path / "box.glb").glb == data
 
 
 def test_a_mesh_is_converted_once_until_its_file_changes(tmp_path):
     """The same object comes back; a new file gives a new one."""
     path = tmp_path / "box.stl"
     box().export(path)
-    first = load_mesh(path)
-    assert load_mesh(path) is first
+    first = _load(path)
+    assert _load(path) is first
     trimesh.creation.box(extents=(2, 2, 2)).subdivide().export(path)
-    np.testing.assert_allclose(load_mesh(path).bounds, [[-1, -1, -1], [1, 1, 1]])
+    np.testing.assert_allclose(_load(path).bounds, [[-1, -1, -1], [1, 1, 1]])
 
 
 @pytest.mark.parametrize(
@@ -99,14 +104,49 @@ def test_an_unreadable_mesh_is_one_clear_error(tmp_path, name, content, said):
     """The message names the file."""
     (tmp_path / name).write_bytes(content)
     with pytest.raises(OneBotError, match="mesh .*" + said.replace(".", r"\.")):
-        load_mesh(tmp_path / name)
+        _load(tmp_path / name)
 
 
 def test_addresses_are_resolved(tmp_path):
     """file:// and absolute paths lead to files; what leads nowhere is said."""
     path = tmp_path / "a b.stl"
     box().export(path)
-    assert resolve(path.as_uri()) == path == resolve(str(path))
+    unit = (1.0, 1.0, 1.0)
+    for uri in (path.as_uri(), str(path)):
+        assert file_state(Mesh(uri, unit)).path == path
     for uri in ("package://no_such_package/x.stl", "http://x/y.stl", "x.stl", "/nowhere/x.stl"):
         with pytest.raises(OneBotError, match=uri.rpartition("/")[2].replace(".", r"\.")):
-            resolve(uri)
+            file_state(Mesh(uri, unit))
+
+
+@pytest.mark.parametrize(
+    ("shape", "half"),
+    [
+        (Box((0.2, 0.4, 0.6)), (0.1, 0.2, 0.3)),
+        (Cylinder(0.2, 0.6), (0.2, 0.2, 0.3)),
+        (Sphere(0.2), (0.2, 0.2, 0.2)),
+        (Capsule(0.2, 0.6), (0.2, 0.2, 0.5)),
+    ],
+)
+def test_primitives_have_their_size_and_no_colour(shape, half):
+    """Centred on their origin; round ones to a thousandth."""
+    asset = load_shape(shape)
+    assert not asset.colored
+    np.testing.assert_allclose(asset.bounds, [np.negative(half), half], atol=1e-3)
+    np.testing.assert_allclose(_glb(asset).bounds, asset.bounds, atol=1e-3)
+
+
+def test_a_box_has_sharp_edges_and_a_sphere_none():
+    """Their normals tell."""
+    [sides] = _glb(load_shape(Box((1, 1, 1)))).geometry.values()
+    np.testing.assert_allclose(np.abs(sides.vertex_normals).max(axis=1), 1.0, atol=1e-6)
+    [ball] = _glb(load_shape(Sphere(1))).geometry.values()
+    np.testing.assert_allclose(ball.vertex_normals, ball.vertices, atol=0.01)
+
+
+def test_a_mesh_is_scaled_and_mirrored(tmp_path):
+    """By the URDF's scale, after the file's own unit; its faces still look outwards."""
+    for file in (write_obj(tmp_path / "a.obj"), write_collada(tmp_path / "a.dae", 0.01, "Z_UP")):
+        asset = _load(file, (1.0, -2.0, 3.0))
+        np.testing.assert_allclose(asset.bounds, np.multiply(BOUNDS, [1, 2, 3]), atol=1e-6)
+        assert all(part.volume > 0 for part in _glb(asset).geometry.values() if part.is_watertight)

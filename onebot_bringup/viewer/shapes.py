@@ -1,0 +1,225 @@
+"""Shapes as RViz shows them: loaded by yourdfpy, written as GLB, which every Rerun viewer reads.
+
+yourdfpy makes a trimesh scene of each shape. What RViz shows and yourdfpy leaves out is added here:
+
+- the <unit> of a Collada file (neither turns its axes by <up_axis>, as Rerun's own loader does)
+- capsules, and spheres and cylinders that are round at any size on the screen
+- round faces and sharp edges where a file has no normals
+- which files have colours of their own, and these in glTF's linear light
+"""
+
+import functools
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import trimesh
+import yourdfpy
+from numpy.typing import NDArray
+
+from onebot_description.description import packages
+from onebot_description.description.description import (
+    MESH_SUFFIXES,
+    Box,
+    Capsule,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+)
+from onebot_description.errors import OneBotError
+
+_CYLINDER_SECTIONS = 72
+_SPHERE_SUBDIVISIONS = 4
+# Above this many faces sharp edges are not searched for (it takes seconds); shading is then flat.
+_MOST_FACES_TO_SMOOTH = 200_000
+
+
+class ShapeAsset(NamedTuple):
+    """A shape ready to be logged."""
+
+    glb: bytes  # binary glTF
+    bounds: NDArray[np.float64]  # (2, 3), least and greatest corner, m
+    colored: bool  # it has colours of its own, which override the URDF's, as in RViz
+
+
+class FileState(NamedTuple):
+    """A mesh file as it was when it was looked at: the same URDF may mean a new mesh."""
+
+    path: Path
+    modified: int  # ns
+    size: int
+
+
+def file_state(shape: Shape) -> FileState | None:
+    """Return the file of a mesh; None for other shapes.
+
+    Raises:
+        OneBotError: no such package, file or kind of address.
+    """
+    if not isinstance(shape, Mesh):
+        return None
+    try:
+        path = packages.resolve(shape.uri, None)
+        status = path.stat()
+    except OneBotError as error:
+        raise OneBotError(f"mesh {error}") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OneBotError(f'mesh "{shape.uri}": {reason}') from error
+    return FileState(path, status.st_mtime_ns, status.st_size)
+
+
+def load_shape(shape: Shape) -> ShapeAsset:
+    """Return a shape for Rerun; the last 256 are remembered until their files change.
+
+    Raises:
+        OneBotError: its mesh cannot be read, or holds no surface.
+    """
+    return _load(shape, file_state(shape))
+
+
+@functools.lru_cache(maxsize=256)
+def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
+    if file is None or not isinstance(shape, Mesh):
+        return _asset(_with_normals(_scene(shape, None)), colored=False)
+    path, suffix = file.path, file.path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        known = ", ".join(MESH_SUFFIXES)
+        raise OneBotError(f"mesh {path}: {suffix or 'no suffix'} is none of {known}")
+    try:
+        return _mesh_asset(shape, path, suffix)
+    except OneBotError:
+        raise
+    except Exception as error:  # trimesh and its parsers raise exceptions of all kinds
+        lines = str(error).strip().splitlines()
+        reason = lines[0] if lines else type(error).__name__
+        raise OneBotError(f"mesh {path}: {reason}") from error
+
+
+def _mesh_asset(mesh: Mesh, path: Path, suffix: str) -> ShapeAsset:
+    scene = _scene(mesh, path)
+    if not any(isinstance(part, trimesh.Trimesh) for part in scene.geometry.values()):
+        raise OneBotError(f"mesh {path}: it holds no triangles")
+    if suffix == ".glb" and mesh.scale == (1.0, 1.0, 1.0):
+        # As it is: trimesh does not know all that a glTF may hold.
+        return ShapeAsset(path.read_bytes(), np.asarray(scene.bounds, float), True)
+    colored = _has_colors(path, suffix, scene)
+    if _lacks_normals(path, suffix):
+        scene = _with_normals(scene)
+    if suffix == ".dae":
+        scene.apply_transform(np.diag([*[collada_unit(path)] * 3, 1.0]))
+    return _asset(scene, colored, linear=suffix in (".glb", ".gltf"))
+
+
+def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
+    # glTF's colours are linear light, those of the other formats are what is seen.
+    adjust = None if linear else _linearise
+    glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)
+    return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
+
+
+def _scene(shape: Shape, path: Path | None) -> trimesh.Scene:
+    """Return what yourdfpy makes of ``shape``, whose file is ``path`` if it is a mesh."""
+    if isinstance(shape, Capsule):
+        # Centred, and its height counts without the ends, as in URDF.
+        size = {"radius": shape.radius, "height": shape.length}
+        return trimesh.Scene(trimesh.creation.capsule(**size, count=(48, 48)))
+    visual = yourdfpy.Visual(name="shape", geometry=_geometry(shape))
+    robot = yourdfpy.Robot("robot", links=[yourdfpy.Link("link", visuals=[visual])])
+    scene = yourdfpy.URDF(robot=robot, filename_handler=lambda fname: str(path)).scene
+    for part in scene.geometry.values():
+        if isinstance(part, trimesh.primitives.Cylinder):
+            part.primitive.sections = _CYLINDER_SECTIONS
+        elif isinstance(part, trimesh.primitives.Sphere):
+            part.primitive.subdivisions = _SPHERE_SUBDIVISIONS
+    return scene
+
+
+def _geometry(shape: Box | Cylinder | Sphere | Mesh) -> yourdfpy.Geometry:
+    if isinstance(shape, Box):
+        return yourdfpy.Geometry(box=yourdfpy.Box(np.array(shape.size)))
+    if isinstance(shape, Cylinder):
+        return yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(shape.radius, shape.length))
+    if isinstance(shape, Sphere):
+        return yourdfpy.Geometry(sphere=yourdfpy.Sphere(shape.radius))
+    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(shape.uri, np.array(shape.scale)))
+
+
+def _has_colors(path: Path, suffix: str, scene: trimesh.Scene) -> bool:
+    if suffix == ".stl":
+        return False
+    if suffix == ".obj":
+        return re.search(rb"^\s*usemtl\s", path.read_bytes(), re.MULTILINE) is not None
+    visuals = [part.visual for part in scene.geometry.values()]
+    return any(visual.kind is not None and visual.defined for visual in visuals)
+
+
+def _with_normals(scene: trimesh.Scene) -> trimesh.Scene:
+    """Give what has no normals at its corners round faces and sharp edges."""
+    shaded = trimesh.Scene()
+    for part in scene.dump():
+        few = len(part.faces) <= _MOST_FACES_TO_SMOOTH
+        shaded.add_geometry(_shade(part) if few and not _is_textured(part) else _flat(part))
+    return shaded
+
+
+def _is_textured(mesh: trimesh.Trimesh) -> bool:
+    return mesh.visual.kind == "texture" and mesh.visual.uv is not None
+
+
+def _lacks_normals(path: Path, suffix: str) -> bool:
+    if suffix == ".stl":  # it has one a face only
+        return True
+    pattern = {".obj": rb"^vn\s", ".dae": rb"semantic=[\"']NORMAL"}.get(suffix)
+    return pattern is not None and not re.search(pattern, path.read_bytes(), re.MULTILINE)
+
+
+def _shade(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Split ``mesh`` at edges sharper than 30 degrees, so that only round parts look round."""
+    joined = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    joined.merge_vertices()
+    smooth: trimesh.Trimesh = trimesh.graph.smooth_shade(joined, angle=np.radians(30.0))
+    if mesh.visual.kind == "texture":
+        smooth.visual = trimesh.visual.TextureVisuals(material=mesh.visual.material)
+    elif mesh.visual.defined:  # by corner or face: the split has reordered both
+        return _flat(mesh)
+    return smooth
+
+
+def _flat(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    faces = np.arange(3 * len(mesh.faces)).reshape(-1, 3)
+    normals = np.repeat(mesh.face_normals, 3, axis=0)
+    corners = mesh.triangles.reshape(-1, 3)
+    flat = trimesh.Trimesh(corners, faces, vertex_normals=normals, process=False)
+    if mesh.visual.kind == "texture":
+        uv = mesh.visual.uv[mesh.faces].reshape(-1, 2) if _is_textured(mesh) else None
+        flat.visual = trimesh.visual.TextureVisuals(uv=uv, material=mesh.visual.material)
+    elif mesh.visual.defined:
+        flat.visual.vertex_colors = mesh.visual.vertex_colors[mesh.faces].reshape(-1, 4)
+    return flat
+
+
+def collada_unit(path: Path) -> float:
+    """Return how many metres a Collada file's unit is (<unit meter="...">; 1 by default)."""
+    for _, element in ET.iterparse(path, events=("end",)):
+        tag = element.tag.rpartition("}")[2]
+        if tag == "unit":
+            return float(element.get("meter", "1"))
+        if tag == "asset":
+            break
+    return 1.0
+
+
+def _linearise(tree: dict[str, Any]) -> None:
+    """Turn the sRGB colours of ``tree`` (glTF) into linear light (IEC 61966-2-1)."""
+    for material in tree.get("materials", ()):
+        factor = material.get("pbrMetallicRoughness", {}).get("baseColorFactor")
+        if factor is not None:
+            factor[:3] = [_linear(value) for value in factor[:3]]
+
+
+def _linear(value: float) -> float:
+    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

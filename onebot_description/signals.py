@@ -1,0 +1,88 @@
+"""Signals that ask a process to stop: Ctrl-C, SIGTERM, and a terminal that is closed.
+
+A node calls a function on them (``StopSignals``), a command of the console raises KeyboardInterrupt
+(``keyboard_interrupts``), and the launcher gives ``stop_signals`` to its event loop.
+"""
+
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+# SIGINT too: a shell starts what it puts in the background with SIGINT ignored.
+_STOP = (signal.SIGINT, signal.SIGTERM)
+
+
+def stop_signals() -> tuple[signal.Signals, ...]:
+    """Return those that ask a command to stop; not SIGHUP where it is ignored, as under nohup."""
+    nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    return _STOP if nohup else (*_STOP, signal.SIGHUP)
+
+
+@contextmanager
+def keyboard_interrupts(numbers: Sequence[signal.Signals] = _STOP) -> Iterator[None]:
+    """Within this context each of ``numbers`` raises KeyboardInterrupt in the main thread."""
+    old = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
+    try:
+        yield
+    finally:
+        _restore(old)
+
+
+class StopSignals:
+    """While open, calls ``on_stop`` from a thread as soon as SIGINT or SIGTERM arrives.
+
+    A Python handler alone would run only once the executor's C++ code returns to Python. The
+    wake-up socket is written by the C-level handler, whatever the main thread is in.
+    """
+
+    def __init__(self, on_stop: Callable[[], None]) -> None:
+        """Nothing is changed until it is entered, in the main thread."""
+        self._on_stop = on_stop
+        self._arrived = self._interrupting = False
+        self._read, self._write = socket.socketpair()
+        self._write.setblocking(False)
+
+    @contextmanager
+    def interrupting(self) -> Iterator[None]:
+        """Within this context, a signal also raises KeyboardInterrupt in the main thread.
+
+        Around what may take seconds and can be given up at any point. One that came before counts.
+        """
+        self._interrupting = True
+        try:
+            if self._arrived:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._interrupting = False
+
+    def __enter__(self) -> "StopSignals":
+        """Install the handlers."""
+        self._old_fd = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
+        self._old = {number: signal.signal(number, self._handle) for number in _STOP}
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Put the former handlers back."""
+        signal.set_wakeup_fd(self._old_fd)
+        _restore(self._old)
+        self._write.close()  # ends the thread's recv
+
+    def _handle(self, *_: object) -> None:
+        self._arrived = True
+        if self._interrupting:
+            self._interrupting = False  # once is enough: cleaning up must not be interrupted
+            raise KeyboardInterrupt
+
+    def _watch(self) -> None:
+        if self._read.recv(1):
+            self._on_stop()
+
+
+def _restore(handlers: Mapping[signal.Signals, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

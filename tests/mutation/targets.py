@@ -1,0 +1,134 @@
+"""What the mutation run mutates, the tests that must notice, and the mutants that no test can."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+CHECKOUT = Path(__file__).parents[2]
+
+
+def _tests(package: str, *names: str) -> tuple[str, ...]:
+    return tuple(f"tests/{package}/test_{name}.py" for name in names)
+
+
+def _control(*names: str) -> tuple[str, ...]:
+    return _tests("onebot_control", *names)
+
+
+def _description(*names: str) -> tuple[str, ...]:
+    return _tests("onebot_description", *names)
+
+
+_SIMULATION = ("simulation_loading", "simulation_state", "simulation_motion")
+_CHECKS = ("description_checks", "description_faults", "description_loading")
+_SOURCE = ("joints_source", "joints_mimic")
+
+# Each module of a pure core with the test files that test it, the quickest first; none uses ROS.
+TESTS: dict[str, tuple[str, ...]] = {
+    "onebot_control/speed_limiter.py": _control("speed_limiter"),
+    "onebot_control/odometry.py": _control("kinematics", "odometry"),
+    "onebot_control/diff_drive.py": _control("diff_drive"),
+    "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
+    "onebot_control/control_loop.py": _control("pacing", "control_loop"),
+    "onebot_control/wheel_geometry.py": _control("geometry"),
+    "onebot_control/poses.py": _control("frames", "simulation_values"),
+    "onebot_control/parameters.py": _control("control_config", "control_files"),
+    "onebot_control/simulation/bodies.py": _control("simulation_bodies", *_SIMULATION),
+    "onebot_control/simulation/rest_pose.py": _control("simulation_settling", *_SIMULATION),
+    "onebot_control/simulation/settings.py": _control("simulation_values", "world"),
+    "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
+    "onebot_description/joints/motions.py": _description(
+        "joints_tracks", "joints_violations", *_SOURCE
+    ),
+    "onebot_description/joints/limits.py": _description("joints_limits"),
+    "onebot_description/joints/mimic.py": _description(*_SOURCE),
+    "onebot_description/joints/source.py": _description(*_SOURCE),
+    "onebot_description/description/checks.py": _description(*_CHECKS),
+    "onebot_description/description/description.py": _description(*_CHECKS),
+    "onebot_description/description/xacro.py": _description("endless", *_CHECKS),
+    "onebot_description/model/quaternions.py": _description("robot_model"),
+    "onebot_description/model/robot_model.py": _description("robot_model"),
+    "onebot_bringup/launcher/launcher.py": _tests("onebot_bringup", "launcher_restarts"),
+    "onebot_bringup/launch/arguments.py": _tests(
+        "onebot_bringup", "launcher_arguments", "bringup_nodes"
+    ),
+}
+
+
+class Equivalent(NamedTuple):
+    """A mutant that behaves as the code does, by the text that its printed diff adds."""
+
+    module: str
+    definition: str  # "Class.method" or "function", "" at the module's level
+    line: str  # as mutated, without indentation; "" when the mutation removes the line
+    reason: str
+
+
+EQUIVALENT = (
+    Equivalent(
+        "onebot_control/control_loop.py",
+        "",
+        "_PATIENCE = 11.0  # s for the loop to answer",
+        "a deadline that nothing comes near",
+    ),
+    Equivalent(
+        "onebot_control/driven_robot.py",
+        "Drive.accept",
+        "def accept(self, linear: float, angular: float, age: float = -1.0) -> str | None:",
+        "an age below 0 counts as 0",
+    ),
+    Equivalent(
+        "onebot_control/odometry.py",
+        "Odometry.__init__",
+        "self._since = -1.0",
+        "the wheels' first positions only begin: the time before them counts for nothing",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
+        "_read_limit",
+        "elif low >= high == 0:",
+        "the branch before took what is above",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
+        "_check_shape",
+        'elif shape.tag <= "box":',
+        "no other known shape comes before box",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
+        "_is_positive_definite",
+        "second = xx * yy - xy - xy",
+        "of a matrix and its _room, one has a negative determinant if either is not definite",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
+        "_room",
+        "most = (xx + yy + zz) / (1 + _ROUNDING) / (2 + _ROUNDING)",
+        "refuses more, and what this quick check refuses is decided by the eigenvalues",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
+        "check_tree",
+        'return roots[0] if len(roots) >= 1 else ""',
+        "several roots are a problem, and then no description is returned",
+    ),
+    Equivalent(
+        "onebot_description/description/xacro.py",
+        "_check_round",
+        "def _check_round(number: Any = 1, ndigits: Any = None, *_: Any, **__: Any) -> None:",
+        "round() without a number fails by itself",
+    ),
+    Equivalent(
+        "onebot_description/description/xacro.py",
+        "bounded_power",
+        "if isinstance(base, int) and isinstance(exponent, int) and abs(base) != 1:",
+        "0 has no bits, so that no power of it is too large",
+    ),
+)
+
+
+def missing() -> list[str]:
+    """Return what the tables name and the checkout does not have: they follow every move."""
+    named = {*TESTS, *(file for files in TESTS.values() for file in files)}
+    named.update(each.module for each in EQUIVALENT)
+    return sorted(path for path in named if not (CHECKOUT / path).is_file())

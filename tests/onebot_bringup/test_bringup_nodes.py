@@ -1,0 +1,509 @@
+"""Launch arguments in, processes out: which nodes, with which parameters. None of them is started.
+
+What the nodes then do is tested by bringing robots up (``test_bringup``, ``test_onebot_bringup``).
+"""
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from onebot_bringup.launch.arguments import (
+    Argument,
+    UsageError,
+    checked_values,
+    description_arguments,
+    simulation_arguments,
+)
+from onebot_bringup.launch.bringup import Bringup, bring_up, help_text, nodes_to_start, summary_text
+from onebot_bringup.launch.description_watcher import Known
+from onebot_bringup.launch.nodes import NodeFactory, output_path
+from onebot_bringup.launcher.process import NodeProcess
+from onebot_description.description import load_description
+from onebot_description.errors import OneBotError
+
+ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="height" default="1.0"/>
+  <link name="base"/><link name="tip"/><link name="camera"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="tip"/><origin xyz="0 0 $(arg height)"/><axis xyz="0 0 1"/>
+    <limit lower="0.5" upper="1.0" effort="1" velocity="1"/>
+  </joint>
+  <joint name="mount" type="fixed"><parent link="tip"/><child link="camera"/></joint>
+</robot>"""
+JOINTS = "/**:\n  ros__parameters: {rate: 20.0}\n"
+
+Make = Callable[..., NodeFactory]
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """The arm, and parameters for its joints and for a controller, in a folder of their own."""
+    for name, text in (("arm.xacro", ARM), ("joints.yaml", JOINTS), ("control.yaml", JOINTS)):
+        (tmp_path / name).write_text(text)
+    return tmp_path / "arm.xacro"
+
+
+@pytest.fixture
+def make(arm: Path) -> Make:
+    """A factory for the launch arguments given, of a robot that can be simulated or cannot."""
+
+    def factory(
+        simulated: bool = True, /, *, ros_args: tuple[str, ...] = (), **given: str
+    ) -> NodeFactory:
+        declared = description_arguments(str(arm), "", "none")
+        if simulated:
+            declared += simulation_arguments(str(arm.parent / "control.yaml"))
+        description = load_description(arm)
+        known = Known.of("<known/>", [arm], {})
+        nodes = arm.parent / "nodes"
+        nodes.mkdir(exist_ok=True)
+        values = checked_values(declared, given)
+        arguments = {"height": "2.0"}
+        return NodeFactory(nodes, values, description, arguments, ros_args, known)
+
+    return factory
+
+
+def names(make: NodeFactory) -> list[str]:
+    """The nodes to start, in their order."""
+    return [node.name for node in nodes_to_start(make)]
+
+
+def parameters(node: NodeProcess) -> dict[str, Any]:
+    """The parameters of its own that a node gets, from the last of its files."""
+    at = len(node.arguments) - 1 - node.arguments[::-1].index("--params-file")
+    [(full_name, content)] = yaml.safe_load(Path(node.arguments[at + 1]).read_text()).items()
+    assert full_name.split("/")[-1] == node.name
+    found: dict[str, Any] = content["ros__parameters"]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("sim", "given", "wanted"),
+    [
+        (True, {}, "velocity_controller robot_state_publisher rerun_viewer description_watcher"),
+        (
+            True,
+            {"sim": "false"},
+            "robot_state_publisher joint_state_publisher rerun_viewer description_watcher",
+        ),
+        (
+            False,
+            {},
+            "robot_state_publisher joint_state_publisher rerun_viewer description_watcher",
+        ),
+        (False, {"joint_states": "false", "reload": "false"}, "robot_state_publisher rerun_viewer"),
+        (False, {"viewer": "none", "reload": "0"}, "robot_state_publisher joint_state_publisher"),
+        (
+            False,
+            {"viewer": "none", "save": "x.rrd", "reload": "false"},
+            "robot_state_publisher joint_state_publisher rerun_viewer",
+        ),
+        (
+            True,
+            {"record": "bag", "viewer": "none", "steer": "true", "port": "0"},
+            "bag_recorder velocity_controller robot_state_publisher steering_page"
+            " description_watcher",
+        ),
+    ],
+)
+def test_which_nodes_are_started(make: Make, sim: bool, given: dict[str, str], wanted: str) -> None:
+    """The recorder comes first; one node moves the joints, the simulation or the publisher."""
+    assert names(make(sim, **given)) == wanted.split()
+
+
+def test_whose_end_matters(make: Make) -> None:
+    """The robot's own nodes end the launch, the page is restarted, all others may go."""
+    nodes = nodes_to_start(make(record="bag", steer="true", port="0"))
+    assert {node.name: node.on_exit for node in nodes} == {
+        "bag_recorder": "ignore",
+        "velocity_controller": "shutdown",
+        "robot_state_publisher": "shutdown",
+        "steering_page": "restart",
+        "rerun_viewer": "ignore",
+        "description_watcher": "ignore",
+    }
+    assert make().joint_state_publisher().on_exit == "shutdown"
+
+
+def test_what_shows_the_robot_gives_way_to_what_moves_it(make: Make) -> None:
+    """In processor time; the recorder is to miss nothing, so it does not."""
+    nice = {node.name: node.nice for node in nodes_to_start(make(record="bag"))}
+    assert nice["description_watcher"] > nice["rerun_viewer"] > 0
+    assert not {name for name, value in nice.items() if value} - {
+        "description_watcher",
+        "rerun_viewer",
+    }
+
+
+def test_each_node_is_a_python_module_of_its_own(make: Make) -> None:
+    """Run by the launcher's interpreter, with its SIGINT held until it is ready."""
+    for node in nodes_to_start(make(record="bag", steer="true", port="0")):
+        assert node.command[0] == sys.executable and node.hold_interrupt
+        assert node.module.rpartition(".")[2] == node.name
+        assert node.module in node.command and node.module not in node.arguments
+        assert node.command[-len(node.arguments) :] == node.arguments
+        assert node.environment["PYTHONUNBUFFERED"] == "1"
+
+
+def test_every_node_gets_the_common_arguments(make: Make) -> None:
+    """Namespace, log level and time, and last of all what follows --ros-args."""
+    given = {"namespace": "/left/arm/", "log_level": "warn", "use_sim_time": "true"}
+    factory = make(ros_args=("-p", "x:=1"), record="bag", steer="true", port="0", **given)
+    for node in nodes_to_start(factory):
+        words = list(node.arguments)
+        assert words[-2:] == ["-p", "x:=1"]
+        own = words[words.index("--ros-args") :]
+        assert own[1:3] == ["--log-level", "warn"]
+        assert "__ns:=/left/arm" in own and own[own.index("__ns:=/left/arm") - 1] == "-r"
+        assert parameters(node)["use_sim_time"] is True
+        file = own[len(own) - own[::-1].index("--params-file")]
+        assert Path(file).read_text().startswith(f'"/left/arm/{node.name}":')
+
+
+def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
+    """As text, with all that the launch arguments say of transforms."""
+    nodes = make(False)
+    assert parameters(nodes.robot_state_publisher()) == {
+        "robot_description": nodes.description.urdf,
+        "frame_prefix": "",
+        "publish_frequency": 0.0,
+        "ignore_timestamp": False,
+        "use_sim_time": False,
+    }
+    given = {"frame_prefix": "a_", "publish_frequency": "20", "ignore_timestamp": "true"}
+    found = parameters(make(False, **given).robot_state_publisher())
+    assert found["frame_prefix"] == "a_" and found["ignore_timestamp"] is True
+    assert found["publish_frequency"] == 20.0 and isinstance(found["publish_frequency"], float)
+
+
+def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> None:
+    """With a file, that alone decides; without one, every joint moves within its limits."""
+    file = str(arm.parent / "joints.yaml")
+    assert parameters(make(joints=file).joint_state_publisher()) == {
+        "config_file": file,
+        "use_sim_time": False,
+    }
+    swing = parameters(make().joint_state_publisher())
+    assert swing["motions"]["shoulder"]["offset"] == pytest.approx(0.75)
+    assert "config_file" not in swing
+
+
+def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
+    """Its own parameters override those of the file, which it reads from anywhere."""
+    given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
+    nodes = make(**given)
+    node = nodes.velocity_controller()
+    assert parameters(node) == {
+        "x": 1.0,
+        "y": -2.5,
+        "yaw": 0.5,
+        "robot_description": nodes.description.urdf,
+        "tf_frame_prefix_enable": True,
+        "tf_frame_prefix": "r/",
+        "update_rate": 200,
+        "use_sim_time": False,
+    }
+    files = [word for word in node.arguments if word.endswith(".yaml")]
+    assert files[0] == str(arm.parent / "control.yaml") and len(files) == 2
+
+
+def test_velocity_controller_takes_the_rest_from_its_file(
+    make: Make, monkeypatch: pytest.MonkeyPatch, arm: Path
+) -> None:
+    """No rate means the file's; no prefix means none; a relative file is made absolute."""
+    monkeypatch.chdir(arm.parent)
+    node = make(params_file="control.yaml").velocity_controller()
+    found = parameters(node)
+    assert "update_rate" not in found
+    assert found["tf_frame_prefix_enable"] is False and found["tf_frame_prefix"] == ""
+    assert str(arm.parent / "control.yaml") in node.arguments
+
+
+@pytest.mark.parametrize(
+    ("sim", "given", "frame"),
+    [
+        (True, {}, ""),  # the viewer chooses: odom, as the simulation has it
+        (True, {"sim": "false"}, "base"),  # there is no odom
+        (True, {"sim": "false", "frame_prefix": "r/"}, "r/base"),
+        (True, {"sim": "false", "fixed_frame": "world"}, "world"),
+        (True, {"fixed_frame": "map"}, "map"),
+        (False, {}, ""),  # it may have an odom of its own
+    ],
+)
+def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], frame: str) -> None:
+    """The one asked for, else the robot's root if it could be simulated but is not."""
+    assert parameters(make(sim, **given).rerun_viewer())["fixed_frame"] == frame
+
+
+def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
+    """A browser is opened for the view unless the steering page holds it."""
+    given = {"viewer": "native", "save": "x.rrd", "view": "v.yaml", "frame_prefix": "r/"}
+    found = parameters(make(**given).rerun_viewer())
+    assert {name: found[name] for name in given} == given
+    assert found["open_browser"] is True
+    assert parameters(make(steer="true").rerun_viewer())["open_browser"] is False
+    assert parameters(make(False).rerun_viewer())["open_browser"] is True
+
+
+def test_the_steering_page_has_a_port_before_it_starts(
+    make: Make, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Any free one for 0; the token is the user's, and there need be no warning."""
+    node = make(steer="true", port="0", token="secret").steering_page()
+    found = parameters(node)
+    assert found["host"] == "127.0.0.1" and found["token"] == "secret" and found["port"] > 0
+    assert capsys.readouterr().err == ""
+
+
+def test_the_recorder_s_folder_is_absolute(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its process may run elsewhere; the shell leaves the ~ of ``name:=~/x`` as it is."""
+    monkeypatch.setenv("HOME", "/home/someone")
+    node = make(record="~/bags/one").bag_recorder()
+    assert parameters(node)["folder"] == "/home/someone/bags/one"
+    assert output_path("bag") == Path.cwd() / "bag"
+
+
+def test_the_watcher_knows_the_files_and_the_arguments(make: Make, arm: Path) -> None:
+    """So that an edit while everything starts is found, and xacro gets the same again."""
+    words = make().description_watcher().arguments
+    before = words[: words.index("--ros-args")]
+    assert before[0] == "--known" and before[2:] == (str(arm), "height:=2.0")
+    known = json.loads(before[1])
+    assert list(known["files"]) == [str(arm)]
+
+
+def refused(robot: Bringup, *argv: str) -> str:
+    """The error with which a bringup is refused before anything is started."""
+    with pytest.raises(OneBotError) as caught:
+        bring_up(robot, argv)
+    return str(caught.value)
+
+
+@pytest.fixture
+def view() -> Bringup:
+    """A command that takes a file."""
+    return Bringup("view", "shows a robot", takes_file=True)
+
+
+@pytest.fixture
+def driven(arm: Path) -> Bringup:
+    """A command with a robot of its own, which can be simulated."""
+    return Bringup("drive", "drives", model=str(arm), control=str(arm.parent / "control.yaml"))
+
+
+def test_the_model_is_given_once(view: Bringup, driven: Bringup, arm: Path) -> None:
+    """A command that takes a file takes one; one that does not takes none."""
+    assert "view needs a file" in refused(view)
+    assert "not both" in refused(view, str(arm), f"model:={arm}")
+    assert "more.urdf" in refused(view, str(arm), "more.urdf")
+    assert "arm.xacro" in refused(driven, str(arm))
+
+
+def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm: Path) -> None:
+    """Those of the model are known too, and are suggested; all are reported at once."""
+    said = refused(view, str(arm), "heigth:=1", "viewwer:=web")
+    assert 'no argument "heigth" (did you mean "height"?' in said
+    assert 'no argument "viewwer"' in said and len(said.splitlines()) == 2
+    arm.write_text(ARM.replace("<link", '<xacro:include filename="$(arg other)"/><link', 1))
+    assert "no argument" not in refused(view, str(arm), "heigth:=1", "view:=absent.yaml")
+
+
+def test_arguments_of_a_simulation_are_for_robots_that_can_be(
+    view: Bringup, driven: Bringup, arm: Path
+) -> None:
+    """Another robot has no such argument."""
+    assert 'no argument "sim"' in refused(view, str(arm), "sim:=true")
+    assert "no argument" not in refused(driven, "sim:=true", "view:=absent.yaml")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["joints:=joint.yaml"], 'no such file (did you mean "joints.yaml"?'),
+        (["view:=absent.yaml"], "view:=absent.yaml: no such file"),
+        (["params_file:=contol.yaml"], 'did you mean "control.yaml"?'),
+        (["save:=nowhere/x.rrd"], "nowhere does not exist"),
+        (["record:=nowhere/bag"], "nowhere does not exist"),
+        (["save:=x.mcap"], "must end in .rrd"),
+        (["record:=taken"], "record:=taken exists already"),
+        (["joints:=wrong.yaml"], "rate"),
+    ],
+)
+def test_files_are_checked_before_anything_starts(
+    driven: Bringup,
+    arm: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    said: str,
+) -> None:
+    """With the argument, and what would be right."""
+    monkeypatch.chdir(arm.parent)
+    (arm.parent / "taken").mkdir()
+    (arm.parent / "wrong.yaml").write_text(JOINTS.replace("20.0", "-1.0"))
+    # The model comes after all these checks, so a correct one would be refused here.
+    assert said in refused(driven, *words, "model:=absent.xacro")
+
+
+def test_files_that_are_right_are_accepted(
+    driven: Bringup, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Only the model that does not exist is then refused."""
+    monkeypatch.chdir(arm.parent)
+    right = ["joints:=joints.yaml", "view:=none", "save:=x.rrd", "record:=bag"]
+    assert "absent.xacro" in refused(driven, *right, "model:=absent.xacro")
+    assert capsys.readouterr().err == ""
+
+
+def test_joint_parameters_for_another_node_are_reported(
+    driven: Bringup, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They are no error, as the file may be that of several nodes."""
+    monkeypatch.chdir(arm.parent)
+    (arm.parent / "other.yaml").write_text(JOINTS.replace("/**", "other_node"))
+    words = ("joints:=other.yaml", "model:=absent.xacro")
+    refused(driven, *words)
+    said = capsys.readouterr().err
+    assert said.startswith("warning: ") and "for any namespace" not in said
+    refused(driven, *words, "namespace:=left")
+    assert "write /**/joint_state_publisher: for any namespace" in capsys.readouterr().err
+
+
+def test_joint_parameters_of_the_robot_s_own_count_only_where_joints_move_by_them(
+    driven: Bringup, arm: Path
+) -> None:
+    """A simulated robot does not read them."""
+    wrong = arm.parent / "wrong.yaml"
+    wrong.write_text(JOINTS.replace("20.0", "-1.0"))
+    robot = driven._replace(joints=str(wrong))
+    assert "absent.xacro" in refused(robot, "model:=absent.xacro")
+    assert "absent.xacro" in refused(
+        robot, "sim:=false", "joint_states:=false", "model:=absent.xacro"
+    )
+    assert "rate" in refused(robot, "sim:=false", "model:=absent.xacro")
+
+
+@pytest.mark.parametrize("word", ["--help", "--show-args", "-s"])
+def test_help_starts_nothing(view: Bringup, arm: Path, word: str, capsys: Any) -> None:
+    """It names the model's arguments, but not those that a launch argument hides."""
+    arm.write_text(ARM.replace("<link", '<xacro:arg name="namespace" default="q"/><link', 1))
+    assert bring_up(view, [str(arm), word]) == 0
+    shown = capsys.readouterr().out
+    assert "Arguments of the model" in shown and "height:=1.0" in shown
+    assert "namespace:=q" not in shown
+    assert ("usage: view FILE" in shown) == (word == "--help")
+
+
+def test_help_text_is_whole_or_the_arguments_alone() -> None:
+    """A command without a file, and a model without arguments, are not said to have them."""
+    robot, declared = Bringup("drive", "drives a robot"), [Argument("a", "1", "the first")]
+    short = help_text(robot, declared, [], complete=False)
+    assert short == "Arguments and their defaults:\n  a:=1  the first"
+    whole = help_text(robot, declared, [], complete=True)
+    assert whole.startswith("usage: drive [name:=value ...]")
+    assert "drives a robot" in whole and "Ctrl-C" in whole and "of the model" not in whole
+
+
+def _summary(make: Make, simulated: bool = True, /, **given: str) -> str:
+    factory = make(simulated, **given)
+    return summary_text(factory.description, factory.values)
+
+
+@pytest.mark.parametrize(
+    ("sim", "given", "line"),
+    [
+        (True, {}, 'Robot "arm": 3 links, 1 of 2 joints can move'),
+        (True, {}, "  topics   /tf /tf_static /robot_description /joint_states"),
+        (
+            True,
+            {"namespace": "left"},
+            "  topics   /tf /tf_static /left/robot_description /left/joint_states",
+        ),
+        (True, {}, "  drive    onebot teleop, or a Twist on /velocity_controller/cmd_vel"),
+        (
+            True,
+            {"namespace": "/left/"},
+            "  drive    onebot teleop /left/velocity_controller/cmd_vel,"
+            " or a Twist on /left/velocity_controller/cmd_vel",
+        ),
+        (True, {"sim": "false"}, "  joints   swing within their limits"),
+        (False, {"joints": "j.yaml"}, "  joints   j.yaml"),
+        (False, {"joint_states": "false"}, "  joints   wait for /joint_states"),
+        (True, {"steer": "true"}, "  steer    in the browser; steering_page prints its address"),
+        (
+            True,
+            {"steer": "true", "sim": "false"},
+            "  steer    in the browser; steering_page prints its address; nothing simulated"
+            " listens to it",
+        ),
+        (True, {}, "  viewer   in the browser; rerun_viewer prints its address"),
+        (True, {"viewer": "native"}, "  viewer   in a window of its own"),
+        (True, {"viewer": "none", "save": "x.rrd"}, "  viewer   none; recorded to x.rrd"),
+        (True, {"record": "bag"}, "  record   all topics to bag"),
+    ],
+)
+def test_the_summary_says_what_runs(
+    make: Make, sim: bool, given: Mapping[str, str], line: str
+) -> None:
+    """One line for each thing, and no line for what is not there."""
+    assert line in _summary(make, sim, **given).splitlines()
+
+
+def test_the_summary_says_nothing_of_what_is_not_there(make: Make) -> None:
+    """No drive without a simulation, no steering and no recording unless asked for."""
+    words = [line.split()[0] for line in _summary(make).splitlines()]
+    assert words == ["Robot", "model", "topics", "drive", "viewer", "Ctrl-C"]
+    words = [line.split()[0] for line in _summary(make, False).splitlines()]
+    assert words == ["Robot", "model", "topics", "joints", "viewer", "Ctrl-C"]
+
+
+@pytest.mark.parametrize(
+    ("sim", "given", "said"),
+    [
+        (False, {"publish_frequency": "-0.1"}, "publish_frequency:=-0.1"),
+        (False, {"publish_frequency": "1001"}, "a number from 0 to 1000"),
+        (True, {"frame_prefix": "left"}, "frame_prefix:=left/"),
+        (True, {"x": "inf"}, "x:=inf"),
+        (True, {"y": "a"}, "y:=a"),
+        (True, {"yaw": "nan"}, "yaw:=nan"),
+        (True, {"steer": "true", "port": "65536"}, "port:=65536"),
+        (True, {"port": "8081"}, "add steer:=true"),
+        (True, {"host": "::1"}, "add steer:=true"),
+        (True, {"token": "t"}, "add steer:=true"),
+        (True, {"rate": "1001"}, "rate:=1001"),
+        (True, {"rate": "-1"}, "rate:=-1"),
+        (False, {"domain_id": "233"}, "domain_id:=233"),
+        (False, {"namespace": "1a"}, "namespace:=1a"),
+    ],
+)
+def test_values_that_are_not_possible(make: Make, sim: bool, given: Any, said: str) -> None:
+    """Each is named with what would be."""
+    with pytest.raises(UsageError) as caught:
+        make(sim, **given)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("sim", "given"),
+    [
+        (False, {"publish_frequency": "0"}),
+        (False, {"publish_frequency": "1000"}),
+        (False, {"frame_prefix": "left"}),
+        (True, {"frame_prefix": "left", "sim": "false"}),
+        (True, {"frame_prefix": "left/"}),
+        (True, {"steer": "true", "port": "65535", "host": "0.0.0.0", "token": "t"}),
+        (True, {"rate": "0"}),
+        (True, {"rate": "1000"}),
+        (False, {"domain_id": "232", "namespace": "/a/b"}),
+    ],
+)
+def test_values_at_the_edge_of_what_is_possible(make: Make, sim: bool, given: Any) -> None:
+    """They are as they were written, and all others have their defaults."""
+    values = make(sim, **given).values
+    assert given.items() <= values.items()
+    assert values["log_level"] == "info" and values["viewer"] == given.get("viewer", "web")

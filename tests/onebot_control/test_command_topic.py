@@ -1,0 +1,123 @@
+"""~/cmd_vel of either type: which one is subscribed to, on real DDS."""
+
+from collections.abc import Callable, Iterator
+from queue import SimpleQueue
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+
+from onebot_control.velocity_controller import CommandTopic
+from tests.ros_support import Peer
+from tests.support import wait_for
+
+TOPIC = "/driver/cmd_vel"
+
+
+class Driver:
+    """A node with a CommandTopic that looks at its publishers every 20 ms."""
+
+    def __init__(self, domain: int) -> None:
+        self.peer = Peer(domain, "driver")
+        self.looks = 0
+        self.commands: list[tuple[float, float, int | None]] = []
+        self.warnings: list[tuple[str, str]] = []
+        self._jobs: SimpleQueue[Callable[[], object]] = SimpleQueue()
+        self.topic: CommandTopic
+
+    def start(self, choice: str) -> None:
+        self.topic = CommandTopic(
+            self.peer.node,
+            choice,
+            lambda *command: self.commands.append(command),
+            lambda *warning: self.warnings.append(warning),
+        )
+        self.peer.node.create_timer(0.02, self._look)
+
+    def choose(self, choice: str) -> None:
+        """As the node does: in a callback of its own."""
+        self._jobs.put(lambda: self.topic.choose(choice))
+
+    def look_again(self, times: int = 5) -> None:
+        goal = self.looks + times
+        wait_for(lambda: self.looks >= goal, "looks at the publishers")
+
+    def _look(self) -> None:
+        while not self._jobs.empty():
+            self._jobs.get()()
+        self.topic.follow()
+        self.looks += 1
+
+
+@pytest.fixture
+def driver(ros_domain: int) -> Iterator[Driver]:
+    driver = Driver(ros_domain)
+    with driver.peer:
+        yield driver
+
+
+@pytest.fixture
+def sender(ros_domain: int) -> Iterator[Peer]:
+    with Peer(ros_domain, "sender") as peer:
+        yield peer
+
+
+def send(publisher: Any, message: Any, driver: Driver) -> tuple[float, float, int | None]:
+    """Publish until something comes; the last of what came."""
+    count = len(driver.commands)
+
+    def arrived() -> bool:
+        publisher.publish(message)
+        return len(driver.commands) > count
+
+    wait_for(arrived, "a command")
+    return driver.commands[-1]
+
+
+def stamped() -> TwistStamped:
+    message = TwistStamped()
+    message.twist.linear.x, message.twist.angular.z = 0.3, -0.4
+    message.header.stamp.sec, message.header.stamp.nanosec = 7, 8
+    return message
+
+
+def test_a_fixed_type_follows_nobody(driver: Driver, sender: Peer) -> None:
+    """The other type is warned of, and only a choice changes the subscription, at once."""
+    driver.start("Twist")
+    publisher = sender.node.create_publisher(TwistStamped, TOPIC, 10)
+    wait_for(lambda: driver.warnings, "the warning of the other type")
+    key, text = driver.warnings[0]
+    assert (key, driver.topic.kind) == ("type", "Twist")
+    assert "TwistStamped, which is ignored (cmd_vel_type is Twist); Twist is subscribed" in text
+    driver.look_again()
+    assert driver.topic.kind == "Twist"
+    driver.choose("TwistStamped")
+    assert send(publisher, stamped(), driver) == (0.3, -0.4, 7_000_000_008)
+    driver.choose("auto")
+    driver.look_again()
+    assert driver.topic.kind == "TwistStamped"
+
+
+def test_a_choice_made_later_is_kept(driver: Driver, sender: Peer) -> None:
+    """From auto to the type in use changes nothing, but it follows nobody from then on."""
+    driver.start("auto")
+    assert driver.topic.kind == "Twist"
+    driver.choose("Twist")
+    driver.look_again(1)
+    sender.node.create_publisher(TwistStamped, TOPIC, 10)
+    wait_for(lambda: driver.warnings, "the warning of the other type")
+    driver.look_again()
+    assert driver.topic.kind == "Twist"
+    driver.choose("auto")
+    wait_for(lambda: driver.topic.kind == "TwistStamped", "the change to the type published")
+
+
+def test_auto_keeps_the_type_in_use_while_it_is_published(driver: Driver, sender: Peer) -> None:
+    """A Twist has no stamp, and its publisher is no reason to warn or to change."""
+    driver.start("auto")
+    message = Twist()
+    message.linear.x, message.angular.z = 0.1, 0.2
+    publisher = sender.node.create_publisher(Twist, TOPIC, 10)
+    assert send(publisher, message, driver) == (0.1, 0.2, None)
+    driver.look_again()
+    assert (driver.topic.kind, driver.warnings) == ("Twist", [])

@@ -1,0 +1,353 @@
+"""Simulation and controller together, one cycle at a time."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.poses import PlanarPose
+from onebot_control.simulation import JointStates
+from onebot_description.description import load_description
+from onebot_description.description.packages import package_share
+from onebot_description.errors import OneBotError
+from tests.onebot_control.control_support import (
+    CASTER,
+    IdealPlant,
+    config,
+    ideal_drive,
+    robot,
+    wheel,
+)
+
+LIMITS = {"linear_x_max_acceleration": 0.5, "angular_z_max_acceleration": 1.0}
+
+
+def run(drive: DrivenRobot, linear: float, angular: float, cycles: int) -> Snapshot:
+    """Command the same in each cycle."""
+    for _ in range(cycles):
+        drive.accept(linear, angular)
+        drive.cycle()
+    return drive.begin()
+
+
+def test_odometry_is_the_truth_of_wheels_that_never_slip() -> None:
+    """On an ideal plant the two agree to rounding, on a curve with limits."""
+    drive = ideal_drive(**LIMITS)
+    snapshot = run(drive, 0.4, 0.7, 1000)
+    assert snapshot.odometry[:2] == pytest.approx(drive.true_pose[:2], abs=1e-9)
+
+
+def test_wheels_anywhere_at_the_start() -> None:
+    """Odometry starts at zero wherever the wheels stand."""
+    drive = ideal_drive(IdealPlant(left=100.0, right=-3.0))
+    assert run(drive, 0.0, 0.0, 5).odometry == PlanarPose()
+
+
+def test_before_the_first_cycle_it_is_at_rest() -> None:
+    """Who asks at once sees a robot that stands and is told nothing."""
+    snapshot = ideal_drive().snapshot()
+    assert (snapshot.tick, snapshot.command) == (0, (0.0, 0.0, 0.0, 0.0, True))
+    assert (snapshot.odometry, snapshot.twist) == (PlanarPose(), (0.0, 0.0))
+
+
+def test_reset_odometry_keeps_the_robot_and_moves_the_origin() -> None:
+    """The truth stays; the odometry's zero is where the robot stands."""
+    drive = ideal_drive()
+    run(drive, 0.5, 0.0, 100)
+    truth = drive.true_pose
+    drive.place_odometry(PlanarPose())
+    assert drive.true_pose == truth
+    assert drive.origin == pytest.approx(truth)
+    assert run(drive, 0.0, 0.0, 2).odometry.x == pytest.approx(0.0, abs=0.02)
+
+
+def test_teleport_is_no_driving() -> None:
+    """The robot is elsewhere and at rest; the odometry has not moved."""
+    drive = ideal_drive()
+    before = run(drive, 0.5, 0.0, 100).odometry
+    drive.teleport(PlanarPose(5.0, 6.0, 1.0))
+    snapshot = drive.begin()
+    assert drive.true_pose == pytest.approx((5.0, 6.0, 1.0))
+    assert snapshot.odometry == before
+    assert (snapshot.command.left, snapshot.twist) == (0.0, (0.0, 0.0))
+
+
+SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description is not asked
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"joint_state_broadcaster.joints": ["arm"]}, 'no joint "arm"'),
+        ({"left_wheel_names": ["arm"], **SET}, 'left_wheel_names: .*no joint "arm" that turns'),
+        ({"right_wheel_names": ["arm"], **SET}, 'right_wheel_names: .*no joint "arm" that turns'),
+        ({"right_wheel_names": ["caster_joint"]}, 'no joint "caster_joint" that turns'),
+    ],
+)
+def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: str) -> None:
+    """At the start it is an error; of a robot that drives, all stays as it was."""
+    wrong = {"linear_x_max_velocity": 0.1, **values}
+    with pytest.raises(OneBotError, match=said):
+        DrivenRobot(robot(), config(**wrong), IdealPlant())
+    with pytest.raises(OneBotError, match=said):
+        DrivenRobot.of(robot(), config(**wrong))
+    drive = ideal_drive()
+    before = drive.config, drive.geometry, drive.broadcaster
+    with pytest.raises(OneBotError, match=said):
+        drive.configure(config(**wrong))
+    assert (drive.config, drive.geometry, drive.broadcaster) == before
+    assert run(drive, 0.5, 0.0, 1).command.linear == 0.5
+
+
+def test_configure_takes_effect_at_once_and_disturbs_nothing_else() -> None:
+    """Rate, geometry, limits and broadcaster are the new ones; pose, time and command stay."""
+    drive = ideal_drive()
+    before = run(drive, 0.5, 0.2, 20)
+    chosen = config(
+        update_rate=50,
+        wheel_radius=0.12,
+        linear_x_max_velocity=0.25,
+        **{"joint_state_broadcaster.joints": ["right_wheel_joint"]},
+    )
+    drive.configure(chosen)
+    assert drive.config is chosen
+    assert drive.geometry == pytest.approx((0.3, 0.12))
+    assert drive.broadcaster.names == ("right_wheel_joint",)
+    assert drive.period == 0.02
+    assert drive.snapshot() == before
+    snapshot = drive.begin()
+    assert snapshot.tick == before.tick
+    assert snapshot.command[2:4] == (0.25, 0.2)
+    assert snapshot.command.left == pytest.approx((0.25 - 0.03) / 0.12)
+
+
+def test_a_command_ages_by_the_period_in_force() -> None:
+    """At 10 cycles a second five of them are the timeout of 0.5 s, after its first."""
+    drive = ideal_drive()
+    drive.accept(0.2, 0.0)
+    drive.configure(config(update_rate=10))
+    assert [drive.cycle().command.linear for _ in range(8)] == [0.2] * 6 + [0.0] * 2
+
+
+class Jumpy(IdealPlant):
+    """Its wheels stand anywhere after a reset and a teleport."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.left, self.right, self.speeds = self.left - 7.0, self.right + 5.0, (0.0, 0.0)
+
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        super().teleport(x, y, yaw)
+        self.left, self.right, self.speeds = self.left + 3.0, self.right - 8.0, (0.0, 0.0)
+
+
+JERKY = {"linear_x_max_jerk": 10.0, "angular_z_max_jerk": 10.0}
+
+
+def test_reset_leaves_nothing_but_time_and_parameters() -> None:
+    """From then on it drives as a new robot does, which began with the first command."""
+    drive, new = ideal_drive(Jumpy(), **JERKY), ideal_drive(**JERKY)
+    run(drive, 0.5, 0.3, 100)
+    drive.teleport(PlanarPose(5.0, 6.0, 1.0))
+    drive.place_odometry(PlanarPose(1.0, 2.0, 3.0))
+    run(drive, 0.5, 0.3, 20)
+    chosen = drive.config
+    drive.reset()
+    snapshot = drive.snapshot()
+    assert (drive.true_pose, drive.origin) == (PlanarPose(), PlanarPose())
+    assert (snapshot.odometry, snapshot.twist) == (PlanarPose(), (0.0, 0.0))
+    assert (snapshot.joints.velocities == 0.0).all()
+    assert (drive.ticks, drive.config) == (120, chosen)
+    for _ in range(3):
+        mine, fresh = drive.cycle(), new.cycle()
+        assert mine.command == fresh.command == (0.0, 0.0, 0.0, 0.0, True)
+    for _ in range(60):
+        mine, fresh = run(drive, 0.4, -0.2, 1), run(new, 0.4, -0.2, 1)
+        assert mine.command == fresh.command
+        assert mine.odometry == pytest.approx(fresh.odometry, abs=1e-12)
+        assert mine.twist == pytest.approx(fresh.twist, abs=1e-12)
+
+
+def test_reset_returns_to_where_the_robot_started() -> None:
+    """The odometry's zero is there again, not at the world's."""
+    drive = DrivenRobot.of(robot(), config(x=1.0, y=2.0, yaw=0.5))
+    assert drive.origin == drive.true_pose == pytest.approx((1.0, 2.0, 0.5), abs=1e-6)
+    run(drive, 0.5, 0.3, 20)
+    drive.place_odometry(PlanarPose(7.0, 7.0, 0.0))
+    drive.reset()
+    assert drive.origin == drive.true_pose == pytest.approx((1.0, 2.0, 0.5), abs=1e-6)
+    assert drive.snapshot().odometry == PlanarPose()
+    drive.plant.close()
+
+
+def test_after_a_teleport_it_starts_from_rest() -> None:
+    """Command, speed and twist are gone, odometry, its origin and time are kept."""
+    drive, new = ideal_drive(Jumpy(), **JERKY), ideal_drive(**JERKY)
+    run(drive, 0.5, 0.3, 100)
+    before, origin = drive.cycle(), drive.origin
+    drive.teleport(PlanarPose(5.0, 6.0, 1.0))
+    assert drive.true_pose == pytest.approx((5.0, 6.0, 1.0))
+    assert (drive.origin, drive.ticks) == (origin, 101)
+    snapshot = drive.snapshot()
+    assert (snapshot.odometry, snapshot.twist) == (before.odometry, (0.0, 0.0))
+    for _ in range(3):
+        mine, fresh = drive.cycle(), new.cycle()
+        assert mine.odometry == before.odometry
+        assert mine.command == fresh.command == (0.0, 0.0, 0.0, 0.0, True)
+    for _ in range(30):
+        mine, fresh = run(drive, 0.4, -0.2, 1), run(new, 0.4, -0.2, 1)
+        assert mine.command == fresh.command
+        assert mine.twist == pytest.approx(fresh.twist, abs=1e-12)
+
+
+@pytest.mark.parametrize("pose", [PlanarPose(), PlanarPose(3.0, -1.0, 2.0)])
+def test_set_odometry_moves_only_the_origin(pose: PlanarPose) -> None:
+    """The odometry says the pose, the truth is where it was, and the robot drives on."""
+    drive, twin = ideal_drive(**JERKY), ideal_drive(**JERKY)
+    for one in (drive, twin):
+        run(one, 0.5, 0.3, 50)
+    truth, twist = drive.true_pose, drive.snapshot().twist
+    drive.place_odometry(pose)
+    assert drive.true_pose == truth
+    assert (drive.snapshot().odometry, drive.snapshot().twist) == (pose, twist)
+    assert drive.origin.then(pose) == pytest.approx(truth)
+    for _ in range(40):
+        mine, other = drive.cycle(), twin.cycle()
+        assert (mine.command, mine.tick) == (other.command, other.tick)
+        assert mine.twist == other.twist
+    assert drive.origin.then(drive.begin().odometry) == pytest.approx(drive.true_pose, abs=1e-9)
+
+
+def test_a_cycle_is_seen_as_it_begins() -> None:
+    """The state is that of before the wheels turn, the command that of from then on."""
+    drive = ideal_drive()
+    drive.accept(0.6, 0.0)
+    first, second = drive.cycle(), drive.cycle()
+    assert (first.tick, second.tick, drive.ticks) == (0, 1, 2)
+    assert (first.joints.positions == 0.0).all() and first.command.left == pytest.approx(10.0)
+    assert second.joints.positions == pytest.approx(0.1)
+    assert second.pose.translation[0] == pytest.approx(0.006)
+    assert drive.true_pose.x == pytest.approx(0.006)
+    assert drive.begin().tick == drive.ticks == 2
+    assert drive.true_pose.x == pytest.approx(0.012)
+
+
+class FourWheels(IdealPlant):
+    """Two wheels a side; the second ones have turned further, and stand first in the list."""
+
+    joints = ("left_2_joint", "right_2_joint", "right_wheel_joint", "left_wheel_joint")
+
+    def step(self, velocities: Mapping[str, float], duration: float) -> None:
+        assert velocities["left_2_joint"] == velocities["left_wheel_joint"]
+        assert velocities["right_2_joint"] == velocities["right_wheel_joint"]
+        self.speeds = (velocities["left_2_joint"], velocities["right_2_joint"])
+        self.left += self.speeds[0] * duration
+        self.right += self.speeds[1] * duration
+
+    def joint_states(self) -> JointStates:
+        (left, right), speeds = (self.left, self.right), self.speeds
+        positions = np.array([1.5 * left, 1.5 * right, 0.5 * right, 0.5 * left])
+        velocities = np.array([1.5 * speeds[0], 1.5 * speeds[1], 0.5 * speeds[1], 0.5 * speeds[0]])
+        return JointStates(positions, velocities, np.zeros(4))
+
+
+@pytest.mark.parametrize("by_position", [True, False])
+def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
+    """All wheels of a side are told the same; what they say is averaged."""
+    sides = {"left_wheel": 0.15, "left_2": 0.15, "right_wheel": -0.15, "right_2": -0.15}
+    wheels = [wheel("X", y).replace("X_wheel", name) for name, y in sides.items()]
+    names = {
+        "left_wheel_names": ["left_wheel_joint", "left_2_joint"],
+        "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
+    }
+    chosen = config(position_feedback=by_position, **names)
+    drive = DrivenRobot(robot(*wheels), chosen, FourWheels())
+    snapshot = run(drive, 0.5, 0.3, 20)
+    assert snapshot.twist == pytest.approx((0.5, 0.3))
+
+
+def test_broadcaster_chooses_orders_and_adds() -> None:
+    """The joints named come in that order, then the extra ones; other interfaces are NaN."""
+    drive = ideal_drive(
+        IdealPlant(left=1.0, right=2.0),
+        **{
+            "joint_state_broadcaster.joints": ["right_wheel_joint", "left_wheel_joint"],
+            "joint_state_broadcaster.extra_joints": ["arm"],
+            "joint_state_broadcaster.interfaces": ["position"],
+        },
+    )
+    assert drive.broadcaster.names == ("right_wheel_joint", "left_wheel_joint", "arm")
+    positions, velocities, _ = drive.broadcaster.values(drive.begin().joints)
+    assert positions == [2.0, 1.0, 0.0]
+    assert np.isnan(velocities[:2]).all() and velocities[2] == 0.0
+
+
+def test_simulated_robot_drives_as_told() -> None:
+    """In PyBullet: 0.2 m/s for 5 s with gentle limits ends where it should, by odom and truth."""
+    drive = DrivenRobot.of(robot(), config(x=1.0, y=2.0, yaw=0.0, **LIMITS))
+    snapshot = run(drive, 0.2, 0.0, 500)
+    # It takes 0.4 s to speed up, which costs half of 0.2 m/s times 0.4 s (and one step's grid).
+    expected = 0.2 * 5.0 - 0.2 * 0.2 * 1.0
+    assert snapshot.odometry.x == pytest.approx(expected, abs=0.003)
+    assert drive.true_pose.x - 1.0 == pytest.approx(snapshot.odometry.x, rel=5e-4)
+    assert drive.true_pose.y - 2.0 == pytest.approx(0.0, abs=1e-4)
+    drive.plant.close()
+
+
+def test_same_commands_give_the_same_bits() -> None:
+    """Two runs of one sequence agree in every bit of state, odometry and truth."""
+
+    def once() -> list[bytes]:
+        drive = DrivenRobot.of(robot(), config(**LIMITS))
+        log = []
+        for cycle in range(200):
+            if cycle % 7 == 0:
+                drive.accept(0.3, 1.0 - cycle / 100.0)
+            snapshot = drive.cycle()
+            values = [*snapshot.joints, *snapshot.pose, *snapshot.velocity]
+            numbers = [*snapshot.odometry, *snapshot.twist, *snapshot.command[:4]]
+            log.append(b"".join(v.tobytes() for v in values) + np.array(numbers).tobytes())
+        drive.plant.close()
+        return log
+
+    assert once() == once()
+
+
+def test_replaced_robot_stands_where_the_old_one_stood() -> None:
+    """Another description is taken up in place: truth and odometry stay."""
+    drive = DrivenRobot.of(robot(), config(x=1.0, y=-2.0, yaw=2.0, **LIMITS))
+    run(drive, 0.3, 0.5, 100)
+    drive.place_odometry(PlanarPose(3.0, 2.0, 1.0))
+    before = run(drive, 0.3, 0.5, 100).odometry
+    truth, origin, ticks = drive.true_pose, drive.origin, drive.ticks
+    shape = '<sphere radius="0.07"/>'
+    caster = CASTER.replace("-0.2 0 -0.03", "-0.2 0 -0.04")
+    wheels = wheel("left", 0.2, shape), wheel("right", -0.2, shape)
+    other = drive.replaced(robot(*wheels, caster))
+    assert other.geometry == pytest.approx((0.4, 0.07))
+    assert other.true_pose == pytest.approx(truth, abs=1e-9)
+    assert (other.origin, other.ticks, other.config) == (origin, ticks, drive.config)
+    for _ in range(3):  # at rest, without a command
+        snapshot = other.cycle()
+        assert snapshot.odometry == pytest.approx(before, abs=1e-6)
+        assert snapshot.command[:4] == (0.0, 0.0, 0.0, 0.0)
+    assert run(other, 0.3, 0.0, 1).command.linear == pytest.approx(0.01)
+    other.plant.close()
+    drive.plant.close()
+
+
+def test_onebot_drives_by_its_own_control_yaml() -> None:
+    """OneBot and its control.yaml suit each other; on a curve, odometry is the truth."""
+    file = default_control_file()
+    values = read_control_files([file], "/", "velocity_controller").values
+    model = package_share("onebot_description") / "urdf" / "onebot.urdf.xacro"
+    drive = DrivenRobot.of(load_description(model), ControlConfig.from_parameters(values))
+    assert len(drive.broadcaster.names) == 4
+    snapshot = run(drive, 0.2, 0.3, 500)
+    way = 0.2 * 5.0
+    assert snapshot.odometry.yaw == pytest.approx(0.3 * 5.0 - 0.3 * 0.3 / 2.0, abs=0.005)
+    assert drive.true_pose[:2] == pytest.approx(snapshot.odometry[:2], abs=0.005 * way)
+    drive.plant.close()

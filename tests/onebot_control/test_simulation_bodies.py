@@ -1,0 +1,385 @@
+"""Links joined by fixed joints become one rigid body, and the URDF for PyBullet says the same."""
+
+import math
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
+from onebot_description.description import parse_description
+from onebot_description.errors import OneBotError
+from onebot_description.model import RobotModel
+from tests.random_robots import angles, robots, triples
+
+_UNIT = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+_SOLID = f"{_UNIT}</inertial>"
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+positive = st.floats(0.125, 4.0).map(lambda value: round(value, 6))
+masses = st.one_of(st.just(0.0), positive)
+origins = st.tuples(triples, st.tuples(angles, angles, angles))
+matrices = st.tuples(
+    *[positive if name[1] == name[2] else st.floats(-0.5, 0.5) for name in _MOMENTS]
+)
+parts = st.lists(st.tuples(origins, origins, masses, matrices), min_size=1, max_size=4)
+
+
+def _words(values):
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _origin(pose):
+    return f'<origin xyz="{_words(pose[0])}" rpy="{_words(pose[1])}"/>'
+
+
+def _inertial(mass, moments, pose=((0, 0, 0), (0, 0, 0))):
+    values = " ".join(f'{name}="{value!r}"' for name, value in zip(_MOMENTS, moments, strict=True))
+    return f'<inertial>{_origin(pose)}<mass value="{mass!r}"/><inertia {values}/></inertial>'
+
+
+def _matrix(pose):
+    result = np.eye(4)
+    result[:3, :3] = Rotation.from_euler("xyz", pose[1]).as_matrix()
+    result[:3, 3] = pose[0]
+    return result
+
+
+def _tensor(moments):
+    xx, xy, xz, yy, yz, zz = moments
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def origin(element):
+    """The transform of what an element's <origin> says."""
+    found = element.find("origin")
+    xyz, rpy = ([float(word) for word in found.get(name).split()] for name in ("xyz", "rpy"))
+    return _matrix((xyz, rpy))
+
+
+def _pseudo_inertia(mass, center, tensor):
+    """Integral of p p' dm with p = (x, y, z, 1), (4, 4): those of parts just add up."""
+    center = np.asarray(center, float)
+    result = np.zeros((4, 4))
+    result[:3, :3] = np.trace(tensor) / 2.0 * np.eye(3) - tensor + mass * np.outer(center, center)
+    result[:3, 3] = result[3, :3] = mass * center
+    result[3, 3] = mass
+    return result
+
+
+def _robot(*inside, extra=""):
+    """Links l0, l1, ... with these contents, each fixed to the one before; ``extra`` at the end."""
+    links = "".join(f'<link name="l{row}">{text}</link>' for row, text in enumerate(inside))
+    joints = "".join(
+        f'<joint name="f{row}" type="fixed"><parent link="l{row}"/>'
+        f'<child link="l{row + 1}"/></joint>'
+        for row in range(len(inside) - 1)
+    )
+    return parse_description(f'<robot name="r">{links}{joints}{extra}</robot>', "r.urdf")
+
+
+def _turning(kind="revolute", inside="", link="wheel", parent="l0", contents=_SOLID):
+    """A link that moves, and its joint."""
+    return (
+        f'<link name="{link}">{contents}</link><joint name="to_{link}" type="{kind}">'
+        f'<parent link="{parent}"/><child link="{link}"/>{inside}</joint>'
+    )
+
+
+def _only(description):
+    (body,) = rigid_bodies(description).values()
+    return body
+
+
+def _text(description):
+    return ElementTree.fromstring(physics_urdf(description, rigid_bodies(description), {}))
+
+
+@settings(deadline=None, max_examples=60)
+@given(parts)
+def test_mass_center_and_inertia_add_up(parts):
+    """A chain of turned links with turned inertials, some massless, weighs what its parts weigh."""
+    text, pose, expected = '<link name="l0"/>', np.eye(4), np.zeros((4, 4))
+    for row, (joint, inertial, mass, moments) in enumerate(parts):
+        text += (
+            f'<link name="l{row + 1}">{_inertial(mass, moments, inertial)}</link>'
+            f'<joint name="f{row}" type="fixed"><parent link="l{row}"/>'
+            f'<child link="l{row + 1}"/>{_origin(joint)}</joint>'
+        )
+        pose = pose @ _matrix(joint)
+        where = pose @ _matrix(inertial)
+        own = _pseudo_inertia(mass, (0, 0, 0), _tensor(moments))
+        expected += where @ own @ where.T
+    body = _only(parse_description(f'<robot name="r">{text}</robot>'))
+    found = _pseudo_inertia(body.mass, body.center, body.inertia)
+    assert body.link == "l0"
+    np.testing.assert_allclose(found, expected, atol=1e-9 * (1 + np.abs(expected).max()))
+    np.testing.assert_array_equal(body.inertia.shape, (3, 3))
+
+
+def test_links_without_mass_move_nothing():
+    """Neither one of mass 0 far away nor one without <inertial> shifts the centre of mass."""
+    far = _inertial(0.0, (0, 0, 0, 0, 0, 0), ((9.0, 9.0, 9.0), (0, 0, 0)))
+    heavy = _inertial(2.0, (1, 0, 0, 1, 0, 1), ((0.5, 0, 0), (0, 0, 0)))
+    for contents in ((far, heavy), (heavy, far), (heavy, "", far)):
+        body = _only(_robot(*contents))
+        assert body.mass == 2.0
+        np.testing.assert_array_equal(body.center, [0.5, 0.0, 0.0])
+        np.testing.assert_array_equal(body.inertia, np.eye(3))
+    massless = _only(_robot(far, ""))
+    assert massless.mass == 0.0
+    np.testing.assert_array_equal(massless.center, np.zeros(3))
+
+
+def test_bodies_do_not_share_their_numbers():
+    """What one body adds up is not seen in another."""
+    description = _robot(
+        _SOLID, extra=_turning("continuous") + _turning("continuous", link="other")
+    )
+    bodies = rigid_bodies(description)
+    assert list(bodies) == ["l0", "wheel", "other"]
+    assert [body.mass for body in bodies.values()] == [1.0, 1.0, 1.0]
+    for body in bodies.values():
+        np.testing.assert_array_equal(body.inertia, np.eye(3))
+
+
+def test_a_link_fixed_to_one_that_moves_is_part_of_that():
+    """Not of the root; whatever the order of the XML."""
+    extra = (
+        '<link name="tyre"><inertial><mass value="3"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+        '<joint name="glue" type="fixed"><parent link="wheel"/><child link="tyre"/></joint>'
+        + _turning("continuous")
+    )
+    bodies = rigid_bodies(_robot(_SOLID, extra=extra))
+    assert {name: body.mass for name, body in bodies.items()} == {"l0": 1.0, "wheel": 4.0}
+
+
+def _contact(value):
+    return f'{_SOLID}<contact><lateral_friction value="{value}"/></contact>'
+
+
+@pytest.mark.parametrize(
+    ("contents", "friction"),
+    [
+        ((_SOLID,), None),
+        ((_contact("0.5"),), 0.5),
+        ((_contact("0"),), 0.0),
+        ((_contact("0.5"), _contact("0.25")), 0.25),
+        ((_contact("0.25"), _contact("0.5")), 0.25),
+        ((_contact("0.5"), _contact("0")), 0.0),
+        ((_contact("0"), _contact("0.5")), 0.0),
+        ((_SOLID, _contact("0.5")), 0.5),
+        ((_contact("0.5"), _SOLID), 0.5),
+        ((f"{_SOLID}<contact><rolling_friction value='2'/></contact>",), None),
+    ],
+)
+def test_the_least_friction_stated_is_the_bodys(contents, friction):
+    """One that states none has no say."""
+    assert _only(_robot(*contents)).friction == friction
+
+
+@pytest.mark.parametrize("value", ["-0.1", "nan", "inf", "-inf", "1e999", "x"])
+def test_a_friction_that_is_no_number_is_refused(value):
+    """The message names the link, the element and what would be right."""
+    with pytest.raises(OneBotError) as caught:
+        rigid_bodies(_robot(_SOLID, _contact(value)))
+    assert str(caught.value).startswith('r.urdf:1: link "l1" ')
+    assert "<lateral_friction>: " in str(caught.value) and value in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_that_are_not_simulated_are_refused(kind):
+    """The message names file, joint and what is simulated."""
+    with pytest.raises(OneBotError) as caught:
+        rigid_bodies(_robot(_SOLID, extra=_turning(kind)))
+    assert str(caught.value) == (
+        f'r.urdf: joint "to_wheel" is {kind}; the simulation moves revolute, continuous, prismatic '
+        "joints"
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(robots(), st.data())
+def test_the_reduced_robot_moves_as_the_whole_one(urdf, data):
+    """Bodies and collisions are, at any positions, where the description has them."""
+    shape = '<geometry><sphere radius="1"/></geometry>'
+    poses = data.draw(st.lists(origins, min_size=9, max_size=9))
+    for row, pose in enumerate(poses):
+        inside = f"{_SOLID}<collision>{_origin(pose)}{shape}</collision>"
+        urdf = urdf.replace(
+            f'<link name="link_{row}" />', f'<link name="link_{row}">{inside}</link>'
+        )
+    whole = parse_description(urdf)
+    bodies = rigid_bodies(whole)
+    text = physics_urdf(whole, bodies, {})
+    small = parse_description(text)
+    assert small.link_names == tuple(str(row) for row in range(len(bodies)))
+    assert [joint.name for joint in small.joints] == [str(row) for row in range(len(bodies) - 1)]
+    model, reduced = RobotModel.from_description(whole), RobotModel.from_description(small)
+    count = len(model.joints)
+    q = np.array(data.draw(st.lists(st.floats(-3, 3), min_size=count, max_size=count)), float)
+    expected = dict(zip(model.links, model.link_poses(q), strict=True))
+    found = dict(zip(bodies, reduced.link_poses(q), strict=True))
+    for link, pose in found.items():
+        np.testing.assert_allclose(pose[:3], expected[link][:3], atol=1e-9)
+        assert abs(pose[3:] @ expected[link][3:]) == pytest.approx(1.0, abs=1e-9)
+    shapes = _shapes(small, reduced, q)
+    np.testing.assert_allclose(shapes, _shapes(whole, model, q), atol=1e-8)
+
+
+def _shapes(description, model, q):
+    """Where a mark on each <collision> is, sorted: its origin, and a point ahead of each axis."""
+    rows = []
+    root = ElementTree.fromstring(description.urdf)
+    for link, pose in zip(model.links, model.link_poses(q), strict=True):
+        where = np.eye(4)
+        where[:3, :3], where[:3, 3] = Rotation.from_quat(pose[3:]).as_matrix(), pose[:3]
+        element = root.find(f'link[@name="{link}"]')
+        for collision in element.findall("collision"):
+            at = collision.find("origin")
+            own = tuple([float(w) for w in at.get(name).split()] for name in ("xyz", "rpy"))
+            rows.append((where @ _matrix(own))[:3].ravel().tolist())
+    return sorted([round(value, 6) + 0.0 for value in row] for row in rows)
+
+
+@pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])
+@pytest.mark.parametrize(("roll", "yaw"), [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (-1.0, 2.0)])
+def test_upright_origins_keep_their_direction(pitch, roll, yaw):
+    """Where roll and yaw turn about the same axis."""
+    pose = ((0.25, -0.5, 1.0), (roll, pitch, yaw))
+    shape = f"<collision>{_origin(pose)}<geometry><sphere radius='1'/></geometry></collision>"
+    element = _text(_robot(_SOLID + shape)).find("link/collision")
+    np.testing.assert_allclose(origin(element), _matrix(pose), atol=1e-8)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.tuples(positive, positive, positive), st.tuples(angles, angles, angles))
+def test_principal_axes_give_the_inertia_back(halves, rpy):
+    """Moments in a right-handed frame of their own, which is turned, not mirrored."""
+    a, b, c = halves
+    pose = ((0.5, -0.25, 1.0), rpy)
+    description = _robot(_inertial(2.0, (b + c, 0, 0, c + a, 0, a + b), pose))
+    inertial = _text(description).find("link/inertial")
+    where, inertia = origin(inertial), inertial.find("inertia")
+    assert [inertia.get(name) for name in ("ixy", "ixz", "iyz")] == ["0"] * 3
+    moments = np.diag([float(inertia.get(name)) for name in ("ixx", "iyy", "izz")])
+    turn = _matrix(pose)[:3, :3]
+    written = turn @ np.diag([b + c, c + a, a + b]) @ turn.T
+    np.testing.assert_allclose(where[:3, :3] @ moments @ where[:3, :3].T, written, atol=1e-7)
+    np.testing.assert_allclose(where[:3, 3], pose[0], atol=1e-12)
+    assert float(inertial.find("mass").get("value")) == 2.0
+
+
+def test_axes_as_written_are_kept():
+    """An inertia without products keeps its frame, even where the moments are equal or unsorted."""
+    for moments in ((3, 0, 0, 2, 0, 2), (1, 0, 0, 1, 0, 1), (2, 1e-13, 0, 3, 0, 4)):
+        inertial = _text(_robot(_inertial(1.0, moments))).find("link/inertial")
+        np.testing.assert_array_equal(origin(inertial), np.eye(4))
+        values = [float(inertial.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]
+        assert values == pytest.approx([moments[0], moments[3], moments[5]], rel=1e-12)
+    products = _text(_robot(_inertial(1.0, (2, 1e-6, 0, 2, 0, 2)))).find("link/inertial")
+    assert np.abs(origin(products) - np.eye(4)).max() > 0.1
+
+
+@pytest.mark.parametrize("largest", [2.0, 2.01, 2.0199])
+@pytest.mark.parametrize("place", [0, 3, 5])
+def test_moments_rounded_by_a_hundredth_are_simulated(largest, place):
+    """The greatest becomes a little less than the others' sum, which PyBullet demands."""
+    moments = [1.0, 0, 0, 1.0, 0, 1.0]
+    moments[place] = largest
+    inertia = _text(_robot(_inertial(1.0, moments))).find("link/inertial/inertia")
+    found = sorted(float(inertia.get(name)) for name in ("ixx", "iyy", "izz"))
+    assert found[:2] == [1.0, 1.0]
+    assert found[2] < 2.0
+    assert found[2] == pytest.approx(2.0, rel=1e-8)
+    assert float(inertia.get(_MOMENTS[place])) == found[2]
+
+
+def test_a_moment_below_the_others_sum_is_as_written():
+    """Nothing is rounded away."""
+    inertia = _text(_robot(_inertial(1.0, (1.0, 0, 0, 1.0, 0, 1.5)))).find("link/inertial/inertia")
+    assert inertia.get("izz") == "1.5"
+
+
+@pytest.mark.parametrize(
+    ("moments", "shown"),
+    [
+        ((1.0, 0, 0, 1.0, 0, 2.03), "1, 1, 2.03"),
+        ((2.03, 0, 0, 1.0, 0, 1.0), "1, 1, 2.03"),
+        ((0.0, 0, 0, 1.0, 0, 1.0), "0, 1, 1"),
+        ((1.0, 2.0, 0, 1.0, 0, 2.0), "-1, 2, 3"),
+        ((0.0, 0, 0, 0.0, 0, 0.0), "0, 0, 0"),
+    ],
+)
+def test_moments_of_no_body_are_refused(moments, shown):
+    """With the moments sorted, and the link's name."""
+    with pytest.raises(OneBotError) as caught:
+        _text(_robot(_inertial(1.0, moments)))
+    assert f'r.urdf: link "l0" has the principal moments of inertia {shown} kg m^2' in str(
+        caught.value
+    )
+
+
+def test_bodies_without_mass_are_refused():
+    """The root and a moving one each in their own words; the link fixed to one lends its mass."""
+    turning = _turning("continuous")
+    with pytest.raises(OneBotError, match=r'r.urdf: link "l0" is the root, and .*without a mass'):
+        _text(_robot("", extra=turning))
+    empty = _turning("continuous", contents="")
+    with pytest.raises(OneBotError, match=r'r.urdf: link "wheel" moves, .*without a mass'):
+        _text(_robot(_SOLID, extra=empty))
+    assert len(_text(_robot("", _SOLID, extra=turning)).findall("link")) == 2
+
+
+def _limits(kind, inside):
+    joint = _text(_robot(_SOLID, extra=_turning(kind, inside))).find("joint")
+    return joint.find("limit").attrib, joint.find("dynamics")
+
+
+def test_limits_and_dynamics_of_a_joint_are_kept():
+    """As written; a continuous joint has neither lower nor upper."""
+    written = '<limit lower="-0.5" upper="0.75" effort="2" velocity="3"/>'
+    dynamics = '<dynamics damping="0.25" friction="0.5"/>'
+    limits, found = _limits("revolute", written + dynamics)
+    assert limits == {"lower": "-0.5", "upper": "0.75", "effort": "2.0", "velocity": "3.0"}
+    assert found.attrib == {"damping": "0.25", "friction": "0.5"}
+    limits, found = _limits("continuous", written.replace('lower="-0.5" upper="0.75" ', ""))
+    assert limits == {"effort": "2.0", "velocity": "3.0"}
+    assert found is None
+    assert _limits("continuous", "")[0] == {}
+    assert _limits("continuous", written)[0] == {"effort": "2.0", "velocity": "3.0"}
+    assert _limits("prismatic", written + "<dynamics/>")[1] is None
+
+
+@pytest.mark.parametrize("attribute", ["damping", "friction"])
+@pytest.mark.parametrize("value", ["nan", "-1", "inf"])
+def test_dynamics_that_are_no_number_are_refused(attribute, value):
+    """The message names file, joint and attribute."""
+    with pytest.raises(OneBotError) as caught:
+        _limits("continuous", f'<dynamics {attribute}="{value}"/>')
+    text = str(caught.value)
+    assert text.startswith('r.urdf:1: joint "to_wheel" <dynamics>') and value in text
+    assert attribute in text
+
+
+def test_dynamics_belong_to_their_joint():
+    """The joint above decides, not that of another body, nor a fixed one's."""
+    extra = _turning("continuous", '<dynamics damping="0.5"/>') + _turning(
+        "continuous", "", "other"
+    )
+    wheel, other = _text(_robot(_SOLID, extra=extra)).iter("joint")
+    assert wheel.find("dynamics").get("damping") == "0.5"
+    assert other.find("dynamics") is None
+
+
+def test_moving_joints_are_those_of_one_position():
+    """In the description's order."""
+    kinds = ("prismatic", "fixed", "continuous", "floating", "planar", "revolute")
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    extra = "".join(_turning(kind, limit, kind) for kind in kinds)
+    names = [joint.name for joint in _robot(_SOLID, extra=extra).moving_joints]
+    assert names == ["to_prismatic", "to_continuous", "to_revolute"]

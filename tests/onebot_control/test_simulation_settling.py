@@ -1,0 +1,263 @@
+"""A robot is set down so that it stands still, tilted or not, or is refused with the reason."""
+
+import logging
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from onebot_control.simulation import Settings, Simulation
+from onebot_control.simulation.loading import engine, make_world
+from onebot_control.simulation.rest_pose import Stance
+from onebot_description.description import parse_description
+from onebot_description.errors import OneBotError
+from tests.onebot_control.simulation_support import DRIVEN, LEFT, robot, simulate
+
+_QUICK = Settings(settling=1.0, iterations=50)
+_INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+_LIMIT = '<limit lower="-9" upper="9" effort="1" velocity="1"/>'
+
+
+def _block(xyz="0 0 0", rpy="0 0 0", mass=1.0, joint='type="continuous"', limit=_LIMIT, arm=""):
+    """A flat box at a pose in its link's frame, and a joint in its middle that has no shape."""
+    body = f'<mass value="{mass}"/>{_INERTIA}</inertial>'
+    return parse_description(
+        f'<robot name="r"><link name="base"><inertial><origin xyz="{xyz}"/>{body}'
+        f'<collision><origin xyz="{xyz}" rpy="{rpy}"/>'
+        '<geometry><box size="0.4 0.4 0.1"/></geometry></collision></link>'
+        f'<link name="arm"><inertial><mass value="0.01"/>{_INERTIA}</inertial>{arm}</link>'
+        f'<joint name="j" {joint}><parent link="base"/><child link="arm"/><origin xyz="{xyz}"/>'
+        f'<axis xyz="0 0 1"/>{limit}</joint></robot>',
+        "block.urdf",
+    )
+
+
+def _stand(description, settings=_QUICK, **start):
+    return Simulation(description, driven=("j",), settings=settings, **start)
+
+
+@pytest.mark.parametrize("z", [0.7, 0.0, -0.7])
+def test_the_lowest_point_touches_the_ground(z):
+    """Wherever the root link's frame is: above it all, in the middle, or below the ground."""
+    with _stand(_block(f"0 0 {z}")) as simulation:
+        assert simulation.base_pose().translation == pytest.approx([0, 0, 0.05 - z], abs=1e-3)
+        assert simulation.stance.height == simulation.base_pose().translation[2]
+        assert simulation.base_pose().rotation == pytest.approx([0, 0, 0, 1], abs=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_robot_that_stands_tilted_is_set_down_tilted(sign):
+    """Heading and place are those asked for; the tilt is its own, about its own axes."""
+    description = _block(rpy=f"0 {sign * math.radians(30)} 0")
+    with _stand(description, x=2.0, y=-1.0, yaw=1.0) as simulation:
+        pose = simulation.base_pose()
+        expected = Rotation.from_euler("xyz", (0.0, -sign * math.radians(30), 1.0))
+        assert (expected.inv() * Rotation.from_quat(pose.rotation)).magnitude() < 1e-2
+        assert pose.translation == pytest.approx([2.0, -1.0, 0.05], abs=1e-3)
+        x, y, z, w = simulation.stance.tilt
+        assert math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z) == pytest.approx(
+            0.0, abs=1e-12
+        )
+        simulation.teleport(0.0, 0.0, -2.0)
+        expected = Rotation.from_euler("xyz", (0.0, -sign * math.radians(30), -2.0))
+        assert (
+            expected.inv() * Rotation.from_quat(simulation.base_pose().rotation)
+        ).magnitude() < (1e-2)
+
+
+@pytest.mark.parametrize("yaw", [-4.0, -2.0, 0.5, 4.0])
+def test_of_two_quaternions_the_one_with_positive_w_is_told(yaw):
+    """All four numbers, of a robot tilted about both axes."""
+    with _stand(_block(rpy="0.3 0.4 0"), yaw=yaw) as simulation:
+        pose, tilt = simulation.base_pose(), simulation.stance.tilt
+        expected = Rotation.from_euler("z", yaw) * Rotation.from_quat(tilt)
+        assert pose.rotation == pytest.approx(expected.as_quat(canonical=True), abs=1e-9)
+        assert pose.rotation[3] > 0.0
+
+
+@pytest.mark.parametrize("roll", [38.0, -38.0])
+def test_a_tilt_below_45_degrees_stands(roll):
+    """Steep, but on its face."""
+    with _stand(_block(rpy=f"{math.radians(roll)} 0 0")) as simulation:
+        rpy = Rotation.from_quat(simulation.base_pose().rotation).as_euler("xyz", degrees=True)
+        assert rpy == pytest.approx([-roll, 0.0, 0.0], abs=0.5)
+
+
+@pytest.mark.parametrize("rpy", [(52.0, 0.0), (-52.0, 0.0), (0.0, 52.0), (0.0, -52.0)])
+def test_a_tilt_above_45_degrees_has_toppled(rpy):
+    """About either axis, to either side; the file is named."""
+    roll, pitch = map(math.radians, rpy)
+    with pytest.raises(OneBotError, match=r"^block.urdf: the robot topples over"):
+        _stand(_block(rpy=f"{roll} {pitch} 0"))
+
+
+def test_a_robot_that_does_not_stay_on_the_ground_is_refused():
+    """It jumps: at 0 its leg is 3 cm beyond its limit, and PyBullet pushes it back at once."""
+    sphere = '<geometry><sphere radius="0.02"/></geometry>'
+    leg = f'<collision><origin xyz="0 0 -0.2"/>{sphere}</collision>'
+    limit = '<limit lower="-3" upper="-0.03" effort="1" velocity="1"/>'
+    description = _block(joint='type="prismatic"', limit=limit, arm=leg)
+    with pytest.raises(
+        OneBotError, match=r"^block.urdf: the robot does not stay on the ground .*z = "
+    ):
+        _stand(description, Settings(settling=0.1))
+
+
+@pytest.mark.parametrize(("mass", "arm"), [("1e300", "1"), ("1e-160", "1e-160")])
+def test_a_robot_that_breaks_the_physics_is_refused(mass, arm):
+    """The state is no longer finite; the message says where to look."""
+    urdf = _block(mass=mass).urdf.replace('value="0.01"', f'value="{arm}"')
+    with pytest.raises(OneBotError, match=r"^block.urdf: the simulation broke down while .*masses"):
+        _stand(parse_description(urdf, "block.urdf"))
+
+
+def test_a_robot_still_in_motion_is_logged(caplog):
+    """It was given too little time to fall onto its face; this is said once, with the time."""
+    description = _block(rpy=f"0 {math.radians(30)} 0")
+    with (
+        caplog.at_level(logging.WARNING),
+        _stand(description, Settings(settling=0.1)) as simulation,
+    ):
+        assert not simulation.joint_states().velocities.any()
+    texts = [record.getMessage() for record in caplog.records]
+    assert (
+        texts.count("block.urdf: the robot has not come to rest 0.1 s after it was set down") == 1
+    )
+
+
+def test_a_robot_that_rests_is_not_logged(caplog):
+    """Only that its joint drives nothing that touches the ground, once."""
+    with caplog.at_level(logging.WARNING), _stand(_block()):
+        texts = [record.getMessage() for record in caplog.records]
+        assert texts == ['block.urdf: what joint "j" drives does not touch the ground']
+
+
+def test_wheels_on_the_ground_give_no_warning(caplog):
+    """Each of the driven is looked at; those that are not driven are not."""
+    with caplog.at_level(logging.WARNING), simulate():
+        assert caplog.records == []
+    shape = r'(<link name="left_wheel">.*?)<collision>.*?</collision>'
+    with caplog.at_level(logging.WARNING), simulate(robot(shape, r"\1", 1), driven=(LEFT,)):
+        assert len([text for text in caplog.messages if "does not touch" in text]) == 1
+    caplog.clear()
+    with caplog.at_level(logging.WARNING), simulate(robot(shape, r"\1", 1), driven=DRIVEN[1:]):
+        assert not [text for text in caplog.messages if "does not touch" in text]
+
+
+def test_joints_stand_at_zero_whatever_they_did_while_settling():
+    """The caster swings while a robot falls onto it; the start is at 0 all the same."""
+    with simulate(robot('<origin xyz="-0.22 0 0"/>', '<origin xyz="-0.22 0.02 0.01"/>')) as one:
+        assert one.joint_states().positions.tolist() == [0.0] * 4
+
+
+def test_a_stance_is_turned_about_the_vertical():
+    """Yaw comes after the tilt, about the ground's axis; the height is kept."""
+    tilt = tuple(Rotation.from_euler("xyz", (0.25, 0.0, 0.0)).as_quat().tolist())
+    position, rotation = Stance(0.5, tilt).at(1.0, 2.0, math.pi / 2)
+    assert position == (1.0, 2.0, 0.5)
+    expected = Rotation.from_euler("xyz", (0.25, 0.0, math.pi / 2)).as_quat()
+    assert rotation == pytest.approx(tuple(expected), abs=1e-12)
+
+
+def test_the_ground_is_level_at_zero_with_friction_and_gravity():
+    """As the settings say, once and downwards; the time step is that of the rate."""
+    client = engine.connect(engine.DIRECT)
+    try:
+        ground = make_world(client, Settings(rate=500, gravity=3.5, friction=0.25, iterations=30))
+        parameters = engine.getPhysicsEngineParameters(physicsClientId=client)
+        found = [parameters["gravityAcceleration" + axis] for axis in "XYZ"]
+        assert found == [0.0, 0.0, -3.5]
+        assert parameters["fixedTimeStep"] == pytest.approx(1 / 500)
+        assert parameters["numSolverIterations"] == 30
+        assert engine.getDynamicsInfo(ground, -1, client)[:2] == (0.0, 0.25)
+        assert engine.getBasePositionAndOrientation(ground, client) == ((0, 0, 0), (0, 0, 0, 1))
+    finally:
+        engine.disconnect(client)
+
+
+def test_each_body_gets_its_friction_and_no_damping():
+    """What the URDF states, also of a fixed link; else the setting. Only <dynamics> dampens."""
+    text = robot().urdf.replace(
+        '<link name="lidar" />',
+        '<link name="lidar"><contact><lateral_friction value="0.25"/></contact></link>',
+    )
+    text = text.replace(
+        '<link name="right_wheel">',
+        '<link name="right_wheel"><contact><lateral_friction value="0"/></contact>',
+    )
+    text = text.replace(
+        '<child link="caster_wheel" />', '<child link="caster_wheel" /><dynamics damping="0.5"/>'
+    )
+    settings = Settings(friction=0.75, settling=0.01)
+    with simulate(parse_description(text), settings=settings) as simulation:
+        parts = simulation.body.parts
+        info = {
+            name: engine.getDynamicsInfo(parts.body, index, simulation.client)[1]
+            for name, index in {"base": -1, **parts.joints}.items()
+        }
+        assert info == {
+            "base": 0.25,
+            "left_wheel_joint": 0.75,
+            "right_wheel_joint": 0.0,
+            "caster_swivel_joint": 0.75,
+            "caster_wheel_joint": 0.75,
+        }
+        damping = {
+            name: engine.getJointInfo(parts.body, index, simulation.client)[6]
+            for name, index in parts.joints.items()
+        }
+        assert damping.pop("caster_wheel_joint") == 0.5
+        assert set(damping.values()) == {0.0}
+
+
+def test_a_robot_in_free_flight_is_not_slowed_down():
+    """PyBullet would dampen it by 4 % a second; its frame's velocity is that of its own axes."""
+    with _stand(_block("0 0 -0.7")) as simulation:
+        body, client = simulation.body.parts.body, simulation.client
+        engine.setGravity(0, 0, 0, physicsClientId=client)
+        pose = [0.0, 0.0, 50.0], Rotation.from_euler("z", 0.5).as_quat().tolist()
+        engine.resetBasePositionAndOrientation(body, *pose, physicsClientId=client)
+        engine.resetBaseVelocity(body, (3.0, 0, 0), (0, 0, 0.5), physicsClientId=client)
+        simulation.step([0.0], 0.5)
+        linear, angular = engine.getBaseVelocity(body, physicsClientId=client)
+        assert np.linalg.norm(linear) == pytest.approx(3.0, rel=1e-3)
+        assert angular[2] == pytest.approx(0.5, rel=1e-2)
+
+
+def _spheres(places, offset):
+    """A robot on spheres at these places (x, y) about a middle, its mass above it but for this."""
+    middle = np.array([1.0, -2.0])
+    ball = '<geometry><sphere radius="0.05"/></geometry>'
+    shapes = "".join(
+        f'<collision><origin xyz="{x!r} {y!r} 0"/>{ball}</collision>'
+        for x, y in (middle + places).tolist()
+    )
+    x, y = (middle + offset).tolist()
+    tiny = _INERTIA.replace("0.01", "1e-9")
+    return parse_description(
+        f'<robot name="r"><link name="base"><inertial><origin xyz="{x!r} {y!r} 0.05"/>'
+        f'<mass value="1"/>{_INERTIA}</inertial>{shapes}</link><link name="arm"><inertial>'
+        f'<mass value="1e-9"/>{tiny}</inertial></link><joint name="j" type="continuous">'
+        '<parent link="base"/><child link="arm"/><origin xyz="1 -2 0"/>'
+        '<limit effort="1" velocity="1"/></joint></robot>',
+        "spheres.urdf",
+    )
+
+
+@pytest.mark.parametrize("along", [(0.2, 0.0), (0.0, 0.2), (0.2, 0.2), (0.2, -0.2), (0.0, 0.0)])
+def test_a_robot_balanced_on_a_line_is_watched_until_it_tips(caplog, along):
+    """In whatever direction the line runs, far from the root link's frame; also on a point."""
+    x, y = along
+    across = (-y, x) if x or y else (1.0, 0.0)
+    offset = 1e-8 * np.array(across) / math.hypot(*across)
+    places = np.array([along, (-x, -y)] if x or y else [along])
+    with caplog.at_level(logging.WARNING), _stand(_spheres(places, offset), Settings()):
+        assert "has not come to rest" in caplog.text
+
+
+def test_a_robot_on_three_points_rests(caplog):
+    """The same, with the middle of its mass between them."""
+    places = np.array([(0.2, 0.0), (-0.2, 0.2), (-0.2, -0.2)])
+    with caplog.at_level(logging.WARNING), _stand(_spheres(places, np.zeros(2)), Settings()):
+        assert "has not come to rest" not in caplog.text

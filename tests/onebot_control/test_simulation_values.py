@@ -1,0 +1,206 @@
+"""What a simulation is given: transforms, settings, places, and speeds for its motors."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from onebot_control.poses import (
+    about_z,
+    compose,
+    conjugate,
+    cross,
+    inverse,
+    multiply,
+    rotate,
+)
+from onebot_control.simulation import Member, Settings
+from onebot_control.simulation.robot import Motors
+from onebot_control.simulation.settings import checked_place
+from onebot_description.errors import OneBotError
+from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
+
+coordinate = st.floats(-10.0, 10.0)
+triple = st.tuples(coordinate, coordinate, coordinate)
+angle = st.floats(-3.0, 3.0)
+rotation = st.tuples(angle, angle, angle).map(
+    lambda rpy: tuple(Rotation.from_euler("xyz", rpy).as_quat().tolist())
+)
+transform = st.tuples(triple, rotation)
+
+
+def _matrix(value):
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = Rotation.from_quat(value[1]).as_matrix(), value[0]
+    return result
+
+
+@given(transform, transform, triple)
+def test_transforms_are_those_of_matrices(outer, inner, point):
+    """Composed, inverted and applied; which of two comes first matters."""
+    a, b = _matrix(outer), _matrix(inner)
+    np.testing.assert_allclose(_matrix(compose(outer, inner)), a @ b, atol=1e-9)
+    np.testing.assert_allclose(_matrix(inverse(outer)), np.linalg.inv(a), atol=1e-9)
+    turn = a[:3, :3]
+    np.testing.assert_allclose(rotate(outer[1], point), turn @ point, atol=1e-9)
+    np.testing.assert_allclose(rotate(conjugate(outer[1]), point), turn.T @ point, atol=1e-9)
+
+
+@given(rotation, rotation)
+def test_a_product_of_rotations_is_a_unit_quaternion_with_its_sign(first, second):
+    """Hamilton's product itself, not only the rotation that it stands for."""
+    i, j, k = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
+    assert (multiply(i, j), multiply(j, k), multiply(k, i)) == (k, i, j)
+    assert multiply(j, i) == conjugate(k)
+    product = multiply(first, second)
+    assert math.hypot(*product) == pytest.approx(1.0)
+    assert multiply(first, conjugate(first)) == pytest.approx((0, 0, 0, 1), abs=1e-12)
+
+
+@given(triple, triple)
+def test_vector_product(first, second):
+    """Right-handed."""
+    assert cross(first, second) == pytest.approx(tuple(np.cross(first, second)), abs=1e-12)
+
+
+@given(angle)
+def test_a_rotation_about_the_vertical(yaw):
+    """Positive is counter-clockwise seen from above."""
+    expected = (math.cos(yaw), math.sin(yaw), 0.0)
+    assert rotate(about_z(yaw), (1.0, 0.0, 0.0)) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["rate", "iterations", "gravity", "friction", "settling"])
+@pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, -math.inf])
+def test_each_setting_is_above_zero_and_finite(name, value):
+    """The error names it and the value."""
+    with pytest.raises(OneBotError) as caught:
+        Settings(**{name: value})
+    assert str(caught.value) == f"simulation: {name} must be above 0 and finite, not {value}"
+
+
+@pytest.mark.parametrize("name", ["rate", "iterations"])
+def test_whole_settings_are_whole(name):
+    """A float that is whole will do."""
+    assert getattr(Settings(**{name: 50.0}), name) == 50
+    with pytest.raises(OneBotError, match=f"simulation: {name} must be a whole number, not 50.5"):
+        Settings(**{name: 50.5})
+
+
+@pytest.mark.parametrize("name", ["gravity", "friction", "settling"])
+def test_other_settings_may_be_fractions(name):
+    """However small."""
+    assert getattr(Settings(**{name: 1e-9}), name) == 1e-9
+
+
+def test_settings_are_what_was_measured():
+    """At 100 Hz four physics steps fit into a control period."""
+    assert Settings() == Settings(400, 200, 9.81, 1.0, 2.0)
+    assert Settings().steps(0.01) == 4
+    assert Settings(rate=1000).steps(0.01) == 10
+
+
+@pytest.mark.parametrize(
+    ("duration", "steps"), [(0.0025, 1), (0.005, 2), (1.0, 400), (0.01 + 1e-9, 4), (0.1 * 3, 120)]
+)
+def test_steps_of_a_duration(duration, steps):
+    """Rounding by a billionth of a second is forgiven."""
+    assert Settings().steps(duration) == steps
+
+
+@pytest.mark.parametrize("duration", [0.0, 1e-9, 0.00125, 0.0049, 0.01 + 1e-8, 0.01 - 1e-8, -0.01])
+def test_durations_between_steps_are_refused(duration):
+    """Also a step less a little, and none at all."""
+    with pytest.raises(ValueError, match="whole number of physics steps of 1/400 s"):
+        Settings().steps(duration)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_places_up_to_the_farthest(sign):
+    """In either direction and on either side; the yaw is free."""
+    assert checked_place(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
+    assert checked_place(0, sign * 1e4, -99) == (0.0, sign * 1e4, -99.0)
+    beyond = sign * math.nextafter(1e4, math.inf)
+    for place in ((beyond, 0.0, 0.0), (0.0, beyond, 0.0)):
+        with pytest.raises(OneBotError, match="exact up to 10000 m from the origin"):
+            checked_place(*place)
+    with pytest.raises(OneBotError, match="x 20000 m, y -3 m"):
+        checked_place(2e4, -3.0, 0.0)
+    assert all(type(value) is float for value in checked_place(1, 2, 3))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("row", [0, 1, 2])
+def test_places_are_finite(bad, row):
+    """Each of the three numbers."""
+    place = [0.0, 0.0, 0.0]
+    place[row] = bad
+    with pytest.raises(ValueError, match="x, y and yaw must be finite"):
+        checked_place(*place)
+
+
+def test_a_member_stands_at_the_origin_unless_told():
+    """Heading along x."""
+    description = robot()
+    assert Member(description, DRIVEN) == (description, DRIVEN, 0.0, 0.0, 0.0)
+
+
+def test_speeds_are_limited_to_the_joints_own():
+    """20 rad/s by the URDF: at the limit as given, beyond it the limit, each with its sign."""
+    motors = Motors(robot(), DRIVEN)
+    assert motors.targets([20.0, -20.0]) == [20.0, -20.0]
+    assert motors.targets([20.001, -20.001]) == [20.0, -20.0]
+    assert motors.targets([-1e300, 19.999]) == [-20.0, 19.999]
+    assert motors.targets([-19.5, 0.0]) == [-19.5, 0.0]
+
+
+def test_each_motor_has_its_own_limit():
+    """Whatever the order in which they are named."""
+    description = robot('(left_wheel_joint".*?velocity=)"20"', r'\1"5"', 1)
+    assert Motors(description, (LEFT, RIGHT)).targets([9.0, 9.0]) == [5.0, 9.0]
+    assert Motors(description, (RIGHT, LEFT)).targets([9.0, 9.0]) == [9.0, 5.0]
+    assert Motors(description, (RIGHT, LEFT)).targets({LEFT: -9.0, RIGHT: 30.0}) == [20.0, -5.0]
+
+
+def test_a_velocity_limit_of_zero_keeps_the_joint_still():
+    """It is a limit like any other."""
+    assert Motors(robot('velocity="20"', 'velocity="0"'), DRIVEN).targets([1.0, -1.0]) == [0, 0]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_speeds_are_finite(bad):
+    """By name or in order, first or last."""
+    motors = Motors(robot(), DRIVEN)
+    for velocities in ([bad, 0.0], [0.0, bad], {LEFT: bad, RIGHT: 0.0}, np.array([0.0, bad])):
+        with pytest.raises(ValueError, match=f"velocities must be finite, not {bad}"):
+            motors.targets(velocities)
+    assert motors.targets([sys.float_info.max, 0.0]) == [20.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("velocities", "words"),
+    [
+        ({}, f"exactly {LEFT}, {RIGHT}, not of nothing"),
+        ({LEFT: 1.0}, f"exactly {LEFT}, {RIGHT}, not of {LEFT}$"),
+        ({LEFT: 1.0, RIGHT: 1.0, "other": 1.0}, f"not of {LEFT}, {RIGHT}, other"),
+        ([1.0], r"must be 2 numbers, not \[1.0\]"),
+        ([[1.0, 2.0]], "must be 2 numbers"),
+    ],
+)
+def test_speeds_are_of_the_driven_joints(velocities, words):
+    """The message says of which."""
+    with pytest.raises(ValueError, match=words):
+        Motors(robot(), DRIVEN).targets(velocities)
+
+
+def test_the_mapping_given_is_not_changed():
+    """Nor is the array."""
+    given_map, given_array = {LEFT: 99.0, RIGHT: 1.0}, np.array([99.0, 1.0])
+    motors = Motors(robot(), DRIVEN)
+    assert motors.targets(given_map) == motors.targets(given_array) == [20.0, 1.0]
+    assert given_map == {LEFT: 99.0, RIGHT: 1.0}
+    assert given_array.tolist() == [99.0, 1.0]

@@ -1,0 +1,931 @@
+"""Each check reports once, with line and element, and accepts what is only nearly wrong."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_description.description import DescriptionError, Mimic, parse_description
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+CUBE = ROBOTS / "meshes" / "cube.stl"
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+
+
+def problems(text):
+    """All problems of a text, without the name it is given."""
+    with pytest.raises(DescriptionError) as caught:
+        parse_description(text, "r")
+    assert all(problem.startswith("r:") for problem in caught.value.problems)
+    return [problem[2:] for problem in caught.value.problems]
+
+
+def warnings(text):
+    """All warnings of a text that has no problem."""
+    return [warning.removeprefix("r:") for warning in parse_description(text, "r").warnings]
+
+
+def joint(inside=LIMIT, kind="revolute"):
+    """A robot of one joint; ``inside`` of it stands in line 4."""
+    return (
+        '<robot name="r"><link name="a"/>\n<link name="b"/>\n'
+        f'<joint name="j" type="{kind}"><parent link="a"/><child link="b"/>\n'
+        f"{inside}</joint></robot>"
+    )
+
+
+def link(inside, base=""):
+    """A robot of one link; ``inside`` of it stands in line 3."""
+    return f'<robot name="r">{base}\n<link name="a">\n{inside}</link></robot>'
+
+
+def visual(shape):
+    return link(f"<visual><geometry>{shape}</geometry></visual>")
+
+
+def inertial(mass='<mass value="1"/>', **moments):
+    values = {"ixx": 1, "ixy": 0, "ixz": 0, "iyy": 1, "iyz": 0, "izz": 1, **moments}
+    written = " ".join(f'{name}="{value!r}"' for name, value in values.items())
+    return link(f"<inertial>{mass}<inertia {written}/></inertial>")
+
+
+def robot(*lines):
+    """A robot whose parts stand in lines 2, 3, ..."""
+    return '<robot name="r">\n' + "\n".join(lines) + "\n</robot>"
+
+
+def hinge(name, parent, child, inside=LIMIT, kind="revolute"):
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
+
+
+# ---------------------------------------------------------------------------------------- joints
+
+
+def _limit(lower="-1", upper="1", effort="1", velocity="1"):
+    values = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
+    given = (f'{name}="{value}"' for name, value in values.items() if value is not None)
+    return f"<limit {' '.join(given)}/>"
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize(
+    ("limit", "found"),
+    [
+        (_limit("1", "1"), (1.0, 1.0, 1.0, 1.0)),
+        (_limit("-1", "-1"), (-1.0, -1.0, 1.0, 1.0)),
+        (_limit(None, "0.5"), (0.0, 0.5, 1.0, 1.0)),
+        (_limit("-0.5", None), (-0.5, 0.0, 1.0, 1.0)),
+        (_limit(effort="0"), (-1.0, 1.0, 0.0, 1.0)),
+        (_limit(effort="-0"), (-1.0, 1.0, 0.0, 1.0)),
+        (_limit(velocity="1e-300"), (-1.0, 1.0, 1.0, 1e-300)),
+        (_limit(lower="0"), (0.0, 1.0, 1.0, 1.0)),
+        (_limit(upper="0"), (-1.0, 0.0, 1.0, 1.0)),
+    ],
+)
+def test_limits_that_are_fine(kind, limit, found):
+    """A single position other than 0, no effort, and ends left out are no mistakes."""
+    description = parse_description(joint(limit, kind), "r")
+    (read,) = description.joints
+    assert (read.lower, read.upper, read.effort, read.velocity) == found
+    assert description.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("limit", "problem"),
+    [
+        (_limit("1", "0.5"), "lower 1 is above upper 0.5; swap them"),
+        (_limit(None, "-1"), "lower 0 is above upper -1; swap them"),
+        (_limit("1", None), "lower 1 is above upper 0; swap them"),
+        (_limit(effort="-1"), 'effort="-1" is negative; it must not be'),
+        (_limit(velocity="-1e-300"), 'velocity="-1e-300" is negative; it must not be'),
+        (_limit(effort=None), 'has no effort; write effort="..."'),
+        (_limit(velocity=None), 'has no velocity; write velocity="..."'),
+        (_limit(lower="x"), 'lower="x": "x" is not a number'),
+    ],
+)
+def test_limits_that_are_none(limit, problem):
+    """One problem in line 4, and no warning with it."""
+    assert problems(joint(limit)) == [f'4: joint "j" <limit>: {problem}']
+
+
+def test_every_fault_of_a_limit_is_reported():
+    """Each on its own, in one run."""
+    found = problems(joint(_limit("2", "1", "-1", None)))
+    parts = ("effort", "velocity", "lower 2")
+    assert len(found) == 3 and all(part in text for part, text in zip(parts, found, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("limit", "kind", "texts"),
+    [
+        (_limit("0", "0"), "revolute", ["lower and upper are both 0, so the joint cannot move"]),
+        (_limit(None, None), "prismatic", ["lower and upper are both 0, so the joint cannot move"]),
+        (_limit(velocity="0"), "revolute", ["velocity is 0, so the joint cannot move"]),
+        (
+            _limit("-1", "1"),
+            "continuous",
+            ["a continuous joint has no lower or upper; make it rev"],
+        ),
+        (_limit("-1", None), "continuous", ["a continuous joint has no lower or upper; make it"]),
+        (_limit(None, "1"), "continuous", ["a continuous joint has no lower or upper; make it"]),
+        (_limit("0", "0"), "continuous", []),
+        (_limit(None, None), "continuous", []),
+        (_limit(), "fixed", []),
+        ("<limit/>", "fixed", []),
+        ("<limit/>", "floating", []),
+        ("<limit/>", "planar", []),
+        ("", "planar", []),
+        ("", "continuous", []),
+    ],
+)
+def test_limits_that_are_hardly_meant(limit, kind, texts):
+    """At most one warning, in line 4."""
+    found = warnings(joint(limit, kind))
+    assert len(found) == len(texts)
+    for text, warning in zip(texts, found, strict=True):
+        assert warning.startswith(f'4: joint "j" <limit>: {text}')
+
+
+@pytest.mark.parametrize("kind", ["continuous", "floating", "planar", "fixed"])
+def test_kinds_without_limits_have_none(kind):
+    """Speed and effort are read all the same."""
+    (read,) = parse_description(joint(_limit(), kind)).joints
+    assert (read.lower, read.upper, read.velocity, read.effort) == (None, None, 1.0, 1.0)
+
+
+def test_a_limit_that_is_missing():
+    """The joint's own line, and only where one is needed."""
+    for kind in ("revolute", "prismatic"):
+        (problem,) = problems(joint("", kind))
+        assert problem.startswith(
+            f'3: joint "j": a {kind} joint needs a limit; write <limit lower='
+        )
+
+
+@pytest.mark.parametrize("length", [0.9991, 1.0, 1.0009])
+def test_axes_of_almost_unit_length_are_taken_without_a_word(length):
+    """They were rounded when written; what is read has unit length all the same."""
+    description = parse_description(joint(f'<axis xyz="0 {length!r} 0"/>{LIMIT}'), "r")
+    assert description.warnings == ()
+    assert description.joints[0].axis == (0.0, 1.0, 0.0)
+
+
+def test_the_length_of_an_axis_is_that_of_all_three_numbers():
+    """Not of the largest."""
+    assert warnings(joint(f'<axis xyz="0.6 0 -0.8"/>{LIMIT}')) == []
+    (warning,) = warnings(joint(f'<axis xyz="2 -3 6"/>{LIMIT}'))
+    assert "the axis has length 7; it" in warning
+
+
+@pytest.mark.parametrize("length", [0.9989, 1.0011, 2.0, 1e-200])
+def test_axes_of_another_length_are_a_warning(length):
+    """With the length."""
+    (warning,) = warnings(joint(f'<axis xyz="0 0 {-length!r}"/>{LIMIT}'))
+    text = f"the axis has length {length:.4g}; it is taken as length 1"
+    assert warning == f'4: joint "j" <axis>: {text}'
+
+
+@pytest.mark.parametrize(
+    ("xyz", "kept"), [("0 0 1.0000005", True), ("0 0 1.000002", False), ("0 0 0.999998", False)]
+)
+def test_the_text_keeps_an_axis_that_is_exact_enough(xyz, kept):
+    """A millionth is the border; what is read is of unit length on both sides of it."""
+    description = parse_description(joint(f'<axis xyz="{xyz}"/>{LIMIT}'))
+    assert (xyz in description.urdf) is kept
+    assert ("0.0 0.0 1.0" in description.urdf) is not kept
+    assert description.joints[0].axis == (0.0, 0.0, 1.0)
+
+
+@given(st.tuples(*[st.floats(-1e3, 1e3)] * 3).filter(lambda axis: max(map(abs, axis)) > 1e-3))
+def test_an_axis_keeps_its_direction(axis):
+    """Every component with its sign."""
+    text = " ".join(map(repr, axis))
+    (read,) = parse_description(joint(f'<axis xyz="{text}"/>{LIMIT}')).joints
+    norm = math.hypot(*axis)
+    assert read.axis == pytest.approx(tuple(value / norm for value in axis), abs=1e-12)
+    assert math.hypot(*read.axis) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic", "planar"])
+def test_a_zero_axis_is_one_problem(kind):
+    """Where the joint moves along or about it, and only there."""
+    inside = f'<axis xyz="0 0 -0"/>{LIMIT if kind != "continuous" else ""}'
+    text = f'the axis of a {kind} joint cannot be zero; write for example "0 0 1"'
+    assert problems(joint(inside, kind)) == [f'4: joint "j" <axis>: {text}']
+
+
+@pytest.mark.parametrize("kind", ["fixed", "floating"])
+def test_a_joint_without_axis_may_have_a_zero_one(kind):
+    """It is not looked at, unless it is no three numbers."""
+    description = parse_description(joint('<axis xyz="0 0 0"/>', kind))
+    assert description.joints[0].axis == (1.0, 0.0, 0.0)
+    assert description.warnings == ()
+    assert len(problems(joint('<axis xyz="0 0"/>', kind))) == 1
+    assert len(problems(joint("<axis/>", kind))) == 1
+
+
+def test_a_missing_kind_is_one_problem():
+    """With those there are; a follower of the joint is no second one."""
+    kinds = "fixed, revolute, continuous, prismatic, floating, planar"
+    assert problems(joint().replace(' type="revolute"', "")) == [
+        f'3: joint "j": has no type; write one of: {kinds}'
+    ]
+
+
+def test_an_unknown_kind_is_one_problem():
+    """Nothing that follows from it is reported, such as a zero axis or who mimics the joint."""
+    follower = hinge("k", "b", "c", f'{LIMIT}<mimic joint="j"/>')
+    text = joint('<axis xyz="0 0 0"/><mimic joint="k"/>', "revolut").replace(
+        "</robot>", f'<link name="c"/>{follower}</robot>'
+    )
+    (problem,) = [text for text in problems(text) if "circle" not in text]
+    assert problem.startswith(
+        '3: joint "j": unknown joint type "revolut" (did you mean "revolute"?'
+    )
+
+
+# ---------------------------------------------------------------------------------------- mimics
+
+
+def _followers(*leaders, kinds=()):
+    """Joints a, b, c, ... in lines 3, 5, 7, ..., each of which follows one of these, or none."""
+    lines = ['<link name="l0"/>']
+    for row, leader in enumerate(leaders):
+        mimic = f'<mimic joint="{leader}"/>' if leader else ""
+        kind = dict(kinds).get(row, "revolute")
+        name = "abcdefgh"[row]
+        lines.append(hinge(name, f"l{row}", f"l{row + 1}", LIMIT + mimic, kind))
+        lines.append(f'<link name="l{row + 1}"/>')
+    return robot(*lines)
+
+
+@pytest.mark.parametrize(
+    ("leaders", "found"),
+    [
+        (("b", "a"), ['3: joint "a" <mimic>: the joints a -> b -> a mimic each other in a circle']),
+        (("b", "c", "a"), ['3: joint "a" <mimic>: the joints a -> b -> c -> a mimic each other']),
+        (("b", "c", "b"), ['5: joint "b" <mimic>: the joints b -> c -> b mimic each other in a']),
+        (
+            ("b", "a", "d", "c"),
+            [
+                '3: joint "a" <mimic>: the joints a -> b -> a mimic',
+                '7: joint "c" <mimic>: the joints c -> d -> c mimic',
+            ],
+        ),
+        (("a",), ['3: joint "a" <mimic>: the joint mimics itself; name another joint']),
+        (("b", "b"), ['5: joint "b" <mimic>: the joint mimics itself; name another joint']),
+        (("x",), ['3: joint "a" <mimic>: there is no joint "x" to mimic']),
+        (("",), None),
+        (("b", "c", ""), None),
+        (("c", "c", "", "c"), None),
+    ],
+)
+def test_who_follows_whom(leaders, found):
+    """A circle is one problem, however many joints are in it or lead into it."""
+    text = _followers(*leaders)
+    if found is None:
+        assert warnings(text) == []
+        return
+    given = problems(text)
+    assert len(given) == len(found)
+    assert all(one.startswith(start) for one, start in zip(given, found, strict=True))
+
+
+@pytest.mark.parametrize("kind", ["fixed", "floating", "planar"])
+def test_only_joints_of_one_position_follow_and_lead(kind):
+    """One problem each."""
+    assert problems(_followers("b", "", kinds=[(0, kind)])) == [
+        f'3: joint "a" <mimic>: a {kind} joint has no single position, so it cannot mimic'
+    ]
+    assert problems(_followers("b", "", kinds=[(1, kind)])) == [
+        f'3: joint "a" <mimic>: joint "b" is {kind} and has no position to mimic'
+    ]
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+def test_joints_of_one_position_follow_and_lead(kind):
+    """Each of the three kinds, whatever its leader's."""
+    limits = [(0, kind)]
+    text = _followers("b", "", kinds=limits)
+    read = parse_description(text).joints[0]
+    assert read.mimic == Mimic("b", 1.0, 0.0)
+    parse_description(_followers("b", "", kinds=[(1, kind)]))
+
+
+def test_a_misspelt_leader_is_not_answered_with_the_follower_itself():
+    """Only joints that it could follow are proposed."""
+    (problem,) = problems(_followers("e", "", "", kinds=[(2, "fixed")]))
+    assert "joints: b)" in problem
+
+
+@pytest.mark.parametrize(
+    ("attributes", "multiplier", "offset"),
+    [
+        ("", 1.0, 0.0),
+        ('multiplier="0"', 0.0, 0.0),
+        ('multiplier="-2" offset="-0.5"', -2.0, -0.5),
+        ('offset="0.25"', 1.0, 0.25),
+    ],
+)
+def test_numbers_of_a_mimic(attributes, multiplier, offset):
+    """A multiplier of 0 is one, and not left out."""
+    text = _followers("b", "").replace('joint="b"/>', f'joint="b" {attributes}/>')
+    assert parse_description(text).joints[0].mimic == Mimic("b", multiplier, offset)
+
+
+def test_a_mimic_without_joint_is_one_problem():
+    """Empty or missing."""
+    for mimic in ("<mimic/>", '<mimic joint=""/>'):
+        (problem,) = problems(joint(LIMIT + mimic))
+        assert problem.startswith('4: joint "j" <mimic>: names no joint')
+
+
+# ----------------------------------------------------------------------------------------- links
+
+
+@pytest.mark.parametrize(
+    "moments",
+    [
+        {},
+        {"izz": 2},
+        {"izz": 2.0199},
+        {"ixx": 2.0199},
+        {"iyy": 2.0199},
+        {"ixx": 1e-300, "iyy": 1e-300, "izz": 1e-300},
+        {"ixx": 1e300, "iyy": 1e300, "izz": 1e300},
+        {"ixy": 0.4},
+        {"ixy": 0.5},
+        {"ixy": -0.4, "ixz": 0.1, "iyz": -0.2},
+        {"ixx": 0.5, "iyy": 0.5, "izz": 1},
+    ],
+)
+def test_moments_of_bodies_are_fine(moments):
+    """A plate's greatest is the sum of the others; a hundredth more may be rounding."""
+    assert warnings(inertial(**moments)) == []
+
+
+@pytest.mark.parametrize(
+    ("moments", "text"),
+    [
+        ({"izz": 2.03}, "of the moments 1, 1, 2.03 one exceeds the sum of the others"),
+        ({"ixx": 2.03}, "of the moments 1, 1, 2.03 one exceeds the sum of the others"),
+        ({"iyy": 2.03}, "of the moments 1, 1, 2.03 one exceeds the sum of the others"),
+        ({"izz": 0}, "the inertia is not positive definite (least moment 0 kg m2)"),
+        ({"ixx": 0}, "the inertia is not positive definite (least moment 0 kg m2)"),
+        ({"ixy": 2}, "the inertia is not positive definite (least moment -1 kg m2)"),
+        ({"ixz": -2}, "the inertia is not positive definite (least moment -1 kg m2)"),
+        ({"iyz": 2}, "the inertia is not positive definite (least moment -1 kg m2)"),
+        (
+            {"ixx": 0, "iyy": 0, "izz": 0},
+            "the inertia is zero; a simulation cannot turn such a link",
+        ),
+    ],
+)
+def test_moments_that_no_body_has(moments, text):
+    """One warning in line 3 at <inertia>, with the moments sorted."""
+    (warning,) = warnings(inertial(**moments))
+    assert warning.startswith(f'3: link "a" <inertial> <inertia>: {text}')
+
+
+_moment = st.floats(0.0, 3.0)
+_product = st.floats(-2.0, 2.0)
+
+
+@given(_moment, _product, _product, _moment, _product, _moment, st.sampled_from([1.0, 1e-9, 1e12]))
+def test_inertias_are_judged_by_their_eigenvalues(xx, xy, xz, yy, yz, zz, scale):
+    """Whatever the frame and the unit they are written in."""
+    least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    excess = most - (least + middle) * 1.01
+    if min(abs(least), abs(excess)) < 1e-6 or max(map(abs, (xx, xy, xz, yy, yz, zz))) < 1e-3:
+        return  # too near the edge to say
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = [value * scale for value in (xx, xy, xz, yy, yz, zz)]
+    found = warnings(inertial(**dict(zip(names, values, strict=True))))
+    assert len(found) == (least < 0 or excess > 0)
+    assert all(("not positive definite" in text) == (least < 0) for text in found)
+
+
+@pytest.mark.parametrize(
+    ("moments", "text"),
+    [
+        ({"ixx": -1}, 'ixx="-1" is negative; it must not be'),
+        ({"iyy": -1}, 'iyy="-1" is negative; it must not be'),
+        ({"izz": -1}, 'izz="-1" is negative; it must not be'),
+    ],
+)
+def test_moments_below_zero_are_problems(moments, text):
+    """One each, and no warning about the matrix; products may be negative."""
+    assert problems(inertial(**moments)) == [f'3: link "a" <inertial> <inertia>: {text}']
+
+
+@pytest.mark.parametrize("name", ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"])
+def test_a_moment_left_out_is_one_problem(name):
+    """All six are needed."""
+    text = inertial().replace(f'{name}="{0 if name[1] != name[2] else 1}"', "")
+    assert problems(text) == [
+        f'3: link "a" <inertial> <inertia>: has no {name}; write {name}="..."'
+    ]
+
+
+@pytest.mark.parametrize(
+    ("mass", "found"),
+    [
+        (
+            '<mass value="0"/>',
+            "<mass>: the mass is 0; a simulation takes a base of mass 0 for fixed",
+        ),
+        ('<mass value="1e-300"/>', None),
+    ],
+)
+def test_a_mass_of_zero_is_a_warning(mass, found):
+    """Any above it is fine."""
+    expected = [f'3: link "a" <inertial> {found}'] if found else []
+    assert warnings(inertial(mass)) == expected
+
+
+@pytest.mark.parametrize(
+    ("shape", "count"),
+    [
+        ('<box size="1e-9 1 1"/>', 0),
+        ('<box size="0 1 1"/>', 1),
+        ('<box size="1 1 0"/>', 1),
+        ('<sphere radius="1e-9"/>', 0),
+        ('<sphere radius="0"/>', 1),
+        ('<cylinder radius="1" length="0"/>', 1),
+        ('<cylinder radius="0" length="0"/>', 2),
+        (f'<mesh filename="{CUBE}"/>', 0),
+        (f'<mesh filename="{CUBE}" scale="1e-9 1 1"/>', 0),
+        (f'<mesh filename="{CUBE}" scale="1 1 0"/>', 1),
+        (f'<mesh filename="{CUBE}" scale="1 -1 1"/>', 1),
+    ],
+)
+def test_sizes_of_zero_are_a_warning(shape, count):
+    """One for each attribute, however many zeros are in it; a mirrored mesh is one too."""
+    found = warnings(visual(shape))
+    tag = shape[1:].split()[0]
+    assert len(found) == count
+    assert all(text.startswith(f'3: link "a" <visual> <geometry> <{tag}>: ') for text in found)
+
+
+@pytest.mark.parametrize(
+    ("shape", "text"),
+    [
+        ('<box size="0 -1 -2"/>', 'size="0 -1 -2" is negative; sizes are in m and above 0'),
+        ('<box size="1 1"/>', 'size="1 1" holds 2; it takes 3 numbers'),
+        ('<sphere radius="-1e-9"/>', 'radius="-1e-9" is negative; sizes are in m and above 0'),
+        ("<sphere/>", 'has no radius; write radius="..."'),
+        ('<cylinder radius="1"/>', 'has no length; write length="..."'),
+        ('<cylinder length="1"/>', 'has no radius; write radius="..."'),
+        (
+            '<cylinder radius="1" length="-1"/>',
+            'length="-1" is negative; sizes are in m and above 0',
+        ),
+        ('<mesh filename=""/>', 'names no file; write filename="package://<package>/<path>"'),
+        (f'<mesh filename="{CUBE}" scale="1"/>', 'scale="1" holds 1; it takes 3 numbers'),
+    ],
+)
+def test_shapes_that_are_none(shape, text):
+    """One problem, at the shape."""
+    tag = shape[1:].split()[0].rstrip("/>")
+    assert problems(visual(shape)) == [f'3: link "a" <visual> <geometry> <{tag}>: {text}']
+
+
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+def test_geometry_of_one_shape(tag):
+    """None, an empty one and a second shape are one problem each; the tag is named."""
+    box, ball = '<box size="1 1 1"/>', '<sphere radius="1"/>'
+    assert warnings(link(f"<{tag}><geometry>{box}</geometry></{tag}>")) == []
+    (problem,) = problems(link(f"<{tag}/>"))
+    assert problem.startswith(f'3: link "a" <{tag}>: has no <geometry>; it takes one of: box, cyl')
+    (problem,) = problems(link(f"<{tag}><geometry/></{tag}>"))
+    assert problem.startswith(f'3: link "a" <{tag}> <geometry>: is empty; it takes one of: box')
+    (problem,) = problems(link(f"<{tag}><geometry>{box}{ball}</geometry></{tag}>"))
+    assert "holds 2 shapes (box, sphere); it takes one;" in problem
+    assert problem.endswith(f"give the link a second <{tag}>")
+    (problem,) = problems(link(f"<{tag}><geometry><bx/></geometry></{tag}>"))
+    assert problem.startswith(f'3: link "a" <{tag}> <geometry> <bx>: unknown shape')
+
+
+@pytest.mark.parametrize(
+    ("mesh", "tag", "count"),
+    [
+        ("cube.stl", "collision", 0),
+        ("cube.obj", "collision", 0),
+        ("cube.glb", "collision", 1),
+        ("cube.glb", "visual", 0),
+        ("ascii.stl", "collision", 1),
+        ("ascii.stl", "visual", 0),
+    ],
+)
+def test_meshes_that_pybullet_does_not_read(mesh, tag, count):
+    """A warning only where it would."""
+    path = ROBOTS / "meshes" / mesh
+    text = link(f'<{tag}><geometry><mesh filename="{path}"/></geometry></{tag}>')
+    assert len(warnings(text)) == count
+
+
+def test_every_origin_is_checked():
+    """Of inertial, visual, collision and joint: xyz and rpy, each once."""
+    wrong = '<origin xyz="0 0" rpy="0"/>'
+    box = '<geometry><box size="1 1 1"/></geometry>'
+    moments = 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"'
+    inside = (
+        f'<inertial>{wrong}<mass value="1"/><inertia {moments}/></inertial>'
+        f"<visual>{wrong}{box}</visual><collision>{wrong}{box}</collision>"
+    )
+    found = problems(link(inside))
+    assert sorted(text.split(": ")[1] for text in found) == [
+        f'link "a" <{tag}> <origin>' for tag in ("collision", "inertial", "visual") for _ in "12"
+    ]
+    assert len(problems(joint(wrong + LIMIT))) == 2
+
+
+@pytest.mark.parametrize("origin", ["", "<origin/>"])
+def test_a_joint_without_origin_is_at_its_parent(origin):
+    """Neither moved nor turned."""
+    (read,) = parse_description(joint(origin + LIMIT)).joints
+    assert (read.origin.xyz, read.origin.rpy) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+# ------------------------------------------------------------------------------------- materials
+
+
+def _visual(material, extra=""):
+    box = '<geometry><box size="1 1 1"/></geometry>'
+    return f"<visual>{box}{material}</visual>{extra}"
+
+
+def _color(rgba):
+    return f'<color rgba="{rgba}"/>'
+
+
+RED = _color("1 0 0 1")
+
+
+@pytest.mark.parametrize(
+    ("rgba", "good"),
+    [
+        ("0 0 0 0", True),
+        ("1 1 1 1", True),
+        ("1.0001 0 0 1", False),
+        ("0 0 0 -0.0001", False),
+        ("0 0 255 1", False),
+    ],
+)
+def test_colours_go_from_0_to_1(rgba, good):
+    """The ends are in; the problem is at <color>, once, though two visuals use the material."""
+    use = '<material name="m"/>'
+    text = link(_visual(use) + _visual(use), f'<material name="m">{_color(rgba)}</material>')
+    if good:
+        assert warnings(text) == []
+    else:
+        (problem,) = problems(text)
+        assert problem.startswith(f'1: material "m" <color>: rgba="{rgba}" leaves 0 to 1; divide')
+
+
+@pytest.mark.parametrize(
+    ("shared", "first", "second", "text"),
+    [
+        ('<material name="m"><color rgba="1 0 0 1"/></material>', "", "", None),
+        ("", RED, "", None),
+        ("", "", RED, None),
+        ("", RED, RED, None),
+        ("", RED, _color("1.0 0 0 1"), None),
+        ("", "", "", "no material of that name is defined"),
+        ("", RED, _color("0 1 0 1"), "a material of that name looks different elsewhere"),
+        (
+            '<material name="m"><color rgba="1 0 0 1"/></material>',
+            RED,
+            _color("0 1 0 1"),
+            "a material of that name looks different elsewhere",
+        ),
+        ('<material name="m"/>', RED, RED, "defines neither <color> nor <texture>"),
+    ],
+)
+def test_materials_used_by_two_visuals(shared, first, second, text):
+    """Defined anywhere, before or after its use; a different look is one warning."""
+    uses = [f'<material name="m">{inside}</material>' for inside in (first, second)]
+    found = warnings(link("\n".join(map(_visual, uses)), shared))
+    if text is None:
+        assert found == []
+    elif text.startswith("no material"):
+        assert [one.split(":")[0] for one in found] == ["3", "4"]
+        assert all(text in one for one in found)
+    else:
+        (warning,) = found
+        assert text in warning
+        assert warning.startswith("4:" if "elsewhere" in text else "1:")
+
+
+def test_materials_of_the_robot_are_defined_once():
+    """Twice alike is fine; twice unlike is one problem, at the second."""
+    both = f'<material name="m">{RED}</material>\n<material name="m">{{}}</material>'
+    assert warnings(robot(both.format(RED), '<link name="a"/>')) == []
+    (problem,) = problems(robot(both.format(_color("0 0 0 1")), '<link name="a"/>'))
+    assert problem.startswith('3: material "m": there is another material of that name that looks')
+
+
+def test_materials_without_a_name_are_each_their_own():
+    """Two visuals may have nameless ones of different looks."""
+    uses = _visual(f'<material name="">{RED}</material>') + _visual(
+        f'<material name="">{_color("0 1 0 1")}</material>'
+    )
+    assert warnings(link(uses)) == []
+    (warning,) = warnings(link(_visual('<material name=""/>')))
+    assert "neither a name nor a <color>, so it does nothing" in warning
+    (problem,) = problems(link(_visual(f"<material>{RED}</material>")))
+    assert problem.startswith('3: link "a" <visual> <material>: has no name; write <material name=')
+
+
+def test_textures_are_files():
+    """One warning where there is none; what is fetched from elsewhere is one too."""
+    image = f'<material name="m"><texture filename="{CUBE}"/></material>'
+    assert warnings(link(_visual(image))) == []
+    for name in ("", "none.png", "http://a.org/b.png"):
+        (warning,) = warnings(link(_visual(image.replace(str(CUBE), name))))
+        assert warning.startswith('3: link "a" <visual> material "m" <texture>: ')
+
+
+# ---------------------------------------------------------------------------------------- schema
+
+
+@pytest.mark.parametrize(
+    ("inside", "texts"),
+    [
+        ("<visul/>", ['<visul>: unknown inside <link>, so it is ignored (did you mean "visual"?']),
+        ('<visul><geometri a="1"><x/></geometri></visul>', ["<visul>: unknown inside <link>"]),
+        ('<gazebo><link x="1"><limit a="1"/></link></gazebo>', []),
+        ("<sensor/><contact/><self_collision_checking/>", []),
+        ("<joint/>", ["<joint>: unknown inside <link>"]),
+        ('<x:y xmlns:x="http://a.org" a="1"><visul/></x:y>', []),
+    ],
+)
+def test_elements_that_urdf_does_not_know(inside, texts):
+    """One warning each; what is inside an unknown one, or another program's, is not looked at."""
+    found = warnings(link(inside))
+    assert len(found) == len(texts)
+    assert all(
+        one.startswith(f'3: link "a" {text}') for one, text in zip(found, texts, strict=True)
+    )
+
+
+def test_attributes_that_urdf_does_not_know():
+    """One warning each, with the one that was meant; those of other namespaces are left alone."""
+    text = joint('<limit lowr="-1" lower="-1" upper="1" effort="1" velocity="1" jerk="1" x="2"/>')
+    found = warnings(text)
+    assert len(found) == 2
+    assert found[0].startswith(
+        '4: joint "j" <limit>: unknown attribute "lowr", so it is ignored (did'
+    )
+    assert 'unknown attribute "x"' in found[1]
+    assert warnings(link("").replace('name="a"', 'name="a" type="t" x:y="1" xmlns:x="u"')) == []
+
+
+def test_typos_are_shown_with_the_problems_but_other_warnings_are_not():
+    """They may be the cause; a mass of zero is not."""
+    text = joint('<limit loer="-1" lower="2" upper="1" effort="1" velocity="0"/>')
+    found = problems(text)
+    assert len(found) == 2
+    assert "lower 2 is above" in found[0] and 'unknown attribute "loer"' in found[1]
+
+
+@pytest.mark.parametrize("tag", ["origin", "axis", "limit", "mimic", "dynamics", "parent", "child"])
+def test_second_elements_are_one_problem(tag):
+    """However many there are, at the second; ``leave one``."""
+    inside = {
+        "origin": "<origin/>",
+        "axis": '<axis xyz="0 0 1"/>',
+        "limit": LIMIT,
+        "mimic": '<mimic joint="j"/>',
+        "dynamics": "<dynamics/>",
+        "parent": '<parent link="a"/>',
+        "child": '<child link="b"/>',
+    }[tag]
+    first = "" if tag in ("parent", "child") else inside
+    rest = "" if tag == "limit" else LIMIT
+    text = joint(f"{first}{rest}\n{inside}\n{inside}")
+    found = [one for one in problems(text) if "itself" not in one]
+    assert found == [f'5: joint "j" <{tag}>: stands 3 times in joint "j"; leave one']
+
+
+def test_what_may_be_repeated():
+    """Visuals, collisions, materials and links."""
+    box = '<geometry><box size="1 1 1"/></geometry>'
+    parts = f"<visual>{box}</visual>" * 2 + f"<collision>{box}</collision>" * 2
+    assert warnings(link(parts)) == []
+
+
+def test_xacro_that_was_not_expanded_is_one_problem():
+    """With its line, and the number of the others; in attributes and elements."""
+    head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    text = f'{head}\n<link name="${{a}}"/>\n<xacro:wheel/>\n<xacro:wheel/></robot>'
+    (problem,) = problems(text)
+    assert problem.startswith("3: <wheel>: <xacro:wheel>")
+    assert " and 2 more is xacro that was not expanded; name the file .xacro" in problem
+    (problem,) = problems('<robot name="r">\n<link name="$(arg a)"/></robot>')
+    assert problem.startswith('2: link "$(arg a)": name="$(arg a)" is xacro that was not expanded')
+    assert warnings('<robot name="r"><link name="a$"/></robot>') == []
+
+
+@pytest.mark.parametrize("tag", ["link", "joint"])
+def test_names_are_given_once(tag):
+    """The second of a name is one problem, with the line of the first; a third one more."""
+    rows = ['<link name="a"/>', '<link name="b"/>', '<link name="c"/>', hinge("j", "a", "b")]
+    repeated = '<link name="c"/>' if tag == "link" else hinge("j", "b", "c")
+    name, first = ("c", 4) if tag == "link" else ("j", 5)
+    if tag == "link":
+        rows.append(hinge("k", "b", "c"))
+    found = problems(robot(*rows, repeated, repeated))
+    line = len(rows) + 2
+    assert found[:2] == [
+        f'{number}: {tag} "{name}": there is a {tag} of that name already, at r:{first}; rename it'
+        for number in (line, line + 1)
+    ]
+    assert all("of that name already" in one for one in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("a b", 1), ("a/b", 1), ("a&#9;b", 1), ("a.b-c:d", 0), ("é", 0)]
+)
+def test_names_that_tf_dislikes(name, count):
+    """One warning, whatever is in it."""
+    found = warnings(f'<robot name="r"><link name="{name}"/></robot>')
+    assert len(found) == count
+    assert all("holds a space or slash, which TF dislikes" in text for text in found)
+
+
+@pytest.mark.parametrize("name", ["", ' name=""', ' name="  "'])
+def test_names_that_are_missing(name):
+    """Of the robot and of a link: one problem each."""
+    (problem,) = problems(f'<robot{name}><link name="a"/></robot>')
+    assert problem.startswith("1: ") and "the robot has no name; write <robot name=" in problem
+    (problem,) = problems(f'<robot name="r"><link name="a"/>\n<link{name}/></robot>')
+    assert problem.startswith("2: ") and 'has no name; write <link name="...">' in problem
+
+
+# ------------------------------------------------------------------------------------------ tree
+
+
+def _links(names):
+    return "".join(f'<link name="{name}"/>' for name in names)
+
+
+@pytest.mark.parametrize(
+    ("joints", "found"),
+    [
+        (["ab", "bc"], []),
+        (["bc", "ab"], []),
+        (["ab", "ac"], []),
+        (["ab", "bc", "ac"], ['5: joint "j2": link "c" has two parents: joint "j1" moves it']),
+        (
+            ["ab", "ab", "ab"],
+            ['4: joint "j1": link "b" has two', '5: joint "j2": link "b" has two', "2: link"],
+        ),
+        (["ab", "bb", "ac"], ['4: joint "j1": connects link "b" with itself; parent or child']),
+        (["bc", "cb"], ['4: joint "j1": the links b -> c -> b form a loop; remove one of its']),
+        (["ab", "bc", "ca"], ['4: joint "j1": the links c -> a -> b -> c form a loop; remove']),
+        (["ab"], ['2: link "c": the robot falls into 2 parts, whose roots are a, c; connect each']),
+        ([], ['2: link "b": the robot falls into 3 parts, whose roots are a, b, c; connect each']),
+        (["ab", "bx"], ['4: joint "j1" <child>: there is no link "x"']),
+        (["ab", "xc"], ['4: joint "j1" <parent>: there is no link "x"']),
+    ],
+)
+def test_links_make_one_tree(joints, found):
+    """Each fault is reported once; what merely follows from it is not."""
+    rows = [hinge(f"j{row}", *ends) for row, ends in enumerate(joints)]
+    text = robot(_links("abc"), *rows)
+    if not found:
+        assert parse_description(text).root_link == "a"
+        return
+    given = problems(text)
+    assert len(given) == len(found), given
+    assert all(one.startswith(part) for one, part in zip(given, found, strict=True)), given
+
+
+def test_two_loops_are_two_problems():
+    """A tail that leads out of a loop is not named with it."""
+    rows = ["ab", "ba", "bc", "de", "ed"]
+    text = robot(_links("abcde"), *(hinge(f"j{row}", *ends) for row, ends in enumerate(rows)))
+    found = [one.split(": ", 2)[2] for one in problems(text)]
+    assert len(found) == 2
+    assert found[0].startswith(("the links a -> b -> a form", "the links b -> a -> b form"))
+    assert found[1].startswith(("the links d -> e -> d form", "the links e -> d -> e form"))
+
+
+def test_a_loop_is_named_from_parent_to_child():
+    """In the direction of its joints, back to where it began."""
+    text = robot(_links("abc"), hinge("j", "a", "b"), hinge("k", "b", "c"), hinge("l", "c", "a"))
+    (problem,) = problems(text)
+    names = problem.split("the links ")[1].split(" form")[0].split(" -> ")
+    assert names[0] == names[-1] and len(names) == 4
+    assert set(zip(names, names[1:], strict=False)) == {("a", "b"), ("b", "c"), ("c", "a")}
+
+
+def test_ends_that_are_missing_are_one_problem_each():
+    """And the part that they leave unconnected is none."""
+    ends = '<parent link="a"/><child link="b"/>'
+    text = robot(_links("ab"), f'<joint name="j" type="fixed">{ends}</joint>')
+    assert problems(text.replace('<parent link="a"/>', "")) == [
+        '3: joint "j": has no <parent>; write <parent link="..."/>'
+    ]
+    assert problems(text.replace('<child link="b"/>', "")) == [
+        '3: joint "j": has no <child>; write <child link="..."/>'
+    ]
+    for empty in ("<child/>", '<child link=""/>'):
+        assert problems(text.replace('<child link="b"/>', empty)) == [
+            '3: joint "j" <child>: names no link; write <child link="..."/>'
+        ]
+    assert len(problems(text.replace(ends, ""))) == 2
+
+
+# --------------------------------------------------------------------------------------- numbers
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1", 1.0),
+        ("+1.", 1.0),
+        ("-.5", -0.5),
+        ("1e3", 1000.0),
+        ("1.5E-2", 0.015),
+        (" 2\t", 2.0),
+        ("007", 7.0),
+        ("1.7976931348623157e308", 1.7976931348623157e308),
+        ("1e-999", 0.0),
+    ],
+)
+def test_numbers_are_read(text, value):
+    """In every form that a URDF reader takes."""
+    (read,) = parse_description(joint(f'<origin xyz="{text} 0 {text}"/>{LIMIT}')).joints
+    assert read.origin.xyz == (value, 0.0, value)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("1_000", '"1_000" is not a number'),
+        ("0x1", '"0x1" is not a number'),
+        ("٣", '"٣" is not a number'),
+        ("1e", '"1e" is not a number'),
+        (".", '"." is not a number'),
+        ("--1", '"--1" is not a number'),
+        ("1m", '"1m" is not a number'),
+        ("NaN", "NaN is not a finite number"),
+        ("-inf", "-inf is not a finite number"),
+        ("+Infinity", "+Infinity is not a finite number"),
+        ("1e309", "1e309 is too large for a number"),
+        ("-1e309", "-1e309 is too large for a number"),
+    ],
+)
+def test_what_is_no_number(text, fault):
+    """One problem with what is written, though three of them are wrong."""
+    written = f"{text} {text} {text}"
+    assert problems(joint(f'<origin xyz="{written}"/>{LIMIT}')) == [
+        f'4: joint "j" <origin>: xyz="{written}": {fault}'
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("0,0,0", 'xyz="0,0,0" has commas; separate the numbers by spaces'),
+        ("0, 0, 0", 'xyz="0, 0, 0" has commas; separate the numbers by spaces'),
+        ("0,0", 'xyz="0,0": "0,0" is not a number'),
+        ("0 0 0 0", 'xyz="0 0 0 0" holds 4; it takes 3 numbers'),
+        ("", 'xyz="" holds 0; it takes 3 numbers'),
+    ],
+)
+def test_numbers_of_another_count(text, fault):
+    """Commas are named where they are the only fault."""
+    assert problems(joint(f'<origin xyz="{text}"/>{LIMIT}')) == [f'4: joint "j" <origin>: {fault}']
+
+
+def test_one_number_is_not_two():
+    """``number``, where one is taken."""
+    found = problems(joint(_limit(lower="0 1")))
+    assert found == ['4: joint "j" <limit>: lower="0 1" holds 2; it takes 1 number']
+
+
+@pytest.mark.parametrize(("length", "cut"), [(60, False), (61, True)])
+def test_long_texts_are_cut(length, cut):
+    """A message stays in its line: 60 characters, or 57 and dots."""
+    text = "x" * length
+    (problem,) = problems(joint(f'<origin xyz="{text}"/>{LIMIT}'))
+    shown = "x" * 57 + "..." if cut else text
+    assert f'xyz="{shown}": "{shown}" is not a number' in problem
+
+
+@pytest.mark.parametrize(("depth", "good"), [(100, True), (101, False)])
+def test_nesting_ends_at_a_hundred(depth, good):
+    """The robot itself is the first."""
+    deep = "<gazebo>" * (depth - 1) + "</gazebo>" * (depth - 1)
+    text = f'<robot name="r"><link name="a"/>{deep}</robot>'
+    if good:
+        assert warnings(text) == []
+    else:
+        assert problems(text) == ["1: elements are nested deeper than 100"]

@@ -1,0 +1,167 @@
+"""Which joint states are published: by their stamps, the interval, and clocks that are set back."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onebot_description.wire.state_converter import PublishedTimes
+
+SECOND = 1_000_000_000
+ALL, FIRST, SECOND_ROW = (np.array(rows, np.intp) for rows in ([0, 1], [0], [1]))
+
+
+class Warnings(list[str]):
+    """The kinds of the warnings given."""
+
+    def __call__(self, kind: str, text: str) -> None:
+        """Note one."""
+        assert text
+        self.append(kind)
+
+
+def due(times: PublishedTimes, rows: np.ndarray, stamp: int, now: int = SECOND) -> bool:
+    """Whether a message is published; there may be no warning."""
+    warnings = Warnings()
+    found = times.due(rows, stamp, now, warnings)
+    assert warnings == []
+    return found
+
+
+def test_a_message_is_due_when_the_interval_is_over() -> None:
+    """At that nanosecond, not one before; the last publication counts, not the last message."""
+    times = PublishedTimes(2, SECOND)
+    assert due(times, ALL, 5 * SECOND)
+    assert not due(times, ALL, 6 * SECOND - 1)
+    assert due(times, ALL, 6 * SECOND)
+    assert not due(times, ALL, 7 * SECOND - 1)
+
+
+def test_the_joint_that_waited_longest_decides() -> None:
+    """A message with one joint that is due publishes all of its joints, and no other."""
+    times = PublishedTimes(2, SECOND)
+    assert due(times, FIRST, 5 * SECOND)
+    assert due(times, ALL, 5 * SECOND + 1)
+    assert not due(times, FIRST, 6 * SECOND)
+    assert due(times, FIRST, 6 * SECOND + 1)
+    assert not due(times, SECOND_ROW, 6 * SECOND)
+    assert times.stamps.tolist() == [6 * SECOND + 1, 5 * SECOND + 1]
+
+
+def test_without_an_interval_only_older_stamps_are_dropped() -> None:
+    """The same stamp again is published again."""
+    times = PublishedTimes(1)
+    assert [due(times, FIRST, stamp) for stamp in (5, 5, 6, 5, 6)] == [
+        True,
+        True,
+        True,
+        False,
+        True,
+    ]
+    assert times.stamps.tolist() == [6]
+
+
+def test_a_message_without_known_joints_is_never_published() -> None:
+    """Whatever its stamp, and without a word."""
+    nothing = np.array([], np.intp)
+    for ignore in (False, True):
+        times = PublishedTimes(2, 0, ignore)
+        assert not due(times, nothing, 5) and not due(times, nothing, 0)
+        assert times.stamps.tolist() == [0, 0]
+
+
+def test_stamp_zero_is_reported_and_not_published() -> None:
+    """It is no time; nothing is noted of it."""
+    times, warnings = PublishedTimes(2), Warnings()
+    assert not times.due(ALL, 0, SECOND, warnings)
+    assert warnings == ["stamp"] and times.stamps.tolist() == [0, 0]
+    assert due(times, ALL, 1)
+
+
+def test_stamps_may_be_ignored() -> None:
+    """Old ones, early ones and none at all are published."""
+    times = PublishedTimes(2, SECOND, ignore_timestamp=True)
+    assert all(due(times, ALL, stamp) for stamp in (9, 9, 0, 5, 1))
+
+
+def test_a_clock_set_back_starts_afresh() -> None:
+    """With a warning, once; what was published before does not hold up what comes now."""
+    times, warnings = PublishedTimes(2, SECOND), Warnings()
+    assert times.due(ALL, 100 * SECOND, 100 * SECOND, warnings)
+    assert times.due(FIRST, 3 * SECOND, 3 * SECOND, warnings)
+    assert warnings == ["clock"]
+    assert times.stamps.tolist() == [3 * SECOND, 0]
+    assert not times.due(FIRST, 3 * SECOND + 1, 3 * SECOND + 1, warnings)
+    assert times.due(FIRST, 4 * SECOND, 4 * SECOND, warnings)
+    assert warnings == ["clock"]
+
+
+def test_a_clock_that_stands_still_or_jumps_ahead_is_no_reset() -> None:
+    """Nor is a stamp that is older than the one before."""
+    times = PublishedTimes(1, SECOND)
+    assert due(times, FIRST, 5 * SECOND, now=5)
+    assert not due(times, FIRST, 4 * SECOND, now=5)
+    assert due(times, FIRST, 10**18, now=10**18)
+
+
+def test_a_clock_set_back_is_noticed_by_messages_that_are_not_published() -> None:
+    """A message without known joints sets the time, as any other does."""
+    times, warnings = PublishedTimes(1, SECOND), Warnings()
+    nothing = np.array([], np.intp)
+    assert times.due(FIRST, 50 * SECOND, 50, warnings)
+    assert not times.due(nothing, 0, 10, warnings)
+    assert warnings == ["clock"] and times.stamps.tolist() == [0]
+    assert times.due(FIRST, 3 * SECOND, 20, warnings)
+    assert warnings == ["clock"]
+
+
+def test_to_forget_is_to_publish_the_next_message() -> None:
+    """Whatever its stamp; the clock is still known."""
+    times, warnings = PublishedTimes(2, SECOND), Warnings()
+    assert times.due(ALL, 9 * SECOND, 9, warnings)
+    times.forget()
+    assert times.due(ALL, 2 * SECOND, 9, warnings) and warnings == []
+    times.due(ALL, 3 * SECOND, 8, warnings)
+    assert warnings == ["clock"]
+
+
+@pytest.mark.parametrize("interval", [-1, -(10**30)])
+def test_a_negative_interval_is_none(interval: int) -> None:
+    """Every message is due."""
+    times = PublishedTimes(1, interval)
+    assert times.interval_ns == 0
+    assert due(times, FIRST, 5) and due(times, FIRST, 5)
+
+
+def test_an_interval_longer_than_any_time_publishes_once() -> None:
+    """It does not overflow."""
+    times = PublishedTimes(1, 10**30)
+    newest = 2**31 * SECOND  # the end of a ROS time's seconds
+    assert due(times, FIRST, 2**61) and not due(times, FIRST, newest)
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    interval=st.integers(0, 5),
+    messages=st.lists(
+        st.tuples(st.sampled_from([[0], [1], [0, 1]]), st.integers(1, 40), st.integers(0, 20)),
+        max_size=40,
+    ),
+)
+def test_a_joint_is_published_no_more_often_than_asked(interval: int, messages: list) -> None:
+    """Between two resets of the clock every joint alone keeps the interval and the order.
+
+    A joint that was never published counts as published at time 0, as in the standard node.
+    """
+    times, clock = PublishedTimes(2, interval), 0
+    last: dict[int, int] = {}
+    for rows, stamp, now in messages:
+        warnings = Warnings()
+        published = times.due(np.array(rows, np.intp), stamp, now, warnings)
+        if now < clock:
+            last.clear()
+        assert warnings == (["clock"] if now < clock else [])
+        clock = now
+        wanted = any(stamp >= last.get(row, 0) + interval for row in rows)
+        assert published == wanted
+        last |= dict.fromkeys(rows, stamp) if published else {}
