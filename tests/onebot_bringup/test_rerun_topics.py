@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 from geometry_msgs.msg import Transform, TransformStamped, Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
