@@ -19,7 +19,7 @@ Parameters (all can be changed while it runs):
     ignore_timestamp (bool, default false): publish whatever the stamp is.
     frame_prefix (string, default ""): prepended as it is to every frame.
 
-Floating and planar joints are published at their origin, static: no JointState has their pose.
+Floating and planar joints are published at their origin, static: their pose is in no JointState.
 """
 
 import sys
