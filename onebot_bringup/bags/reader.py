@@ -205,7 +205,7 @@ def _summary(file: IO[bytes]) -> Summary | None:
 
 
 def _ends_sound(file: IO[bytes]) -> bool:
-    """Whether the file has its end, and the checksum there, which mcap's reader ignores, is right."""
+    """Whether the end is there, with the right checksum (which mcap's reader ignores) or none."""
     file.seek(-_FOOTER.size, os.SEEK_END)
     end = file.tell() + _CRC_OFFSET
     start, _, crc, magic = _FOOTER.unpack(file.read(_FOOTER.size))
