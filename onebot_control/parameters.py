@@ -22,10 +22,10 @@ from onebot_description.parameters.reader import (
     is_of_every_node,
     is_parameter,
     parameter,
-    plain,
     read,
     unknown_parameters,
 )
+from onebot_description.parameters.values import plain
 
 if TYPE_CHECKING:
     from onebot_control.wheel_geometry import WheelGeometry
@@ -128,7 +128,7 @@ class ControlConfig:
     # Of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {
         "use_stamped_vel": "write cmd_vel_type: auto, Twist or TwistStamped",
-        "wheels_per_side": "leave it out, the names tell",
+        "wheels_per_side": "leave it out, the names are counted",
         "left_wheel": "write left_wheel_names: [...]",
         "right_wheel": "write right_wheel_names: [...]",
         "wheel_radius_multiplier": "write left_ and right_wheel_radius_multiplier",

@@ -15,7 +15,7 @@ Subscribes:
     robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or a path as
         the parameter gives it; a changed one is applied where the robot is.
 
-Publishes (reliable, depth 10, if not said otherwise):
+Publishes (reliable, depth 10, unless noted):
     joint_states (sensor_msgs/msg/JointState): every control cycle; rad, rad/s, Nm.
     ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate.
     ~/ground_truth (nav_msgs/msg/Odometry): the true ones, with ~/odom.
@@ -89,7 +89,7 @@ from onebot_description.wire.cdr import nanoseconds
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _TOO_LATE = 0.05  # s of lag worth a warning
-# s after which the interpreter hands its lock to the control thread; 5 ms by default.
+# s after which the interpreter passes its lock to the control thread; 5 ms by default.
 _SWITCH_INTERVAL = 0.0005
 
 _COMMAND_TOPIC = "~/cmd_vel"
@@ -127,7 +127,7 @@ class VelocityController(Node):
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._apply)
         self.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        # Last, because from here on the robot moves: whoever stops us must find a whole node.
+        # Last, because from here on the robot moves: what stops us must find a whole node.
         self._start(file)
 
     def destroy_node(self) -> None:

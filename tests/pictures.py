@@ -1,7 +1,7 @@
-"""Makes the README's pictures again, with the commands that anyone has.
+"""Makes the READMEs' pictures again, with the commands that anyone has.
 
 ``python tests/pictures.py [onebot] [mrm] [steering] [--into FOLDER]``: all if none is named. They
-go where the README shows them, or beside one another into FOLDER, to be looked at first.
+go where the READMEs show them, or beside one another into FOLDER, to be looked at first.
 """
 
 import argparse

@@ -1,7 +1,7 @@
-"""Runs the commands that README.md shows, as a reader would; only the standard library.
+"""Runs the commands that the READMEs show, as a reader would; only the standard library.
 
-``python tests/readme.py run N`` runs the N-th shell block to its end; ``until-up N`` runs it until
-the robot it brings up is up, then presses Ctrl-C.
+``python tests/readme.py run N`` runs the N-th shell block of README.md to its end; ``until-up N``
+runs it until the robot that it brings up is up, then presses Ctrl-C.
 """
 
 import os
@@ -13,11 +13,13 @@ import sys
 import time
 from pathlib import Path
 
-README = Path(__file__).resolve().parent.parent / "README.md"
+CHECKOUT = Path(__file__).resolve().parent.parent
+README = CHECKOUT / "README.md"
 UP = "Ctrl-C stops everything"
 _SOME_MESSAGES = 50_000  # bytes
 BRINGUP = re.compile(
-    r"\b(mrm_bringup|onebot_bringup|onebot view|onebot replay)\b(?!.*(--help|--show-args))"
+    r"\b(mrm_bringup|onebot_bringup|onebot view|onebot replay(?!.*viewer:=none))\b"
+    r"(?!.*(--help|--show-args))"
 )
 
 
@@ -26,14 +28,12 @@ def blocks() -> list[str]:
     return re.findall(r"```sh\n(.*?)```", README.read_text(), re.DOTALL)
 
 
-def run(command: str, cwd: Path = README.parent) -> int:
+def run(command: str, cwd: Path = CHECKOUT) -> int:
     """Run a command to its end; its exit code."""
     return subprocess.run(["bash", "-c", command], cwd=cwd).returncode
 
 
-def run_until_up(
-    command: str, cwd: Path = README.parent, timeout: float = 900.0
-) -> tuple[int, str]:
+def run_until_up(command: str, cwd: Path = CHECKOUT, timeout: float = 900.0) -> tuple[int, str]:
     """Run a command until it says that the robot is up, press Ctrl-C, and wait for its end.
 
     Returns:
@@ -78,7 +78,7 @@ def _is_up(command: str, output: bytes) -> bool:
     if "onebot replay" in command:
         return "open http://" in text
     shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)
-    moving = "robot description taken up" in text or "driving robot" in text
+    moving = "robot description applied" in text or "driving robot" in text
     return UP in text and moving and shown
 
 

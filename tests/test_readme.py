@@ -1,4 +1,4 @@
-"""Every command of the README does what the README says."""
+"""Every command of every README does what the README says."""
 
 import os
 import re
@@ -8,23 +8,48 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
 
 from tests import readme
+from tests.readme import CHECKOUT
+from tests.ros_support import Peer
 from tests.support import wait_for
 from tests.support_rendering import require_renderer
 
-CHECKOUT = readme.README.parent
-TEXT = readme.README.read_text()
+TEXTS = {
+    str(file.relative_to(CHECKOUT)): file.read_text()
+    for file in (
+        readme.README,
+        *sorted(CHECKOUT.glob("*_*/README.md")),
+        CHECKOUT / "tests/benchmarks/README.md",
+    )
+}
+ALL = "\n".join(TEXTS.values())
 BESIDE = re.compile(r"<!-- beside (.*?) -->\n```sh\n(.*?)```", re.DOTALL)
 IN_TURN = re.compile(r"<!-- in turn -->\n```sh\n(.*?)```", re.DOTALL)
-ALONE = [
-    line
-    for block in re.findall(r"```sh\n(.*?)```", IN_TURN.sub("", BESIDE.sub("", TEXT)), re.DOTALL)[
-        2:
-    ]
-    for line in block.splitlines()
-]
-ENDLESS = re.compile(r"topic pub (?!.*(--once|--times))|topic hz")
+WHOLE = re.compile(r"<!-- whole -->\n```sh\n(.*?)```", re.DOTALL)
+BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
+FIRST_TWO = BLOCK.findall(ALL)[:2]
+ALONE = list(
+    dict.fromkeys(
+        line
+        for block in BLOCK.findall(WHOLE.sub("", IN_TURN.sub("", BESIDE.sub("", ALL))))
+        if block not in FIRST_TWO
+        for line in block.splitlines()
+    )
+)
+# What runs until Ctrl-C, and what it has printed by then.
+ENDLESS = {r"topic pub (?!.*(--once|--times))": "#50", r"topic hz": "average rate"}
+NODE = re.compile(r"python -m onebot_\S*\.(\w+)")
+
+
+def test_every_package_has_a_readme():
+    """Which the first table of README.md links to."""
+    packages = [str(file.parent.name) for file in CHECKOUT.glob("*/package.xml")]
+    for name in [*packages, "tests/benchmarks"]:
+        assert f"]({name}/README.md)" in TEXTS["README.md"]
+        assert f"{name}/README.md" in TEXTS
 
 
 def test_first_two_commands_are_what_ci_runs():
@@ -34,18 +59,24 @@ def test_first_two_commands_are_what_ci_runs():
     assert "[test]" in second and "pytest" in second
     script = (CHECKOUT / ".ci/run").read_text()
     assert "tests/readme.py until-up 1" in script and "tests/readme.py run 2" in script
+    assert "pytest -m slow" in script
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ALONE)
 def test_command(command, ros_domain, tmp_path):
     """It runs as written, in a folder with the checkout's files, and ends with exit code 0."""
     if "snapshot" in command:
         require_renderer()
     _lay_out_checkout(tmp_path)
-    _run(command, tmp_path)
+    if node := NODE.search(command):
+        _run_node(command, node[1], ros_domain, tmp_path)
+    else:
+        _run(command, tmp_path)
 
 
-@pytest.mark.parametrize("block", IN_TURN.findall(TEXT))
+@pytest.mark.slow
+@pytest.mark.parametrize("block", IN_TURN.findall(ALL))
 def test_commands_in_turn(block, ros_domain, tmp_path):
     """Each finds what the one before has left."""
     _lay_out_checkout(tmp_path)
@@ -71,30 +102,61 @@ def _run(command, tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize(("robot", "block"), BESIDE.findall(TEXT))
-def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path, monkeypatch):
+def _run_node(command, name, domain, folder):
+    with Peer(domain) as peer, RunningCommand(f"exec {command}", folder):
+        wait_for(lambda: name in peer.node.get_node_names(), name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "block"), BESIDE.findall(ALL))
+def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
     """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
     _lay_out_checkout(tmp_path)
-    monkeypatch.chdir(tmp_path)
-    with RunningCommand(robot) as running:
+    with RunningCommand(f"exec {robot}", tmp_path) as running:
         wait_for(lambda: "driving robot" in running.output, "the robot")
         for command in block.splitlines():
-            if ENDLESS.search(command):
-                with RunningCommand(command) as endless:
-                    wait_for(lambda endless=endless: "#50" in endless.output, command)
+            [printed] = [text for kind, text in ENDLESS.items() if re.search(kind, command)] or [""]
+            if printed:
+                with RunningCommand(f"exec {command}", tmp_path) as endless:
+                    wait_for(lambda e=endless, p=printed: p in e.output, command)
                 continue
-            done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+            done = subprocess.run(
+                ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True
+            )
             assert done.returncode == 0 and done.stdout, command + done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_your_own_robot_drives(ros_domain, tmp_path):
+    """The block, pasted into an empty folder, brings up a robot that drives as commanded."""
+    [block] = WHOLE.findall(ALL)
+    with Peer(ros_domain) as peer, RunningCommand(block, tmp_path) as running:
+        truth = peer.hear(Odometry, "/velocity_controller/ground_truth")
+        odometry = peer.hear(Odometry, "/velocity_controller/odom")
+        wait_for(lambda: "driving robot" in running.output, "the robot", timeout=120)
+        command = peer.publisher(Twist, "/velocity_controller/cmd_vel")
+        twist = Twist()
+        twist.linear.x = 0.2
+
+        def has_driven():
+            command.publish(twist)
+            return truth and truth[-1].pose.pose.position.x > 0.5
+
+        wait_for(has_driven, "half a metre", timeout=120)
+        assert abs(truth[-1].pose.pose.position.y) < 0.01
+        wait_for(lambda: odometry[-1].pose.pose.position.x > 0.5, "the odometry")
+        wait_for(lambda: "[steering_page]" in running.output, "the steering page")
 
 
 class RunningCommand:
     """A shell command that is running meanwhile; Ctrl-C ends it with exit code 0."""
 
-    def __init__(self, command):
+    def __init__(self, command, folder):
         self._log = tempfile.NamedTemporaryFile("r", suffix=".log")
         with open(self._log.name, "w") as log:
             self.process = subprocess.Popen(
-                ["bash", "-c", f"exec {command}"],
+                ["bash", "-c", command],
+                cwd=folder,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
@@ -113,15 +175,27 @@ class RunningCommand:
         assert "Traceback" not in self.output
 
 
-def test_pictures_and_links_exist():
-    """Each file the README points to is in the repository."""
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)|src=\"([^\"]+)\"", TEXT):
-        assert (CHECKOUT / (target[0] or target[1])).exists(), target
+@pytest.mark.parametrize("name", TEXTS)
+def test_pictures_and_links_exist(name):
+    """Each file that the README points to is in the repository, each heading in that file."""
+    folder = (CHECKOUT / name).parent
+    for match in re.findall(r"\]\((?!https?:)([^)]+)\)|src=\"([^\"]+)\"", TEXTS[name]):
+        target, _, heading = (match[0] or match[1]).partition("#")
+        file = folder / target if target else CHECKOUT / name
+        assert file.exists(), target
+        if heading:
+            assert heading in _anchors(file.read_text()), f"{target}#{heading}"
+
+
+def _anchors(text):
+    """The headings of a Markdown file as a link to them is written."""
+    headings = re.findall(r"^#+ (.*)", text, re.MULTILINE)
+    return [re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings]
 
 
 def test_shown_files_are_the_real_ones():
-    """Where the README quotes a file, it quotes what the file says."""
-    quoted = re.findall(r"<!-- file: (\S+) -->\n```\w*\n(.*?)```", TEXT, re.DOTALL)
+    """Where a README quotes a file, it quotes what the file says."""
+    quoted = re.findall(r"<!-- file: (\S+) -->\n```\w*\n(.*?)```", ALL, re.DOTALL)
     assert quoted
     for name, text in quoted:
         assert text in Path(CHECKOUT / name).read_text(), name
@@ -129,7 +203,7 @@ def test_shown_files_are_the_real_ones():
 
 def test_python_example_runs(monkeypatch):
     """The notebook example gives arrays of the shapes it says."""
-    [code] = re.findall(r"<!-- python -->\n```python\n(.*?)```", TEXT, re.DOTALL)
+    [code] = re.findall(r"<!-- python -->\n```python\n(.*?)```", ALL, re.DOTALL)
     monkeypatch.chdir(CHECKOUT)
     names: dict = {}
     exec(code, names)

@@ -8,10 +8,11 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Any
 
 from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean
-from onebot_description.parameters.reader import MAX_PORT, Rule, check_value, wanted
+from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
@@ -27,8 +28,7 @@ class Argument:
     default: str  # as it would be written; if it is empty, the argument may be
     description: str  # one line; for choices these are added to it
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
-    kind: type[str | int | float] = str  # what its text must stand for
-    rule: Rule = Rule()  # what else it must be
+    type: ValueType = ValueType(str)  # what its text must stand for
 
     def problem(self, text: str) -> str:
         """Return what is wrong with the argument written as ``text``, and what would be right."""
@@ -37,16 +37,16 @@ class Argument:
         if not text and not self.default:
             return ""
         try:
-            check_value(self._value(text), self.kind, self.rule)
+            self.type.checked(self._value(text))
         except ValueError:
-            return self._not_possible(text, f"write {wanted(self.kind, self.rule)}")
+            return self._not_possible(text, f"write {self.type.wanted()}")
         return ""
 
-    def _value(self, text: str) -> str | int | float:
+    def _value(self, text: str) -> Any:
         # The nodes and ROS read it anew, and do not take all that Python takes, such as 1_000.
         if text.isascii() and "_" not in text:
             with suppress(ValueError):
-                return self.kind(text)
+                return self.type.base(text)
         return text
 
     def _not_possible(self, text: str, possible: str) -> str:
@@ -66,14 +66,14 @@ def number(
     at_most: float | None = None,
 ) -> Argument:
     """Return an argument that is a finite number."""
-    rule = Rule(at_least=at_least, at_most=at_most)
-    return Argument(name, default, description, kind=float, rule=rule)
+    kind = ValueType(float, Rule(at_least=at_least, at_most=at_most))
+    return Argument(name, default, description, type=kind)
 
 
 def whole(name: str, default: str, description: str, at_least: int, at_most: int) -> Argument:
     """Return an argument that is a whole number."""
-    rule = Rule(at_least=at_least, at_most=at_most)
-    return Argument(name, default, description, kind=int, rule=rule)
+    kind = ValueType(int, Rule(at_least=at_least, at_most=at_most))
+    return Argument(name, default, description, type=kind)
 
 
 def port(name: str, default: str, description: str) -> Argument:
@@ -220,7 +220,7 @@ def ros_settings() -> list[Argument]:
             "namespace",
             "",
             "the namespace of all nodes",
-            rule=Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}"),
+            type=ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}")),
         ),
         whole("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's", 0, _MAX_DOMAIN),
         Argument(

@@ -61,7 +61,8 @@ from onebot_bringup.viewer.display_server import has_display
 from onebot_control.poses import yaw_of
 from onebot_description.errors import OneBotError
 from onebot_description.node import LATCHED, run_node
-from onebot_description.parameters.reader import MAX_PORT, declare, parameter, read
+from onebot_description.parameters.reader import declare, parameter, read
+from onebot_description.parameters.values import MAX_PORT
 from onebot_description.wire.messages import odometry_sample
 
 # The parameters of the steering page's node -----------------------------------------------------

@@ -20,17 +20,16 @@ longer parameters and what to write now.
 
 import dataclasses
 import functools
-import math
 import re
 import sys
 import types
 import typing
-from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.parameters.values import Rule, ValueType, plain, shown
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -42,9 +41,6 @@ Values = Mapping[str, Any]
 
 REQUIRED = MISSING
 """The default of a parameter that must be given."""
-
-MAX_PORT = 65535
-"""The greatest number of a TCP port."""
 
 _RULE = "onebot parameter"  # of a field's metadata
 # Parameters that rclpy declares on every node.
@@ -103,46 +99,7 @@ class ConfigError(OneBotError):
         return ConfigError(self.problems, places)
 
 
-# Declaring what a parameter may be ------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Rule:
-    """What one parameter means and may be; see ``parameter``."""
-
-    description: str = ""
-    name: str = ""
-    above: float | None = None
-    at_least: float | None = None
-    at_most: float | None = None
-    choices: tuple[str, ...] = ()
-    not_empty: bool = False
-    unique: bool = False
-    pattern: re.Pattern[str] | None = None
-    write: str = ""
-    nan: str = ""
-    read_only: bool = False
-
-    @property
-    def range(self) -> str:
-        """The range in words, such as "above 0 and up to 1000"; empty for none."""
-        if self.above is not None:
-            most = "" if self.at_most is None else f" and up to {self.at_most:g}"
-            return f"above {self.above:g}{most}"
-        if self.at_least is not None:
-            most = "" if self.at_most is None else f" to {self.at_most:g}"
-            return f"from {self.at_least:g}{most}"
-        return "" if self.at_most is None else f"up to {self.at_most:g}"
-
-    def beyond(self, value: float) -> str:
-        """Return on which side ``value`` is out of range; empty if it is within."""
-        if self.above is not None and not value > self.above:
-            return f"is not above {self.above:g}"
-        if self.at_least is not None and value < self.at_least:
-            return f"is below {self.at_least:g}"
-        if self.at_most is not None and value > self.at_most:
-            return f"is above {self.at_most:g}"
-        return ""
+# Fields of the dataclasses --------------------------------------------------------------------
 
 
 def parameter(
@@ -203,113 +160,7 @@ def group(kind: type[T], name: str = "") -> T:
     return dataclasses.field(default_factory=kind, metadata={_RULE: Rule(name=name)})
 
 
-# What a dataclass asks for: leaves in groups, and groups with names of the user's own. ----------
-
-
-@dataclass(frozen=True)
-class _Leaf:
-    """One parameter."""
-
-    base: type  # float, int, bool or str
-    many: bool
-    length: int | None  # of the list; None for any
-    optional: bool
-    rule: Rule
-
-    def read(self, value: Any) -> Any:
-        """Return ``value`` checked; a ValueError says what is wrong and what would be right."""
-        if self.optional and (value is None or _is_list(value) and not len(value)):
-            return None
-        if value is None:
-            raise ValueError(f"has no value; write {self.wanted(value)}")
-        return self._list(value) if self.many else self._one(value)
-
-    def _list(self, value: Any) -> tuple[Any, ...]:
-        if not _is_list(value):
-            raise ValueError(f"{_shown(value)}; write {self.wanted(value)}")
-        items = tuple(self._one(item) for item in value)
-        if self.length is not None and len(items) != self.length:
-            what = f": {self.rule.description}" if self.rule.description else ""
-            raise ValueError(f"{len(items)} {_PLURAL[self.base]}; write {self.length}{what}")
-        if self.rule.not_empty and not items:
-            raise ValueError(f"is empty; write {self.wanted(value)}")
-        twice = [item for item in dict.fromkeys(items) if items.count(item) > 1]
-        if self.rule.unique and twice:
-            raise ValueError(f'"{twice[0]}" is there twice')
-        return items
-
-    def _one(self, value: Any) -> Any:
-        if self.base is float:
-            return self._number(value)
-        if type(value) is not self.base:
-            raise ValueError(f"{_shown(value)}; write {self.wanted(value)}")
-        if isinstance(value, str):
-            self._check_text(value)
-        elif self.base is int:
-            self._check_range(value)
-        return value
-
-    def _number(self, value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{_shown(value)}; write {self.wanted(value)}")
-        if math.isnan(value) and self.rule.nan:
-            return math.nan
-        if not math.isfinite(value):
-            raise ValueError(f"{value} is not finite; write {self.wanted(value)}")
-        self._check_range(value)
-        return float(value)
-
-    def _check_range(self, value: Any) -> None:
-        if beyond := self.rule.beyond(value):
-            unset = f", or .nan for {self.rule.nan}" if self.rule.nan else ""
-            raise ValueError(f"{value:g} {beyond}; write a number {self.rule.range}{unset}")
-
-    def _check_text(self, value: str) -> None:
-        rule = self.rule
-        if rule.choices and value not in rule.choices:
-            raise ValueError(f'no "{value}"{did_you_mean(value, rule.choices)}')
-        if rule.not_empty and not value:
-            raise ValueError(f"is empty; write {self.wanted(value)}")
-        if rule.pattern and not rule.pattern.fullmatch(value):
-            raise ValueError(f'"{value}" is not possible; write {self.wanted(value)}')
-
-    def wanted(self, value: Any) -> str:
-        """What would be right."""
-        if self.rule.write:
-            return self.rule.write
-        if self.many:
-            length = "" if self.length is None else f"{self.length} "
-            return f"a list of {length}{_PLURAL[self.base]}, such as {self._example()}"
-        if self.rule.choices:
-            return f"one of {', '.join(self.rule.choices)}"
-        if self.base is str and _is_number(value):
-            return f'a text, such as "{value}"'
-        within = f" {self.rule.range}" if self.rule.range else ""
-        return f"{_SINGULAR[self.base]}{within}"
-
-    def _example(self) -> str:
-        words = {str: ["first", "second", "third"], bool: ["true", "false"]}.get(
-            self.base, ["0.0", "1.0", "2.0"] if self.base is float else ["0", "1", "2"]
-        )
-        length = 2 if self.length is None else self.length
-        return f"[{', '.join(words[i % len(words)] for i in range(length))}]"
-
-    @property
-    def constraints(self) -> str:
-        """The rules in words, for a parameter's descriptor."""
-        rule = self.rule
-        words = [rule.range, f"one of {', '.join(rule.choices)}" if rule.choices else ""]
-        words.append(f"{self.length} {_PLURAL[self.base]}" if self.length is not None else "")
-        words.append("not empty" if rule.not_empty else "")
-        words.append("nothing twice" if rule.unique else "")
-        words.append(rule.write)
-        words.append(f"NaN: {rule.nan}" if rule.nan else "")
-        words.append("read when the node starts; restart it to change it" * rule.read_only)
-        return "; ".join(word for word in words if word)
-
-
-_SINGULAR = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
-_PLURAL = {float: "numbers", int: "whole numbers", bool: "of true and false", str: "texts"}
+# What a dataclass asks for: values in groups, and groups with names of the user's own -----------
 
 
 @dataclass(frozen=True)
@@ -342,7 +193,7 @@ class _Named:
     item: "_Shape"
 
 
-_Shape = _Leaf | _Group | _Named
+_Shape = ValueType | _Group | _Named
 
 
 def _group(kind: Any) -> _Group:
@@ -371,20 +222,20 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
     if origin in (typing.Union, types.UnionType):
         (inner,) = (arg for arg in args if arg is not type(None))
         leaf = _shape(inner, rule)
-        assert isinstance(leaf, _Leaf)
+        assert isinstance(leaf, ValueType)
         return dataclasses.replace(leaf, optional=True)
     if origin is not None and issubclass(origin, Mapping):
         return _Named(_shape(args[1], rule))
     if origin is tuple:
-        return _Leaf(args[0], True, None if args[-1] is Ellipsis else len(args), False, rule)
-    return _Leaf(hint, False, None, False, rule)
+        return ValueType(args[0], rule, True, None if args[-1] is Ellipsis else len(args))
+    return ValueType(hint, rule)
 
 
 # Names ----------------------------------------------------------------------------------------
 
 
 class _Unknown(Exception):
-    """A name that is no parameter; the text says what would be right."""
+    """A name that is no parameter; its text is what would be right."""
 
 
 def _locate(shape: _Shape, name: str) -> tuple[tuple[str, ...], _Shape]:
@@ -413,7 +264,7 @@ def _locate_field(shape: _Group, name: str) -> tuple[tuple[str, ...], _Shape]:
 
 def _split(item: _Shape, name: str) -> tuple[str, str]:
     """Split off a name of the user's own, which may hold dots, from what is inside."""
-    if isinstance(item, _Leaf):
+    if isinstance(item, ValueType):
         return name, ""
     if isinstance(item, _Named):
         first, _, rest = name.partition(".")
@@ -470,18 +321,18 @@ def values_of(config: Any) -> dict[str, Any]:
     return {name: _as_ros(leaf, value) for name, leaf, value in _leaves(shape, "", config)}
 
 
-def _leaves(shape: _Group, prefix: str, value: Any) -> Iterator[tuple[str, _Leaf, Any]]:
-    """All parameters with names of their own, with what ``value`` or else the class says."""
+def _leaves(shape: _Group, prefix: str, value: Any) -> Iterator[tuple[str, ValueType, Any]]:
+    """All parameters with fixed names, each with its value in ``value`` or else its default."""
     for field in shape.fields:
         default = getattr(value, field.field) if value is not None else field.default
         if isinstance(field.shape, _Group):
             inner = None if default is REQUIRED else default
             yield from _leaves(field.shape, f"{prefix}{field.name}.", inner)
-        elif isinstance(field.shape, _Leaf):
+        elif isinstance(field.shape, ValueType):
             yield prefix + field.name, field.shape, default
 
 
-def _as_ros(leaf: _Leaf, value: Any) -> Any:
+def _as_ros(leaf: ValueType, value: Any) -> Any:
     if value is REQUIRED or value is None:
         return [] if leaf.many else None
     return list(value) if leaf.many else value
@@ -537,19 +388,19 @@ class _Reading:
             except _Unknown as error:
                 self.problems.append(Problem(name, str(error)))
                 continue
-            if isinstance(shape, _Leaf):
+            if isinstance(shape, ValueType):
                 _put(tree, path, value)
             elif value == {}:
                 _put(tree, path, {})
             else:
-                self.problems.append(Problem(name, f"{_shown(value)}; write a map{_form(shape)}"))
+                self.problems.append(Problem(name, f"{shown(value)}; write a map{_form(shape)}"))
         return tree
 
     def build(self, shape: _Shape, content: Any, key: str) -> Any:
-        """Return what ``content`` says; REQUIRED if that cannot be known."""
-        if isinstance(shape, _Leaf):
+        """Return ``content`` checked; REQUIRED if it is wrong."""
+        if isinstance(shape, ValueType):
             try:
-                return shape.read(content)
+                return shape.checked(content)
             except ValueError as error:
                 self.problems.append(Problem(key, str(error)))
                 return REQUIRED
@@ -579,7 +430,7 @@ class _Reading:
         return result
 
     def _missing(self, field: _Field, key: str) -> None:
-        rule = field.shape.rule if isinstance(field.shape, _Leaf) else Rule()
+        rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
         what = f", {rule.description}" if rule.description else ""
         if key:  # the group's, because only what is written has a line
             self.problems.append(Problem(key, f"has no {field.name}{what}"))
@@ -610,60 +461,9 @@ def _form(shape: _Shape) -> str:
     if isinstance(shape, _Group):
         return f" with {', '.join(shape.names)}"
     assert isinstance(shape, _Named)
-    if isinstance(shape.item, _Leaf):
+    if isinstance(shape.item, ValueType):
         return f", such as {{some_name: {'0.5' if shape.item.base is float else '...'}}}"
     return f" of names, each a map{_form(shape.item)}"
-
-
-def check_value(value: Any, kind: Any, rule: Rule) -> Any:
-    """Return one value, checked.
-
-    Args:
-        value: to be checked.
-        kind: its type, as in a field's annotation.
-        rule: what else it must be.
-
-    Raises:
-        ValueError: what is wrong and what would be right.
-    """
-    leaf = _shape(kind, rule)
-    assert isinstance(leaf, _Leaf)
-    return leaf.read(value)
-
-
-def wanted(kind: Any, rule: Rule) -> str:
-    """Return what ``check_value`` asks for, in words such as "a number from 0 to 1"."""
-    leaf = _shape(kind, rule)
-    assert isinstance(leaf, _Leaf)
-    return leaf.wanted(None)
-
-
-def plain(value: Any) -> Any:
-    """Return a parameter's value, arrays as lists: they come as array.array, tuple or list."""
-    return list(value) if isinstance(value, array | tuple | list) else value
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _is_list(value: object) -> bool:
-    return isinstance(value, array | tuple | list)
-
-
-def _shown(value: object) -> str:
-    """Name the value and its kind, for an error about its type."""
-    if value is None:
-        return "has no value"
-    if isinstance(value, bool):
-        return f"{str(value).lower()} is a bool"
-    if isinstance(value, str):
-        return f'"{value}" is a text'
-    if _is_number(value):
-        return f"{value} is a number"
-    if _is_list(value):
-        return f"{plain(value)} is a list"
-    return "is a map" if isinstance(value, Mapping) else f"{value!r} cannot be used here"
 
 
 # Parameters of nodes --------------------------------------------------------------------------
@@ -681,7 +481,7 @@ def declare(
         kind: a dataclass of parameters.
         values: by name, instead of the defaults; also of names that only the user knows, None
             for one that the command line sets.
-        fixed: by name, what counts whatever the command line says.
+        fixed: by name, values that override the command line.
 
     Returns:
         All values in force, by dotted name.
@@ -702,14 +502,14 @@ def _declare(
 
     if node.has_parameter(name):
         return
-    empty, untold = default == [], ParameterDescriptor(dynamic_typing=True)
+    empty, unlimited = default == [], ParameterDescriptor(dynamic_typing=True)
     try:
-        # Of an empty list rclpy cannot tell what kind it is: such is set afterwards.
-        first, now = (None, untold) if empty else (default, final)
+        # rclpy cannot know the type of an empty list: it is set afterwards.
+        first, now = (None, unlimited) if empty else (default, final)
         node.declare_parameter(name, first, now, ignore_override)
     except InvalidParameterValueException:
         # Out of range: ``read`` reports it, with all else that is wrong.
-        node.declare_parameter(name, default, untold)
+        node.declare_parameter(name, default, unlimited, ignore_override)
     if empty:
         if node.get_parameter(name).value is None:
             node.set_parameters([ros_parameter(name, default)])
@@ -725,7 +525,7 @@ def descriptor(kind: type, name: str) -> "ParameterDescriptor":
         _, leaf = _locate(_group(kind), name)
     except _Unknown:
         return result
-    if not isinstance(leaf, _Leaf):
+    if not isinstance(leaf, ValueType):
         return result
     rule = leaf.rule
     result.description, result.read_only = rule.description, rule.read_only

@@ -1,4 +1,4 @@
-"""The results of a run: as JSON, and as a section of the README."""
+"""The results of a run: as JSON, and as a section of a README."""
 
 import dataclasses
 import json
@@ -60,7 +60,7 @@ def load(file: Path) -> Results:
 
 
 def markdown(results: Results, plot: str = "") -> str:
-    """Return the section of the README.
+    """Return the section of a README.
 
     Args:
         results: of a run.

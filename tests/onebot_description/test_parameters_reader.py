@@ -107,6 +107,7 @@ def test_values_are_converted() -> None:
         ({"rate": 101.0}, "rate: 101 is above 100"),
         ({"rate": True}, "rate: true is a bool; write a number above 0"),
         ({"rate": math.nan}, "rate: nan is not finite"),
+        ({"rate": 10**400}, "rate: inf is not finite"),
         ({"rate": None}, "rate: has no value; write a number"),
         ({"rate": {"a": 1}}, "rate.a: is one value, not a map"),
         ({"count": 2.0}, "count: 2.0 is a number; write a whole number from 1 to 9"),
