@@ -21,7 +21,7 @@ T = TypeVar("T")
 # The system clock is followed when it is this far from the cycles' own count, ns.
 _DRIFT = 2_000_000
 _PATIENCE = 10.0  # s for the loop to answer
-_PAUSED_WAIT = 0.01  # s between polls of the inbox while simulated time stands still
+_PAUSED_WAIT = 0.01  # s between polls of the inbox while simulated time is stopped
 # Of Linux's <sys/prctl.h>.
 _PR_SET_TIMERSLACK = 29
 
@@ -125,7 +125,7 @@ class ControlLoop:
     Attributes:
         robot: the robot; for other threads to read, not to change.
         simulated: whether stamps are simulated time, else the system's.
-        paused: whether simulated time stands still.
+        paused: whether simulated time is stopped.
     """
 
     def __init__(

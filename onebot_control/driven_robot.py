@@ -180,7 +180,7 @@ class DrivenRobot:
 
     @property
     def true_pose(self) -> PlanarPose:
-        """Where the robot stands in the world, seen from above."""
+        """Where the robot is in the world, seen from above."""
         (x, y, _), rotation = self._pose.translation.tolist(), self._pose.rotation.tolist()
         return PlanarPose(x, y, yaw_of(*rotation))
 
@@ -261,7 +261,7 @@ class DrivenRobot:
         self.origin = self.true_pose.then(pose.inverse())
 
     def replaced(self, description: Description) -> "DrivenRobot":
-        """Return the same robot by another description, standing where this one stands.
+        """Return the same robot by another description, where this one is.
 
         Raises:
             OneBotError: the description does not suit the parameters, or cannot be simulated.
@@ -285,7 +285,7 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
     """Return the wheels' geometry: the parameters', or where they are 0 the description's.
 
     Raises:
-        OneBotError: a wheel joint is missing, or the description does not say.
+        OneBotError: a wheel joint is missing, or the description does not determine it.
     """
     left, right = config.left_wheel_names, config.right_wheel_names
     separation = config.wheel_separation or wheel_separation(description, left, right)

@@ -15,7 +15,7 @@ Subscribes:
     robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or a path as
         the parameter gives it; a changed one is applied where the robot is.
 
-Publishes (reliable, depth 10, if not said otherwise):
+Publishes (reliable, depth 10, unless noted):
     joint_states (sensor_msgs/msg/JointState): every control cycle; rad, rad/s, Nm.
     ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate.
     ~/ground_truth (nav_msgs/msg/Odometry): the true ones, with ~/odom.
@@ -89,7 +89,7 @@ from onebot_description.wire.cdr import nanoseconds
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _TOO_LATE = 0.05  # s of lag worth a warning
-# s after which the interpreter hands its lock to the control thread; 5 ms by default.
+# s after which the interpreter passes its lock to the control thread; 5 ms by default.
 _SWITCH_INTERVAL = 0.0005
 
 _COMMAND_TOPIC = "~/cmd_vel"
@@ -121,13 +121,14 @@ class VelocityController(Node):
         config = self._settings.config
         self._simulated = self.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         self._publishing = Publishers(self, self._simulated)
-        self._commands = CommandTopic(self, config.cmd_vel_type, self._on_command, self._warn)
+        choice = config.cmd_vel_type
+        self._commands = CommandSubscription(self, choice, self._on_command, self._warn)
         PoseTopics(self, lambda: self._loop, lambda: self._publishing.odom_frame, self._warn)
         Services(self, lambda: self._loop)
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._apply)
         self.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        # Last, because from here on the robot moves: whoever stops us must find a whole node.
+        # Last, because from here on the robot moves: what stops us must find a whole node.
         self._start(file)
 
     def destroy_node(self) -> None:
@@ -249,7 +250,7 @@ class VelocityController(Node):
             self._warn("late", text)
 
 
-class CommandTopic:
+class CommandSubscription:
     """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published.
 
     Attributes:

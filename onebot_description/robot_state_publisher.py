@@ -16,10 +16,10 @@ Parameters (all can be changed while it runs):
     robot_description (string, required unless FILE is given): the URDF.
     publish_frequency (double or integer, Hz, default 0.0): the most often a joint is published; 0.0
         is every message. 0 to 1000.
-    ignore_timestamp (bool, default false): publish whatever the stamp says.
+    ignore_timestamp (bool, default false): publish whatever the stamp is.
     frame_prefix (string, default ""): prepended as it is to every frame.
 
-Floating and planar joints are published at their origin, static: no JointState tells their pose.
+Floating and planar joints are published at their origin, static: their pose is in no JointState.
 """
 
 import sys
@@ -58,7 +58,7 @@ class StateParameters:
     publish_frequency: float = parameter(
         0.0, "the most often a joint is published, Hz; 0: every message", at_least=0.0, at_most=1e3
     )
-    ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp says")
+    ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
     frame_prefix: str = parameter("", "prepended to every frame as it is")
 
 

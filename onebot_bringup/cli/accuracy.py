@@ -1,4 +1,4 @@
-"""``onebot accuracy``: how true OneBot drives, as a table."""
+"""``onebot accuracy``: OneBot's odometry and motion accuracy, as a table."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,10 @@
-"""``onebot <verb> ...``, and hardly an import: Ctrl-C is answered as early as can be."""
+"""``onebot <verb> ...``: finds the verb's module, reads options, reports errors and exit codes.
+
+Exit codes: 0 success, or stopped by the user; 1 a mistake in the user's files, or a node failed;
+2 a wrong command line; 130 a plain command was interrupted; 141 the reader of its output left.
+
+Nothing slow is imported here: until ``run_command`` runs, Ctrl-C gives Python's traceback.
+"""
 
 import argparse
 import importlib
@@ -9,8 +15,6 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
-
-# What all commands share: how an error is shown and which exit code it has.
 
 USAGE = 2
 INTERRUPTED = 128 + 2  # as shells report SIGINT
@@ -24,7 +28,7 @@ def run_command(
 
     Args:
         body: the command.
-        see: the command that shows how it is used, for errors of usage; or what finds it out.
+        see: the command that prints its help, named in errors of usage; or a function for it.
         interrupted: the exit code after Ctrl-C.
     """
     try:
@@ -33,11 +37,11 @@ def run_command(
             sys.stdout.flush()
         return code
     except UsageError as error:
-        _complain(error)
+        _print_problems(error)
         print(f"see: {see if isinstance(see, str) else see()}", file=sys.stderr)
         return USAGE
     except OneBotError as error:
-        _complain(error)
+        _print_problems(error)
         return 1
     except KeyboardInterrupt:
         return interrupted
@@ -47,29 +51,19 @@ def run_command(
         return READER_LEFT
 
 
-def _complain(error: OneBotError) -> None:
+def _print_problems(error: OneBotError) -> None:
     problems = error.problems if isinstance(error, DescriptionError) else str(error).splitlines()
     for problem in problems:
         print(f"error: {problem}", file=sys.stderr)
 
 
-# The verbs of ``onebot``; each is a module that is imported only when used.
-
-
 @dataclass(frozen=True)
 class Verb:
-    """A subcommand.
+    """The first word of a command; its module is imported only when it is used."""
 
-    Attributes:
-        summary: one line for ``onebot --help``.
-        module: has ``run(argv) -> int``; ``argv`` holds what follows the verb, ``--help`` too.
-        group: a second word follows, such as ``pub`` in ``onebot topic pub``; the module lists
-            them as ``COMMANDS``.
-    """
-
-    summary: str
-    module: str
-    group: bool = False
+    summary: str  # one line for ``onebot --help``
+    module: str  # has ``run(argv) -> int``; argv is what follows the verb, ``--help`` too
+    group: bool = False  # a second word follows, one of the module's ``COMMANDS``
 
 
 _HERE = "onebot_bringup.cli"
@@ -83,15 +77,15 @@ VERBS: dict[str, Verb] = {
     "interface": Verb("list types of messages and show them", f"{_HERE}.interface", group=True),
     "snapshot": Verb("draw a robot into a picture file", f"{_HERE}.snapshot"),
     "replay": Verb("show a recording", f"{_HERE}.replay"),
-    "accuracy": Verb("measure how true OneBot drives", f"{_HERE}.accuracy"),
-    "bench": Verb("measure how fast all is, against floors", f"{_HERE}.bench"),
+    "accuracy": Verb("measure how accurately OneBot drives", f"{_HERE}.accuracy"),
+    "bench": Verb("measure performance as ratios to floors", f"{_HERE}.bench"),
     "steer": Verb("drive from a page in the browser", f"{_HERE}.steer"),
     "teleop": Verb("drive from the keyboard", f"{_HERE}.teleop"),
 }
 
 
-def where_it_is_explained(words: list[str]) -> str:
-    """Return the command that shows how the one in ``words`` is used."""
+def help_command(words: list[str]) -> str:
+    """Return the command that prints the help of the one in ``words``."""
     verb = VERBS.get(words[0]) if words else None
     if verb is None:
         return "onebot --help"
@@ -146,20 +140,12 @@ def version() -> str:
         return "(not installed: run from a checkout)"
 
 
-# Commands in two words, such as ``onebot topic pub``, and how their options are read.
-
-
 @dataclass(frozen=True)
 class Subcommand:
-    """The second word of a command.
+    """The second word of a command, such as ``pub`` in ``onebot topic pub``."""
 
-    Attributes:
-        summary: one line for the group's ``--help``.
-        run: takes a ``Parser`` to which it adds its options, and the words that follow, and
-            returns the exit code.
-    """
-
-    summary: str
+    summary: str  # one line for the group's ``--help``
+    # Adds its options to the parser, reads the words that follow, and returns the exit code.
     run: "Callable[[Parser, Sequence[str]], int]"
 
 
@@ -198,7 +184,7 @@ def _usage(group: str, table: Mapping[str, Subcommand]) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """Reads options as argparse does, but complains as all of ``onebot`` does."""
+    """argparse's parser, whose errors are ``UsageError``."""
 
     def __init__(self, program: str, summary: str) -> None:
         """Make a parser without arguments.
@@ -262,7 +248,7 @@ def natural(text: str) -> int:
     return value
 
 
-# What runs until Ctrl-C has done all it was asked to when that comes.
+# These run until Ctrl-C, which is a success then.
 _UNTIL_CTRL_C = ("view", "topic", "replay", "steer", "teleop")
 
 
@@ -273,7 +259,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     until_interrupted = bool(words) and words[0] in _UNTIL_CTRL_C
     return run_command(
         lambda: run_verb(words),
-        lambda: where_it_is_explained(words),
+        lambda: help_command(words),
         0 if until_interrupted else INTERRUPTED,
     )
 

@@ -11,8 +11,6 @@ from onebot_bringup.introspection.parameter_values import NOT_SET, parse_value
 from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError, did_you_mean
 
-# The parameters of another node, by its services.
-
 
 class ParameterClient:
     """Asks one node about its parameters.

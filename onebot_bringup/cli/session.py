@@ -5,42 +5,17 @@ second. What a command looks for is awaited; lists are made once nothing new tur
 """
 
 import argparse
-import contextlib
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from types import FrameType
 from typing import Any, NoReturn
 
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean, nearest
-
-# Find other nodes in a twentieth of a second instead of, every other time, in three.
-
-
-@contextlib.contextmanager
-def undisturbed() -> Iterator[None]:
-    """Create nodes within this context; a no-op where the system does not allow it."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    processors, policy = os.sched_getaffinity(0), os.sched_getscheduler(0)
-    try:
-        _set(0, {max(processors)}, os.SCHED_BATCH)
-        yield
-    finally:
-        for thread in os.listdir("/proc/self/task"):
-            _set(int(thread), processors, policy)
-
-
-def _set(thread: int, processors: set[int], policy: int) -> None:
-    with contextlib.suppress(OSError):  # it has ended, or a sandbox forbids it
-        os.sched_setaffinity(thread, processors)
-        os.sched_setscheduler(thread, policy, os.sched_param(0))
-
 
 _QUIET = 0.5  # s without any news, over two announcements: discovery is taken to be complete
 _LEAST = 0.5  # s
@@ -96,8 +71,7 @@ class Session:
 
         try:
             rclpy.init(args=self._ros_args, signal_handler_options=SignalHandlerOptions.NO)
-            with undisturbed():
-                self.node = rclpy.create_node(self._name, start_parameter_services=False)
+            self.node = rclpy.create_node(self._name, start_parameter_services=False)
         except Exception as error:  # rclpy raises several kinds, none of them public
             rclpy.try_shutdown()
             first = next(iter(str(error).strip().splitlines()), type(error).__name__)
@@ -256,8 +230,6 @@ def add_spin_time(parser: argparse.ArgumentParser) -> None:
     )
 
 
-# One call of a service, with an end to the waiting.
-
 _ANSWER = 10.0  # s
 
 
@@ -284,9 +256,6 @@ def call(session: Session, kind: Any, name: str, request: Any, timeout: float = 
         return future.result()
     finally:
         session.node.destroy_client(client)
-
-
-# What type a topic has, by the nodes that publish it or listen to it.
 
 
 def await_class(session: Session, name: str, type_name: str | None = None) -> tuple[str, Any]:

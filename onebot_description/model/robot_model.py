@@ -147,7 +147,7 @@ class JointArrays:
 
 
 class LinkTree:
-    """Which link hangs on which, by which joint."""
+    """The links from the root to the tips, and the joint above each."""
 
     def __init__(
         self, links: Sequence[str], root: str, moving: JointArrays, fixed: JointArrays
@@ -210,8 +210,8 @@ class RobotModel:
         joints: names of the joints that move (revolute, continuous, prismatic, mimics among them),
             in the description's order; positions are given in this order.
         moving: their arrays.
-        fixed: arrays of the others. Floating and planar joints, whose pose no JointState can tell,
-            stand at their origin.
+        fixed: arrays of the others. Floating and planar joints, whose pose is in no JointState,
+            are at their origin.
         lower, upper: (M,), position limits in radians or metres; infinite where there is none.
         velocity: (M,), speed limits in radians or metres a second; infinite where there is none.
     """
@@ -249,7 +249,7 @@ class RobotModel:
             raise OneBotError(f'robot "{self.name}" has no moving joint "{joint}"{known}') from None
 
     def follower(self, joint: str, given: Mapping[str, object]) -> Follower | None:
-        """Say which of the ``given`` joints determines ``joint``: itself, or what it mimics.
+        """Return which of the ``given`` joints determines ``joint``: itself, or what it mimics.
 
         A value given for a mimic joint itself wins; chains of mimics are followed to the first
         joint that is given.
@@ -271,7 +271,7 @@ class RobotModel:
     def positions(self, given: Mapping[str, float]) -> Floats:
         """Positions of all moving joints, (M,), from some of them by name.
 
-        Mimic joints follow; what nothing determines stands at 0.
+        Mimic joints follow; what nothing determines is at 0.
 
         Raises:
             OneBotError: a name is no moving joint of this robot.
@@ -332,7 +332,7 @@ class RobotModel:
 
 
 def _limits(joints: Sequence[Joint], limit: str, none: float) -> Floats:
-    """One limit of each joint, ``none`` where there is none; continuous joints know only speed."""
+    """One limit of each joint, ``none`` where there is none; of continuous ones only speed."""
     values = [
         None if joint.kind == "continuous" and limit != "velocity" else getattr(joint, limit)
         for joint in joints

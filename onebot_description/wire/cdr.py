@@ -26,7 +26,7 @@ NANO = 1_000_000_000  # nanoseconds in a second
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _BODY = len(ENCAPSULATION)
-STAMP = slice(_BODY, _BODY + 8)  # where it lies in a message that begins with a header
+STAMP = slice(_BODY, _BODY + 8)  # of a message that begins with a header
 DOUBLES_PER_TRANSFORM = 7
 
 _U32 = struct.Struct("<I")
@@ -55,7 +55,7 @@ class Reader:
     """Reads one CDR message from its start.
 
     Attributes:
-        offset: where the next field is looked for, counted from the first byte of the message.
+        offset: where the next field is read, counted from the first byte of the message.
     """
 
     def __init__(self, data: bytes) -> None:

@@ -4,7 +4,7 @@ There are two ways, to the same result:
 
 - One compiled call (_state_converter.c) takes the bytes of a JointState and returns the bytes of a
   TFMessage. It recognises the frame_id and the joint names of messages before, compared as bytes.
-- Ordinary messages of rclpy and RobotModel's arrays serve whatever that call does not recognise:
+- Ordinary messages of rclpy and RobotModel's arrays take what that call does not recognise:
   the first message of a publisher, other encodings, broken bytes, positions that are not finite or
   enormous, stamp 0, a clock that was set back. What can be recognised the next time is then made
   known to the compiled call.
@@ -103,7 +103,7 @@ class JointStatePlan:
         names: of the message's joints.
         rows: (K,) the model's joints that move.
         joints: their arrays.
-        columns: (K,) which of the message's positions each joint takes.
+        columns: (K,) which of the message's positions each joint follows.
         multiplier, offset: (K,) of that position; radians or metres.
         parents, children: frames of the K transforms.
         moderate: whether moderate positions give finite transforms. A robot whose own numbers are
@@ -197,7 +197,7 @@ class PublishedTimes:
 
 
 class _Known(NamedTuple):
-    """A layout that the compiled call knows; holds the memory that it reads.
+    """A layout that the compiled call recognises; holds the memory that it reads.
 
     Attributes:
         layout: holds addresses of the rest.
@@ -247,7 +247,7 @@ def _blank_message(plan: JointStatePlan) -> tuple[NDArray[np.void], bytes]:
 
 
 class _CompiledCall:
-    """Makes the builtin and the layouts that it knows."""
+    """Makes the builtin and the layouts that it recognises."""
 
     def __init__(self, times: PublishedTimes) -> None:
         """Know no layout yet; ``times`` are shared with the way through ordinary messages."""

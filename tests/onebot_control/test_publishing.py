@@ -78,30 +78,30 @@ def peer(ros_domain: int) -> Iterator[Peer]:
         yield peer
 
 
-class Listening:
+class Subscriptions:
     """Publishers, and subscriptions of another node to all they publish."""
 
     def __init__(self, peer: Peer, listener: Peer) -> None:
         self.publishers = Publishers(peer.node, simulated=True)
-        self.heard = {name: listener.hear(kind, name) for name, kind in TOPICS.items()}
+        self.received = {name: listener.hear(kind, name) for name, kind in TOPICS.items()}
         counts = [listener.node.count_publishers, peer.node.count_subscribers]
         for name, count in product(TOPICS, counts):
             wait_for(lambda name=name, count=count: count(name), f"{name} to be found")
 
     def last(self, drive: DrivenRobot, snapshot: Snapshot) -> dict[str, Any]:
-        """What is heard of ``snapshot``."""
+        """What is received of ``snapshot``."""
         self.publishers.use(drive)
-        before = {name: len(heard) for name, heard in self.heard.items()}
+        before = {name: len(received) for name, received in self.received.items()}
         self.publishers.publish(snapshot, STAMP)
-        for name, heard in self.heard.items():
-            wait_for(lambda name=name, heard=heard: len(heard) > before[name], name)
-        return {name: heard[-1] for name, heard in self.heard.items()}
+        for name, received in self.received.items():
+            wait_for(lambda name=name, received=received: len(received) > before[name], name)
+        return {name: received[-1] for name, received in self.received.items()}
 
 
 @pytest.fixture
-def listening(peer: Peer, ros_domain: int) -> Iterator[Listening]:
+def subscriptions(peer: Peer, ros_domain: int) -> Iterator[Subscriptions]:
     with Peer(ros_domain, "listener") as listener:
-        yield Listening(peer, listener)
+        yield Subscriptions(peer, listener)
 
 
 VARIANCES = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
@@ -125,50 +125,50 @@ def driven(**parameters: Any) -> tuple[DrivenRobot, Snapshot]:
     return drive, drive.begin()._replace(velocity=velocity)
 
 
-def same(heard: Any, expected: Any) -> bool:
+def same(received: Any, expected: Any) -> bool:
     """By repr, since NaN differs from itself."""
-    return repr(heard) == repr(expected)
+    return repr(received) == repr(expected)
 
 
-def test_all_is_heard_as_it_is(listening: Listening) -> None:
+def test_all_is_received_as_it_is(subscriptions: Subscriptions) -> None:
     """Subscribers get the messages of ordinary objects, in every field."""
     drive, snapshot = driven()
-    heard = listening.last(drive, snapshot)
+    received = subscriptions.last(drive, snapshot)
     x, y, yaw = snapshot.odometry
     pose = [x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)]
     twist = [snapshot.twist[0], 0.0, 0.0, 0.0, 0.0, snapshot.twist[1]]
     expected = odometry(STAMP, "odom", "base_link", pose, twist)
     expected.pose.covariance = np.diag(VARIANCES).ravel()
     expected.twist.covariance = np.diag(VARIANCES[::-1]).ravel()
-    assert same(heard["peer/odom"], expected)
-    assert same(heard["/tf"], transform(STAMP, "odom", "base_link", pose))
+    assert same(received["peer/odom"], expected)
+    assert same(received["/tf"], transform(STAMP, "odom", "base_link", pose))
     true = [*snapshot.pose.translation.tolist(), *snapshot.pose.rotation.tolist()]
     velocity = [*snapshot.velocity.linear.tolist(), *snapshot.velocity.angular.tolist()]
     truth = odometry(STAMP, "world", "base_link", true, velocity)
-    assert same(heard["peer/ground_truth"], truth)
+    assert same(received["peer/ground_truth"], truth)
     told = snapshot.command
     command = [told.linear, 0.0, 0.0, 0.0, 0.0, told.angular]
-    assert same(heard["peer/cmd_vel_out"], twist_stamped(STAMP, "base_link", command))
-    assert same(heard["/clock"], Clock(clock=header(STAMP, "").stamp))
+    assert same(received["peer/cmd_vel_out"], twist_stamped(STAMP, "base_link", command))
+    assert same(received["/clock"], Clock(clock=header(STAMP, "").stamp))
     joints = joint_state(STAMP, "base_link", IdealPlant.joints, *map(list, snapshot.joints))
-    assert same(heard["joint_states"], joints)
+    assert same(received["joint_states"], joints)
 
 
-def test_each_cycle_is_published_as_it_was(listening: Listening) -> None:
+def test_each_cycle_is_published_as_it_was(subscriptions: Subscriptions) -> None:
     """The messages are filled anew each time; what was received before does not change."""
     drive, snapshot = driven()
-    first = listening.last(drive, snapshot)
+    first = subscriptions.last(drive, snapshot)
     kept = {name: repr(message) for name, message in first.items()}
     drive.finish()
-    later = listening.last(drive, drive.begin())
+    later = subscriptions.last(drive, drive.begin())
     assert {name: repr(message) for name, message in first.items()} == kept
     for name in ("joint_states", "peer/odom", "peer/ground_truth", "/tf"):
         assert repr(later[name]) != kept[name]
 
 
-def test_parameters_change_names_and_joints(listening: Listening) -> None:
+def test_parameters_change_names_and_joints(subscriptions: Subscriptions) -> None:
     """What is published follows the parameters, in length too."""
-    listening.last(*driven())
+    subscriptions.last(*driven())
     drive, snapshot = driven(
         base_frame_id="rumpf",
         odom_frame_id="weg",
@@ -180,13 +180,13 @@ def test_parameters_change_names_and_joints(listening: Listening) -> None:
             "joint_state_broadcaster.frame_id": "",
         },
     )
-    heard = listening.last(drive, snapshot)
+    received = subscriptions.last(drive, snapshot)
     nothing = [math.nan, 0.0, 0.0]
     speeds = [float(snapshot.joints.velocities[1]), 0.0, 0.0]
     names = ["right_wheel_joint", "arm", "ärmel"]
     joints = joint_state(STAMP, "", names, nothing, speeds, nothing)
-    assert same(heard["joint_states"], joints)
-    odom, truth = heard["peer/odom"], heard["peer/ground_truth"]
+    assert same(received["joint_states"], joints)
+    odom, truth = received["peer/odom"], received["peer/ground_truth"]
     assert (odom.header.frame_id, odom.child_frame_id) == ("weg", "rumpf")
     assert (truth.header.frame_id, truth.child_frame_id) == ("weg", "rumpf")
     # The wheels do not slip, so in the odometry's frame the truth is what the odometry says.
