@@ -3,7 +3,6 @@
 import signal
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,59 +15,6 @@ from onebot_description.errors import OneBotError
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.display_server import Display
-
-
-# Rerun's recordings as files: whether one can be what it is taken for, and has something in it.
-
-_STARTS = (b"RRF", b"RRIO")  # of the files of all of Rerun's versions
-NOTHING = 200  # bytes of a file in which no message got whole
-_PROPERTIES = "/__properties"  # the recording's name and start
-
-
-def check_rrd(rrd: Path) -> None:
-    """Refuse what is no recording of Rerun's, at the price of reading its first bytes.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
-    try:
-        with rrd.open("rb") as file:
-            start = file.read(4)
-            size = file.seek(0, 2)
-    except FileNotFoundError:
-        raise OneBotError(f"there is no recording {rrd}") from None
-    except OSError as error:
-        raise OneBotError(f"{rrd}: {error.strerror}") from error
-    if not start:
-        raise OneBotError(f"{rrd} is empty")
-    if not start.startswith(_STARTS):
-        raise OneBotError(f"{rrd} is no recording of Rerun")
-    if size < NOTHING:
-        raise OneBotError(f"{rrd} was cut short before anything was in it")
-
-
-def has_content(rrd: Path) -> bool | None:
-    """Return whether there is something to draw in a recording.
-
-    Little of the file is read: its frames' sizes, and the data up to the first that can be drawn.
-
-    Returns:
-        None where that cannot be said: it was cut short, is still being written, or is of a
-        version of Rerun that is read otherwise.
-    """
-    from rerun.chunk import RrdReader  # slower to import
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of files that have no table of contents
-            reader = RrdReader(str(rrd))
-            return any(
-                not chunk.entity_path.startswith(_PROPERTIES)
-                for store in reader.recordings()
-                for chunk in reader.stream(store=store)
-            )
-    except (RuntimeError, ValueError, OSError):
-        return None
 
 
 HELP = """\
@@ -167,6 +113,8 @@ def _view(text: str) -> Path | None:
 
 
 def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> None:
+    from onebot_bringup.viewer.rrd import check_rrd, has_content  # slower to import
+
     check_rrd(source)
     if view is not None and view.suffix != ".rbl":
         raise UsageError(f"a .rrd file has its view in it: view:={view.name} must be a .rbl file")
@@ -181,7 +129,7 @@ def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> No
 
 
 class _Log:
-    """Tells the user; what is wrong goes to stderr."""
+    """Prints; warnings go to stderr."""
 
     def info(self, message: str) -> None:
         print(message, flush=True)
@@ -217,7 +165,7 @@ class _Interrupts:
     """
 
     def __init__(self) -> None:
-        self._came = False
+        self._arrived = False
 
     def __enter__(self) -> "_Interrupts":
         numbers = (signal.SIGINT, signal.SIGTERM)
@@ -229,16 +177,16 @@ class _Interrupts:
             signal.signal(number, handler)
 
     def _on_signal(self, _: int, __: FrameType | None) -> None:
-        self._came = True
+        self._arrived = True
         raise KeyboardInterrupt
 
     def check(self) -> None:
-        if self._came:
+        if self._arrived:
             raise KeyboardInterrupt
 
-    def checked(self, say: Callable[[str], None]) -> Callable[[str], None]:
+    def checked(self, report: Callable[[str], None]) -> Callable[[str], None]:
         def both(text: str) -> None:
             self.check()
-            say(text)
+            report(text)
 
         return both

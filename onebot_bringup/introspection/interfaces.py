@@ -16,13 +16,13 @@ from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 
 _TF_MESSAGE = "tf2_msgs/msg/TFMessage"
-_DELIMITER = "=" * 80  # between the definitions of a type and of those in it, as rosbag2 has it
+_DELIMITER = "=" * 80  # rosbag2's, between the definitions of types
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z0-9_/]+)(?:<=\d+)?(?:\[[^]]*\])?\s", re.MULTILINE)
 _PRIMITIVE = frozenset(
     "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 string "
     "wstring".split()
 )
-_WHAT = {"msg": "message", "srv": "service", "action": "action"}
+_KINDS = {"msg": "message", "srv": "service", "action": "action"}
 
 
 def message_class(name: str) -> Any:
@@ -69,11 +69,11 @@ def full_name(name: str, kind: str) -> str:
     known = installed(kind)
     if full in known:
         return full
-    raise OneBotError(f'no {_WHAT[kind]} type "{name}"{_alike(full, known)}')
+    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{_suggestion(full, known)}')
 
 
-def _alike(name: str, known: tuple[str, ...]) -> str:
-    """Say which type was meant; a right type in a wrong package is found too, and one alone."""
+def _suggestion(name: str, known: tuple[str, ...]) -> str:
+    """Which types may be meant, also of the same name in another package."""
     package, _, kind = name.rpartition("/")
     package = package.partition("/")[0]
     namesakes = [full for full in known if full.rpartition("/")[2].lower() == kind.lower()]

@@ -1,4 +1,8 @@
-"""Messages as text, as ``ros2 topic echo`` prints them: YAML, or values separated by commas."""
+"""Messages as YAML and YAML as messages, as ``ros2 topic echo`` prints and ``pub`` reads them.
+
+What is printed may be cut short. What is read is read strictly: a value that does not fit its field
+is an error that names the field, and nothing is rounded or cut off.
+"""
 
 import array
 import math
@@ -14,7 +18,6 @@ from rosidl_parser.definition import (
     AbstractGenericString,
     AbstractNestedType,
     AbstractSequence,
-    AbstractString,
     AbstractWString,
     Array,
     BasicType,
@@ -25,11 +28,269 @@ from rosidl_parser.definition import (
 from onebot_bringup.introspection.interfaces import nested_class, type_name
 from onebot_description.errors import OneBotError, did_you_mean
 
-# The text of one value as what a message's field is: boolean, number, byte or string.
-
+_TIME = ("builtin_interfaces", "msg", "Time")
+_HEADER = ("std_msgs", "msg", "Header")
 _TRUE = ("true", "yes", "on", "1")
 _FALSE = ("false", "no", "off", "0")
 _LARGEST_FLOAT32 = 3.4028235677973366e38  # what rounds to the largest finite one
+_LISTS = (list, tuple, array.array, np.ndarray)
+
+
+@dataclass(frozen=True)
+class Style:
+    """How messages are printed."""
+
+    longest: int | None = 128  # lists, bytes and strings are cut after so many items; None: never
+    arrays: bool = True  # print the items of lists; otherwise their type and length
+    strings: bool = True  # print strings; otherwise their length
+    flow: bool = False  # YAML on one line, with braces
+
+
+def to_yaml(message: Any, style: Style | None = None) -> str:
+    """Return a message as YAML, ending with a newline."""
+    style = style or Style()
+    return yaml.dump(
+        _plain_fields(message, style),
+        Dumper=_Dumper,
+        allow_unicode=True,
+        width=sys.maxsize,
+        sort_keys=False,
+        default_flow_style=style.flow,
+    )
+
+
+def to_csv(message: Any, style: Style | None = None) -> str:
+    """Return all values within a message (or a part of it), separated by commas, in order."""
+    return ",".join(_flat(message, None, style or Style()))
+
+
+def is_message(value: Any) -> bool:
+    """Tell messages from the values of their fields."""
+    return hasattr(value, "get_fields_and_field_types")
+
+
+class _Dumper(yaml.SafeDumper):
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write everything out, even what occurs twice."""
+        return True
+
+
+def _plain_fields(message: Any, style: Style) -> dict[str, Any]:
+    """A message as a dictionary of plain values, fields in their order."""
+    fields = message.get_fields_and_field_types()
+    return {
+        name: _plain(getattr(message, name), slot, style)
+        for name, slot in zip(fields, message.SLOT_TYPES, strict=True)
+    }
+
+
+def _plain(value: Any, slot: Any, style: Style) -> Any:
+    if isinstance(value, bytes):
+        return _cut("".join(map(chr, value)), style)
+    if isinstance(value, str):
+        return _cut(value, style) if style.strings else _length(value)
+    if isinstance(value, _LISTS):
+        if not style.arrays and isinstance(slot, AbstractNestedType):
+            return _summary(value, slot)
+        return _plain_list(value, lambda item: _plain(item, None, style), style)
+    if isinstance(value, np.generic):
+        return value.item()
+    return _plain_fields(value, style) if is_message(value) else value
+
+
+def _plain_list(values: Any, plain: Callable[[Any], Any], style: Style) -> list[Any]:
+    if style.longest is None or len(values) <= style.longest:
+        return [plain(value) for value in values]
+    return [*(plain(value) for value in values[: style.longest]), "..."]
+
+
+def _flat(value: Any, slot: Any, style: Style) -> list[str]:
+    if isinstance(value, _LISTS):
+        if not style.arrays and isinstance(slot, AbstractNestedType):
+            return [_summary(value, slot)]
+        printed = value if style.longest is None else value[: style.longest]
+        items = [text for item in printed for text in _flat(item, None, style)]
+        return items if len(printed) == len(value) else [*items, "..."]
+    if is_message(value):
+        names = value.get_fields_and_field_types()
+        slots = zip(names, value.SLOT_TYPES, strict=True)
+        return [text for name, kind in slots for text in _flat(getattr(value, name), kind, style)]
+    if isinstance(value, str):
+        return [_cut(value, style) if style.strings else _length(value)]
+    if isinstance(value, bytes):
+        return [str(value)]
+    return [str(value.item() if isinstance(value, np.generic) else value)]
+
+
+def _cut(text: str, style: Style) -> str:
+    if style.longest is None or len(text) <= style.longest:
+        return text
+    return text[: style.longest] + "..."
+
+
+def _length(text: str) -> str:
+    return f"<string length: <{len(text)}>>"
+
+
+def _summary(values: Any, slot: Any) -> str:
+    """The type and length of a list whose items are not printed."""
+    kind = _type_of(slot.value_type)
+    if isinstance(slot, Array):
+        return f"<array type: {kind}[{slot.size}]>"
+    bound = f"[{slot.maximum_size}]" if isinstance(slot, BoundedSequence) else ""
+    return f"<sequence type: {kind}{bound}, length: {len(values)}>"
+
+
+def _type_of(slot: Any) -> str:
+    """The type of a field, as a .msg file has it."""
+    if isinstance(slot, BasicType):
+        return str(slot.typename)
+    if isinstance(slot, NamespacedType):
+        return "/".join(slot.namespaced_name())
+    if isinstance(slot, AbstractSequence):
+        return f"list of {_type_of(slot.value_type)}"
+    return "wstring" if isinstance(slot, AbstractWString) else "string"
+
+
+def pick(message: Any, path: str) -> Any:
+    """Return the part of a message that ``path`` names, such as ``pose.pose.position``.
+
+    An index picks an item of a list: ``transforms[0].transform``, ``position[1]``.
+
+    Raises:
+        OneBotError: there is no such field; the message lists those there are.
+    """
+    value = message
+    for step in path.replace("[", ".[").split("."):
+        value = _item(value, step, path) if step.startswith("[") else _field(value, step, path)
+    return value
+
+
+def _field(value: Any, name: str, path: str) -> Any:
+    if not is_message(value):
+        raise OneBotError(f'no field "{path}": there is nothing within a {type(value).__name__}')
+    fields = value.get_fields_and_field_types()
+    if name not in fields:
+        raise OneBotError(
+            f'no field "{path}": {type_name(value)} has no "{name}"'
+            f"{did_you_mean(name, fields, 'fields')}"
+        )
+    return getattr(value, name)
+
+
+def _item(value: Any, step: str, path: str) -> Any:
+    try:
+        return value[int(step.strip("[]"))]
+    except (TypeError, ValueError):
+        raise OneBotError(f'no field "{path}": no item {step} there') from None
+    except IndexError:
+        raise OneBotError(f'no item "{path}": the list has {len(value)}') from None
+
+
+def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
+    """Set the fields of ``message`` that YAML text names; the others stay.
+
+    Args:
+        message: of any type, or the request of a service.
+        text: such as ``{header: auto, twist: {linear: {x: 0.2}}}``.
+        finite: refuse infinities and NaN.
+
+    Returns:
+        The times within ``message`` that were given as ``now`` or ``auto``, for ``stamp`` to set
+        when it is sent.
+
+    Raises:
+        OneBotError: it is no YAML, or a field does not exist or is given a wrong value; the
+            message names the field.
+    """
+    filler = _Filler(finite)
+    filler.fields(message, _read_fields(text), "")
+    return filler.times
+
+
+def stamp(times: list[Any], nanoseconds: int) -> None:
+    """Set each of ``times`` (builtin_interfaces/Time) to nanoseconds since the epoch."""
+    for time in times:
+        time.sec, time.nanosec = divmod(nanoseconds, 1_000_000_000)
+
+
+class _Filler:
+    """Sets fields, and collects the times that are to be set when the message is sent."""
+
+    def __init__(self, finite: bool) -> None:
+        self._finite = finite
+        self.times: list[Any] = []
+
+    def fields(self, message: Any, values: Mapping[str, Any], path: str) -> None:
+        slots = dict(zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True))
+        for name, value in values.items():
+            if name not in slots:
+                space = '; write a space after each ":"' if ":" in name else ""
+                raise OneBotError(
+                    f'{type_name(message)}{f" ({path})" if path else ""} has no field "{name}"'
+                    f"{did_you_mean(name, slots, 'fields')}{space}"
+                )
+            inner = f"{path}.{name}" if path else name
+            setattr(message, name, self._value(slots[name], value, inner, getattr(message, name)))
+
+    def _value(self, slot: Any, value: Any, path: str, current: Any) -> Any:
+        if isinstance(slot, AbstractNestedType):
+            return self._items(slot, value, path, current)
+        if isinstance(slot, NamespacedType):
+            return self._message(slot, value, path, current)
+        if not isinstance(value, str):
+            kind = "list" if isinstance(value, list) else "dictionary"
+            raise OneBotError(f"{path} is one value ({_type_of(slot)}), not a {kind}")
+        if isinstance(slot, AbstractGenericString):
+            return _string(slot, value, path)
+        try:
+            return read_scalar(slot.typename, value, self._finite)
+        except ValueError as error:
+            raise OneBotError(f"{path} {error}") from None
+
+    def _message(self, slot: NamespacedType, value: Any, path: str, current: Any) -> Any:
+        full = tuple(slot.namespaced_name())
+        message = current if current is not None else nested_class(slot)()
+        if value == "auto" and full == _HEADER:
+            self.times.append(message.stamp)
+        elif value == "now" and full == _TIME:
+            self.times.append(message)
+        elif isinstance(value, Mapping):
+            self.fields(message, value, path)
+        elif value != "":
+            fields = ", ".join(message.get_fields_and_field_types())
+            given = "a list" if isinstance(value, list) else f'"{value}"'
+            special = {_HEADER: ' or "auto"', _TIME: ' or "now"'}.get(full, "")
+            raise OneBotError(
+                f"{path} is a {'/'.join(full)}, a dictionary of {fields}{special}, not {given}"
+            )
+        return message
+
+    def _items(self, slot: Any, values: Any, path: str, current: Any) -> Any:
+        if values == "":
+            values = []
+        if not isinstance(values, list):
+            raise OneBotError(f"{path} is a list of {_type_of(slot.value_type)}, written as [...]")
+        if isinstance(slot, Array) and len(values) != slot.size:
+            raise OneBotError(f"{path} has {slot.size} values, not {len(values)}")
+        if isinstance(slot, BoundedSequence) and len(values) > slot.maximum_size:
+            raise OneBotError(f"{path} has at most {slot.maximum_size} values, not {len(values)}")
+        items = [
+            self._value(slot.value_type, value, f"{path}[{index}]", None)
+            for index, value in enumerate(values)
+        ]
+        if isinstance(current, np.ndarray):
+            return np.array(items, dtype=current.dtype)
+        if isinstance(current, array.array):
+            return array.array(current.typecode, items)
+        return items
+
+
+def _string(slot: Any, value: str, path: str) -> str:
+    most = getattr(slot, "maximum_size", None)
+    if most is not None and len(value) > most:
+        raise OneBotError(f"{path} has at most {most} characters, not {len(value)}")
+    return value
 
 
 def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
@@ -46,10 +307,10 @@ def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
     """
     if kind == "octet" and len(text) == 1 and not text.isdigit() and ord(text) < 256:
         return bytes([ord(text)])  # as it is printed
-    return _reader(kind)(kind, text.strip(), finite)
+    return _scalar_reader(kind)(kind, text.strip(), finite)
 
 
-def _reader(kind: str) -> Callable[[str, str, bool], Any]:
+def _scalar_reader(kind: str) -> Callable[[str, str, bool], Any]:
     if kind == "boolean":
         return _boolean
     if kind in ("float", "double", "long double"):
@@ -119,11 +380,24 @@ def _character(kind: str, text: str, _: bool) -> str:
     return text
 
 
-# YAML whose scalars stay text, so that each message field can read them as what it is.
+def _read_fields(text: str) -> dict[str, Any]:
+    """The fields that YAML text names; scalars are strings, what is left empty is ""."""
+    try:
+        values = yaml.load(text, Loader=_TextLoader)
+    except yaml.YAMLError as error:
+        raise OneBotError(f"the values are no YAML: {_where(error)}{_hint(text)}") from None
+    if values in (None, ""):
+        return {}
+    if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):
+        raise OneBotError(
+            "the passed value needs to be a dictionary in YAML format, such as "
+            f'"{{linear: {{x: 0.2}}}}", not: {text.strip()}{_hint(text)}'
+        )
+    return cast(dict[str, Any], values)
 
 
-class _Loader(yaml.BaseLoader):
-    """Keeps scalars as text and refuses a key that is given twice."""
+class _TextLoader(yaml.BaseLoader):
+    """Keeps scalars as text, for each field to read; refuses a key that is given twice."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Build a dictionary from ``node``."""
@@ -138,29 +412,6 @@ class _Loader(yaml.BaseLoader):
         return super().construct_mapping(node, deep=deep)
 
 
-def read_fields(text: str) -> dict[str, Any]:
-    """Return the fields that YAML text names; scalars are strings, what is left empty is "".
-
-    Args:
-        text: such as ``{linear: {x: 0.2}}``; empty text has no fields.
-
-    Raises:
-        OneBotError: it is no YAML, or no dictionary.
-    """
-    try:
-        values = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise OneBotError(f"the values are no YAML: {_where(error)}{_hint(text)}") from None
-    if values in (None, ""):
-        return {}
-    if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):
-        raise OneBotError(
-            "the passed value needs to be a dictionary in YAML format, such as "
-            f'"{{linear: {{x: 0.2}}}}", not: {text.strip()}{_hint(text)}'
-        )
-    return cast(dict[str, Any], values)
-
-
 def _where(error: yaml.YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or str(error).partition("\n")[0]
@@ -168,291 +419,5 @@ def _where(error: yaml.YAMLError) -> str:
 
 
 def _hint(text: str) -> str:
-    """The commonest slip of the pen."""
+    """The remedy for the most common mistake."""
     return '; write a space after each ":"' if re.search(r"\w:[\[{\d]", text) else ""
-
-
-# Fills a message of any type from YAML, strictly: what does not fit is an error, never cut off.
-
-_TIME = ("builtin_interfaces", "msg", "Time")
-_HEADER = ("std_msgs", "msg", "Header")
-
-
-def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
-    """Set the fields of ``message`` that YAML text names; the others stay.
-
-    Args:
-        message: of any type, or the request of a service.
-        text: such as ``{header: auto, twist: {linear: {x: 0.2}}}``.
-        finite: refuse infinities and NaN.
-
-    Returns:
-        The times within ``message`` that were given as ``now`` or ``auto``, to be set at sending
-        (``stamp``).
-
-    Raises:
-        OneBotError: it is no YAML, or a field does not exist or is given a wrong value; the
-            message names the field.
-    """
-    return fill_fields(message, read_fields(text), finite=finite)
-
-
-def fill_fields(message: Any, fields: Mapping[str, Any], *, finite: bool = True) -> list[Any]:
-    """Do as ``fill`` with a dictionary whose scalars are text."""
-    filler = _Filler(finite)
-    filler.fields(message, fields, "")
-    return filler.times
-
-
-def stamp(times: list[Any], nanoseconds: int) -> None:
-    """Set each of ``times`` (builtin_interfaces/Time) to nanoseconds since the epoch."""
-    for time in times:
-        time.sec, time.nanosec = divmod(nanoseconds, 1_000_000_000)
-
-
-class _Filler:
-    def __init__(self, finite: bool) -> None:
-        self._finite = finite
-        self.times: list[Any] = []
-
-    def fields(self, message: Any, values: Mapping[str, Any], path: str) -> None:
-        slots = dict(zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True))
-        for name, value in values.items():
-            if name not in slots:
-                space = '; write a space after each ":"' if ":" in name else ""
-                raise OneBotError(
-                    f'{type_name(message)}{f" ({path})" if path else ""} has no field "{name}"'
-                    f"{did_you_mean(name, slots, 'fields')}{space}"
-                )
-            inner = f"{path}.{name}" if path else name
-            setattr(message, name, self._value(slots[name], value, inner, getattr(message, name)))
-
-    def _value(self, slot: Any, value: Any, path: str, current: Any) -> Any:
-        if isinstance(slot, AbstractNestedType):
-            return self._items(slot, value, path, current)
-        if isinstance(slot, NamespacedType):
-            return self._message(slot, value, path, current)
-        if not isinstance(value, str):
-            kind = "list" if isinstance(value, list) else "dictionary"
-            raise OneBotError(f"{path} is one value ({_kind_of(slot)}), not a {kind}")
-        if isinstance(slot, AbstractGenericString):
-            return _string(slot, value, path)
-        try:
-            return read_scalar(slot.typename, value, self._finite)
-        except ValueError as error:
-            raise OneBotError(f"{path} {error}") from None
-
-    def _message(self, slot: NamespacedType, value: Any, path: str, current: Any) -> Any:
-        full = tuple(slot.namespaced_name())
-        message = current if current is not None else nested_class(slot)()
-        if value == "auto" and full == _HEADER:
-            self.times.append(message.stamp)
-        elif value == "now" and full == _TIME:
-            self.times.append(message)
-        elif isinstance(value, Mapping):
-            self.fields(message, value, path)
-        elif value != "":
-            fields = ", ".join(message.get_fields_and_field_types())
-            given = "a list" if isinstance(value, list) else f'"{value}"'
-            special = {_HEADER: ' or "auto"', _TIME: ' or "now"'}.get(full, "")
-            raise OneBotError(
-                f"{path} is a {'/'.join(full)}, a dictionary of {fields}{special}, not {given}"
-            )
-        return message
-
-    def _items(self, slot: Any, values: Any, path: str, current: Any) -> Any:
-        if values == "":
-            values = []
-        if not isinstance(values, list):
-            raise OneBotError(f"{path} is a list of {_kind_of(slot.value_type)}, written as [...]")
-        if isinstance(slot, Array) and len(values) != slot.size:
-            raise OneBotError(f"{path} has {slot.size} values, not {len(values)}")
-        if isinstance(slot, BoundedSequence) and len(values) > slot.maximum_size:
-            raise OneBotError(f"{path} has at most {slot.maximum_size} values, not {len(values)}")
-        items = [
-            self._value(slot.value_type, value, f"{path}[{index}]", None)
-            for index, value in enumerate(values)
-        ]
-        if isinstance(current, np.ndarray):
-            return np.array(items, dtype=current.dtype)
-        if isinstance(current, array.array):
-            return array.array(current.typecode, items)
-        return items
-
-
-def _string(slot: Any, value: str, path: str) -> str:
-    most = getattr(slot, "maximum_size", None)
-    if most is not None and len(value) > most:
-        raise OneBotError(f"{path} has at most {most} characters, not {len(value)}")
-    return value
-
-
-def _kind_of(slot: Any) -> str:
-    """What a field is, for people."""
-    if isinstance(slot, BasicType):
-        return str(slot.typename)
-    if isinstance(slot, NamespacedType):
-        return "/".join(slot.namespaced_name())
-    if isinstance(slot, AbstractSequence):
-        return f"list of {_kind_of(slot.value_type)}"
-    return "string"
-
-
-_LISTS = (list, tuple, array.array, np.ndarray)
-
-
-@dataclass(frozen=True)
-class Style:
-    """How messages are shown.
-
-    Attributes:
-        longest: lists, bytes and strings are cut after so many items; None shows all.
-        arrays: show the items of lists; otherwise their type and length.
-        strings: show strings; otherwise their length.
-        flow: YAML on one line, with braces.
-    """
-
-    longest: int | None = 128
-    arrays: bool = True
-    strings: bool = True
-    flow: bool = False
-
-
-class _Dumper(yaml.SafeDumper):
-    def ignore_aliases(self, data: Any) -> bool:
-        """Write everything out, even what occurs twice."""
-        return True
-
-
-def to_yaml(message: Any, style: Style | None = None) -> str:
-    """Return a message as YAML, ending with a newline."""
-    style = style or Style()
-    return yaml.dump(
-        to_dict(message, style),
-        Dumper=_Dumper,
-        allow_unicode=True,
-        width=sys.maxsize,
-        sort_keys=False,
-        default_flow_style=style.flow,
-    )
-
-
-def to_csv(message: Any, style: Style | None = None) -> str:
-    """Return all values within a message (or a part of it), separated by commas, in order."""
-    return ",".join(_flat(message, None, style or Style()))
-
-
-def pick(message: Any, path: str) -> Any:
-    """Return the part of a message that ``path`` names, such as ``pose.pose.position``.
-
-    An index picks an item of a list: ``transforms[0].transform``, ``position[1]``.
-
-    Raises:
-        OneBotError: there is no such field; the message lists those there are.
-    """
-    value = message
-    for step in path.replace("[", ".[").split("."):
-        value = _item(value, step, path) if step.startswith("[") else _field(value, step, path)
-    return value
-
-
-def _field(value: Any, name: str, path: str) -> Any:
-    if not is_message(value):
-        raise OneBotError(f'no field "{path}": there is nothing within a {type(value).__name__}')
-    fields = value.get_fields_and_field_types()
-    if name not in fields:
-        raise OneBotError(
-            f'no field "{path}": {type_name(value)} has no "{name}"'
-            f"{did_you_mean(name, fields, 'fields')}"
-        )
-    return getattr(value, name)
-
-
-def _item(value: Any, step: str, path: str) -> Any:
-    try:
-        return value[int(step.strip("[]"))]
-    except (TypeError, ValueError):
-        raise OneBotError(f'no field "{path}": no item {step} there') from None
-    except IndexError:
-        raise OneBotError(f'no item "{path}": the list has {len(value)}') from None
-
-
-def is_message(value: Any) -> bool:
-    """Tell messages from the values of their fields."""
-    return hasattr(value, "get_fields_and_field_types")
-
-
-def to_dict(message: Any, style: Style) -> dict[str, Any]:
-    """Return a message as a dictionary of plain values, fields in their order."""
-    fields = message.get_fields_and_field_types()
-    return {
-        name: _plain(getattr(message, name), slot, style)
-        for name, slot in zip(fields, message.SLOT_TYPES, strict=True)
-    }
-
-
-def _plain(value: Any, slot: Any, style: Style) -> Any:
-    if isinstance(value, bytes):
-        return _cut("".join(map(chr, value)), style)
-    if isinstance(value, str):
-        return _cut(value, style) if style.strings else _length(value)
-    if isinstance(value, _LISTS):
-        if not style.arrays and isinstance(slot, AbstractNestedType):
-            return _summary(value, slot)
-        return _plain_list(value, lambda item: _plain(item, None, style), style)
-    if isinstance(value, np.generic):
-        return value.item()
-    return to_dict(value, style) if is_message(value) else value
-
-
-def _plain_list(values: Any, plain: Callable[[Any], Any], style: Style) -> list[Any]:
-    if style.longest is None or len(values) <= style.longest:
-        return [plain(value) for value in values]
-    return [*(plain(value) for value in values[: style.longest]), "..."]
-
-
-def _flat(value: Any, slot: Any, style: Style) -> list[str]:
-    if isinstance(value, _LISTS):
-        if not style.arrays and isinstance(slot, AbstractNestedType):
-            return [_summary(value, slot)]
-        shown = value if style.longest is None else value[: style.longest]
-        items = [text for item in shown for text in _flat(item, None, style)]
-        return items if len(shown) == len(value) else [*items, "..."]
-    if is_message(value):
-        names = value.get_fields_and_field_types()
-        slots = zip(names, value.SLOT_TYPES, strict=True)
-        return [text for name, kind in slots for text in _flat(getattr(value, name), kind, style)]
-    if isinstance(value, str):
-        return [_cut(value, style) if style.strings else _length(value)]
-    if isinstance(value, bytes):
-        return [str(value)]
-    return [str(value.item() if isinstance(value, np.generic) else value)]
-
-
-def _cut(text: str, style: Style) -> str:
-    if style.longest is None or len(text) <= style.longest:
-        return text
-    return text[: style.longest] + "..."
-
-
-def _length(text: str) -> str:
-    return f"<string length: <{len(text)}>>"
-
-
-def _summary(values: Any, slot: Any) -> str:
-    """What stands for a list whose items are not shown."""
-    kind = _name(slot.value_type)
-    if isinstance(slot, Array):
-        return f"<array type: {kind}[{slot.size}]>"
-    bound = f"[{slot.maximum_size}]" if isinstance(slot, BoundedSequence) else ""
-    return f"<sequence type: {kind}{bound}, length: {len(values)}>"
-
-
-def _name(slot: Any) -> str:
-    if isinstance(slot, BasicType):
-        return str(slot.typename)
-    if isinstance(slot, AbstractString):
-        return "string"
-    if isinstance(slot, AbstractWString):
-        return "wstring"
-    return "/".join(slot.namespaced_name()) if isinstance(slot, NamespacedType) else "unknown"

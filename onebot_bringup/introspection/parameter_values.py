@@ -15,7 +15,7 @@ from onebot_description.errors import OneBotError
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)
 
-# By type: the field of ParameterValue, what `param get` says, what `param list` calls it.
+# By type: the field of ParameterValue, what `param get` prints, what `param list` calls it.
 _TYPES: dict[int, tuple[str, str, str]] = {
     BOOL: ("bool_value", "Boolean value is:", "boolean"),
     INTEGER: ("integer_value", "Integer value is:", "integer"),
@@ -30,12 +30,12 @@ _TYPES: dict[int, tuple[str, str, str]] = {
 
 
 def value_of(value: Any) -> Any:
-    """Return what a ParameterValue holds: as Python has it, arrays as they come; None if unset."""
+    """Return the value within a ParameterValue, arrays as rclpy has them; None if it is not set."""
     return getattr(value, _TYPES[value.type][0]) if value.type in _TYPES else None
 
 
 def label(value: Any) -> str:
-    """Return what stands before the value, such as ``Double value is:``."""
+    """Return what is printed before the value, such as ``Double value is:``."""
     return _TYPES[value.type][1] if value.type in _TYPES else "Parameter not set."
 
 
@@ -47,8 +47,8 @@ def type_label(kind: int) -> str:
 def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
     """Return (field of ParameterValue, type, value) for what a user wrote, in YAML.
 
-    A whole number becomes a double, and anything a string, where that is what is ``declared``:
-    ROS parameters are strictly typed, and nobody means the type when writing ``0.5`` or ``1``.
+    Where a double is declared, a whole number becomes one; where a string is declared, anything
+    does: ROS parameters are strictly typed, but nobody writes ``1`` to choose a type.
 
     Args:
         text: such as ``0.5``, ``true``, ``[a, b]``.
@@ -60,13 +60,13 @@ def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
     if declared == STRING:
         kind, value = STRING, _unquoted(text)
     else:
-        kind, value = _guess(text, _load(text))
-        kind, value = _adapt(kind, value, declared)
+        kind, value = _inferred(text, _load(text))
+        kind, value = _adapted(kind, value, declared)
     return _TYPES[kind][0], kind, value
 
 
 def _unquoted(text: str) -> str:
-    """Take quotes off as YAML does, but nothing else."""
+    """Remove quotes as YAML does, and change nothing else."""
     found = _load(text)
     return found if isinstance(found, str) and text.strip()[:1] in "'\"" else text
 
@@ -78,7 +78,7 @@ def _load(text: str) -> Any:
         return text  # a string with YAML's characters in it, as rclpy does it
 
 
-def _guess(text: str, value: Any) -> tuple[int, Any]:
+def _inferred(text: str, value: Any) -> tuple[int, Any]:
     if isinstance(value, bool):
         return BOOL, value
     if isinstance(value, int):
@@ -86,7 +86,7 @@ def _guess(text: str, value: Any) -> tuple[int, Any]:
     if isinstance(value, float):
         return DOUBLE, value
     if isinstance(value, list):
-        return _guess_list(value)
+        return _inferred_list(value)
     if isinstance(value, str) and value == text.strip():
         number = _number(value)
         return (STRING, value) if number is None else (DOUBLE, number)
@@ -94,7 +94,7 @@ def _guess(text: str, value: Any) -> tuple[int, Any]:
 
 
 def _number(text: str) -> float | None:
-    """YAML 1.1 takes 1e-3 for a string."""
+    """A number that is a string by YAML 1.1, such as 1e-3."""
     try:
         number = float(text)
     except ValueError:
@@ -102,7 +102,7 @@ def _number(text: str) -> float | None:
     return number if math.isfinite(number) and any(c in "0123456789" for c in text) else None
 
 
-def _guess_list(values: list[Any]) -> tuple[int, Any]:
+def _inferred_list(values: list[Any]) -> tuple[int, Any]:
     kinds = {type(value) for value in values}
     if kinds <= {str}:
         return STRINGS, values
@@ -115,7 +115,7 @@ def _guess_list(values: list[Any]) -> tuple[int, Any]:
     raise OneBotError(f"a list has values of one type only, not {values}")
 
 
-def _adapt(kind: int, value: Any, declared: int) -> tuple[int, Any]:
+def _adapted(kind: int, value: Any, declared: int) -> tuple[int, Any]:
     if kind == INTEGER and declared == DOUBLE:
         return DOUBLE, float(value)
     if kind == INTEGERS and declared == DOUBLES:

@@ -1,4 +1,4 @@
-"""How often messages come, how large and how late: the numbers behind ``topic hz, bw, delay``."""
+"""Rate, bandwidth and delay of messages, as ``ros2 topic hz``, ``bw`` and ``delay`` print them."""
 
 import math
 from collections import deque
@@ -6,50 +6,42 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Spread:
-    """What a number of samples amounts to, in their unit.
-
-    Attributes:
-        mean: their mean.
-        low: the least.
-        high: the greatest.
-        deviation: the standard deviation, of the samples themselves (divided by n).
-        count: how many there are.
-    """
+class Statistics:
+    """Of a number of samples, in their unit."""
 
     mean: float
-    low: float
-    high: float
-    deviation: float
-    count: int
+    low: float  # the least
+    high: float  # the greatest
+    deviation: float  # standard deviation of the samples themselves (divided by n)
+    count: int  # of samples
 
 
 class Window:
-    """The last so many samples."""
+    """The last samples of a measurement."""
 
     def __init__(self, size: int | None) -> None:
         """Keep ``size`` samples; None for all."""
         self._samples: deque[float] = deque(maxlen=size)
-        self._news = False
+        self._new = False
 
     def add(self, sample: float) -> None:
-        """Take one more."""
+        """Add one sample."""
         self._samples.append(sample)
-        self._news = True
+        self._new = True
 
     def clear(self) -> None:
-        """Forget all."""
+        """Drop all samples."""
         self._samples.clear()
 
-    def spread(self) -> Spread | None:
-        """Return what they amount to; None without samples, or none new since the last call."""
+    def statistics(self) -> Statistics | None:
+        """Return those of the samples; None without new ones since the last call."""
         count = len(self._samples)
-        if not count or not self._news:
+        if not count or not self._new:
             return None
-        self._news = False
+        self._new = False
         mean = math.fsum(self._samples) / count
         variance = math.fsum((sample - mean) ** 2 for sample in self._samples) / count
-        return Spread(mean, min(self._samples), max(self._samples), math.sqrt(variance), count)
+        return Statistics(mean, min(self._samples), max(self._samples), math.sqrt(variance), count)
 
 
 class Intervals:
@@ -61,7 +53,7 @@ class Intervals:
         self._last: float | None = None
 
     def arrived(self, seconds: float) -> None:
-        """Note that a message came at a time; a clock that goes back starts anew."""
+        """Add a message by when it was received; a clock set back starts anew."""
         if self._last is not None and seconds >= self._last:
             self._window.add(seconds - self._last)
         elif self._last is not None:
@@ -69,8 +61,8 @@ class Intervals:
         self._last = seconds
 
     def report(self) -> str | None:
-        """Return what ``ros2 topic hz`` prints; None if nothing came since the last report."""
-        found = self._window.spread()
+        """Return what ``ros2 topic hz`` prints; None without messages since the last report."""
+        found = self._window.statistics()
         if found is None:
             return None
         rate = 1.0 / found.mean if found.mean > 0.0 else 0.0
@@ -78,24 +70,24 @@ class Intervals:
 
 
 class Delays:
-    """The age of messages as they come, by the time in their header, for ``topic delay``."""
+    """The age of messages when received, by the time in their header, for ``topic delay``."""
 
     def __init__(self, size: int | None) -> None:
         """Measure over ``size`` messages at most."""
         self._window = Window(size)
 
     def arrived(self, delay: float) -> None:
-        """Note a message that is so many seconds old."""
+        """Add a message by its age, seconds."""
         self._window.add(delay)
 
     def report(self) -> str | None:
-        """Return what ``ros2 topic delay`` prints; None if nothing came since the last report."""
-        found = self._window.spread()
+        """Return what ``ros2 topic delay`` prints; None without messages since the last report."""
+        found = self._window.statistics()
         return f"average delay: {found.mean:.3f}\n{_details(found)}" if found else None
 
 
 class Bandwidth:
-    """How many bytes come in a second, for ``topic bw``."""
+    """Bytes received a second, for ``topic bw``."""
 
     def __init__(self, size: int | None) -> None:
         """Measure over ``size`` messages at most."""
@@ -103,15 +95,15 @@ class Bandwidth:
         self._times: deque[float] = deque(maxlen=size)
 
     def arrived(self, seconds: float, size: int) -> None:
-        """Note that a message of ``size`` bytes came at a time."""
+        """Add a message of ``size`` bytes by when it was received."""
         self._times.append(seconds)
         self._sizes.add(size)
 
     def report(self, now: float) -> str | None:
-        """Return what ``ros2 topic bw`` prints; None before the second message and without news."""
+        """Return what ``ros2 topic bw`` prints; None without two messages or new ones."""
         if len(self._times) < 2 or now <= self._times[0]:
             return None
-        found = self._sizes.spread()
+        found = self._sizes.statistics()
         if found is None:
             return None
         rate = found.mean * found.count / (now - self._times[0])
@@ -122,7 +114,7 @@ class Bandwidth:
         )
 
 
-def _details(found: Spread) -> str:
+def _details(found: Statistics) -> str:
     return (
         f"\tmin: {found.low:.3f}s max: {found.high:.3f}s "
         f"std dev: {found.deviation:.5f}s window: {found.count}"

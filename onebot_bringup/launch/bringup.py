@@ -203,7 +203,7 @@ def _check_outputs(values: Mapping[str, str]) -> None:
 
 def _check_joints(file: Path, namespace: str) -> None:
     from onebot_description.joints.config import JointsConfig
-    from onebot_description.parameters.files import read_files, silence
+    from onebot_description.parameters.files import no_section, read_files
     from onebot_description.parameters.reader import ConfigError
 
     node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
@@ -212,7 +212,7 @@ def _check_joints(file: Path, namespace: str) -> None:
         JointsConfig.from_parameters(parameters.values)
     except ConfigError as error:
         raise error.located(parameters.places) from None
-    warning = silence(parameters, [file], node)
+    warning = no_section(parameters, [file], node)
     if warning:
         remedy = "; write /**/joint_state_publisher: for any namespace" if namespace else ""
         print(f"warning: {warning}{remedy}", file=sys.stderr)

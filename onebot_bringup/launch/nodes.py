@@ -25,7 +25,6 @@ _PERIOD = 8.0  # seconds for one swing, unless the joint's speed limit asks for 
 _SHARE_OF_RANGE = 0.9
 _SHARE_OF_SPEED = 0.5
 _FREE_SWING = math.pi / 2  # rad; a continuous joint has no limits
-_MOVABLE = ("revolute", "continuous", "prismatic")
 
 
 @dataclass(frozen=True)
@@ -269,13 +268,9 @@ def sweep_parameters(description: Description) -> dict[str, object]:
     highest speed, ``2 pi frequency amplitude``, is at most half of the joint's speed limit. The
     phases are spread over the turn, so that the robot does not move as one piece.
     """
-    joints = [joint for joint in description.joints if _movable(joint)]
+    joints = [joint for joint in description.moving_joints if joint.mimic is None]
     motions = {joint.name: _swing(joint, i / len(joints)) for i, joint in enumerate(joints)}
     return {"rate": _RATE, **({"motions": motions} if motions else {})}
-
-
-def _movable(joint: Joint) -> bool:
-    return joint.kind in _MOVABLE and joint.mimic is None
 
 
 def _swing(joint: Joint, turn: float) -> dict[str, object]:

@@ -1,7 +1,9 @@
-"""The viewer's layout: the robot on its grid, curves beside it, quiet panels."""
+"""The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -9,21 +11,197 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.covariance import COVARIANCE_ENTITY, covariance_entity
-from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY, VELOCITY_ENTITY
-from onebot_bringup.viewer.displays.speeds import ANGULAR_ENTITY, LINEAR_ENTITY, speed_entity
-from onebot_bringup.viewer.displays.tf import TIMELINE
-from onebot_bringup.viewer.displays.trail import TRAILS_ENTITY, trail_entity
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, FRAMES_ENTITY
+from onebot_bringup.viewer.columns import TIMELINE
+from onebot_bringup.viewer.displays.display import Context, Display, LayoutPart, last
+from onebot_bringup.viewer.displays.tf import axes_entity
+from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
+from onebot_bringup.viewer.settings import Color
 from onebot_bringup.viewer.shapes import load_shape
-from onebot_bringup.viewer.view_config import JointPlotView, PanelsView, SpeedsView, ViewConfig
+from onebot_bringup.viewer.view_config import (
+    CameraSettings,
+    GridSettings,
+    PanelsSettings,
+    ViewConfig,
+)
 from onebot_description.description.description import Description, Geometry, Triple
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
-# How large the robot is, so that the first view shows all of it.
+ROBOT_VIEW = "Robot"
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """All that a blueprint is made of; another one is sent when this changes.
+
+    Colours and lengths of what is drawn are not in it: they change without another blueprint,
+    which would turn the camera back to where the view has it.
+    """
+
+    grid: GridSettings
+    collision: bool
+    background: Color | None
+    camera: CameraSettings
+    panels: PanelsSettings
+    parts: tuple[LayoutPart, ...]  # of the displays
+    fixed_frame: str
+    complete: bool  # transforms lead to every link
+
+    @classmethod
+    def of(
+        cls, view: ViewConfig, displays: Iterable[Display[Any]], fixed_frame: str, complete: bool
+    ) -> "Layout":
+        """Return the layout for a view and the displays as they are now."""
+        parts = tuple(display.layout() for display in displays)
+        whole = view.grid, view.collision, view.background, view.camera, view.panels
+        return cls(*whole, parts, fixed_frame, complete)
+
+
+class BlueprintSender:
+    """Sends a blueprint that fits the robot, and another one only when it has to change."""
+
+    def __init__(self, context: Context, scene: Scene, *, from_start: bool = False) -> None:
+        """Send into the recording of ``context``.
+
+        Args:
+            context: knows the robot, and gets the length that fits it.
+            scene: draws the robot.
+            from_start: the viewer plays from the beginning, in place of following the end.
+        """
+        self._context = context
+        self._scene = scene
+        self._from_start = from_start
+        self._sent: Layout | None = None
+
+    def forget(self) -> None:
+        """Send the next blueprint in any case."""
+        self._sent = None
+
+    def update(self, layout: Layout, *, send: bool = True) -> None:
+        """Make the blueprint anew if the layout has changed.
+
+        Never otherwise: it would undo what the user has arranged and turned meanwhile.
+
+        Args:
+            layout: of now.
+            send: to the viewer; else only the robot's size is found out.
+        """
+        sent = self._sent
+        if sent and sent.complete and layout.fixed_frame == sent.fixed_frame:
+            layout = replace(layout, complete=True)  # once it was
+        if layout == sent:
+            return
+        self._sent = layout
+        blueprint = self._made(layout)
+        if send:
+            self._context.recording.send_blueprint(blueprint, make_active=True, make_default=True)
+
+    def _made(self, layout: Layout) -> rrb.Blueprint:
+        robot = self._context.robot
+        assert robot is not None
+        bounds = self._bounds(robot, layout.fixed_frame)
+        eye = target = None
+        size = 0.0
+        if bounds is not None:
+            eye, target = fitting_eye(bounds)
+            size = float(np.linalg.norm(bounds[1] - bounds[0]))
+            self._context.fitting_length = fitting_length(size, len(robot.link_names))
+        camera = replace(
+            layout.camera, eye=layout.camera.eye or eye, target=layout.camera.target or target
+        )
+        spacing = layout.grid.spacing or (1.0 if bounds is None or size > 1.0 else 0.1)
+        grid = replace(layout.grid, spacing=spacing)
+        layout = replace(layout, camera=camera, grid=grid)
+        return make_blueprint(layout, self._followed(robot, camera.follow), self._from_start)
+
+    def _bounds(self, robot: Description, fixed_frame: str) -> Floats | None:
+        links = {self._context.frame_of(link): link for link in robot.link_names}
+        poses = self._context.frames.poses(links, fixed_frame)
+        return robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
+
+    def _followed(self, robot: Description, link: str) -> str | None:
+        """The entity that moves with ``link``: its first visual, or else its axes."""
+        if link not in robot.link_names:
+            return None
+        return self._scene.visual_of(link) or axes_entity(self._context.frame_of(link))
+
+
+def make_blueprint(
+    layout: Layout, follow: str | None = None, from_start: bool = False
+) -> rrb.Blueprint:
+    """Return the blueprint of ``layout``.
+
+    Args:
+        layout: with the camera and grid to use.
+        follow: the entity that the camera moves with.
+        from_start: the viewer plays from the beginning, in place of following the end.
+    """
+    robot = _robot_view(layout, follow)
+    beside = [view.view() for part in layout.parts for view in part.views]
+    root = rrb.Horizontal(robot, rrb.Vertical(*beside), column_shares=[3, 1]) if beside else robot
+    return rrb.Blueprint(root, *_panels(layout.panels, from_start))
+
+
+def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
+    optional: dict[str, Any] = {}
+    if layout.background is not None:
+        optional["background"] = rrb.Background(color=layout.background)
+    windows = chain.from_iterable(part.windows for part in layout.parts)
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=_contents(layout.parts),
+        name=ROBOT_VIEW,
+        overrides={
+            COLLISION_ENTITY: rrb.EntityBehavior(visible=layout.collision),
+            **{
+                entity: rrb.EntityBehavior(visible=visible)
+                for part in layout.parts
+                for entity, visible in part.visible
+            },
+            **{entity: last(seconds) for entity, seconds in windows},
+        },
+        line_grid=rrb.LineGrid3D(
+            visible=layout.grid.visible,
+            spacing=layout.grid.spacing,
+            plane=rr.components.Plane3D((0.0, 0.0, 1.0), layout.grid.height),
+        ),
+        spatial_information=rrb.SpatialInformation(
+            target_frame=layout.fixed_frame, show_axes=False
+        ),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=layout.camera.eye,
+            look_target=layout.camera.target,
+            eye_up=(0.0, 0.0, 1.0),
+            tracking_entity=follow,
+        ),
+        **optional,
+    )
+
+
+def _contents(parts: Iterable[LayoutPart]) -> list[str]:
+    """Everything, but nothing that an earlier view had and this one has not."""
+    parts = list(parts)
+    hidden = [f"- /{entity}/**" for part in parts for entity in part.hidden]
+    return ["+ /**", *hidden, *(f"+ /{entity}/**" for part in parts for entity in part.shown)]
+
+
+def _panels(panels: PanelsSettings, from_start: bool) -> tuple[Any, ...]:
+    state: Any = panels
+    time = rrb.TimePanel(state=state.time, timeline=TIMELINE, play_state="following")
+    if from_start:
+        time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing")
+    return (
+        rrb.BlueprintPanel(state=state.blueprint),
+        rrb.SelectionPanel(state=state.selection),
+        time,
+        rrb.TopPanel(state=state.top),
+    )
+
+
+# --- the robot's size, so that the first view shows all of it -----------------------------------
 
 
 def corners(geometry: Geometry) -> Floats:
@@ -76,124 +254,9 @@ def _vector(values: Floats) -> Triple:
     return x, y, z
 
 
-ROBOT_VIEW = "Robot"
+def fitting_length(size: float, links: int) -> float:
+    """Return how long axes should be for a robot of ``size`` (its diagonal), both in metres.
 
-
-def make_blueprint(
-    view: ViewConfig,
-    fixed_frame: str,
-    eye: Triple | None = None,
-    target: Triple | None = None,
-    grid_spacing: float = 1.0,
-    follow: str | None = None,
-) -> rrb.Blueprint:
-    """Return the layout that ``view`` asks for.
-
-    Args:
-        view: the saved view, or the default one.
-        fixed_frame: the frame everything is shown in.
-        eye: where to look from if the view does not say, metres in the fixed frame.
-        target: where to look at if the view does not say.
-        grid_spacing: metres, if the view does not say.
-        follow: the entity that the camera moves with.
+    Long enough to come out of a few big links, short enough for many small ones.
     """
-    robot = _robot_view(view, fixed_frame, eye, target, grid_spacing, follow)
-    plots = [*_joint_plots(view.joint_plot), *_speed_plots(view.speeds)]
-    root = rrb.Horizontal(robot, rrb.Vertical(*plots), column_shares=[3, 1]) if plots else robot
-    return rrb.Blueprint(root, *_panels(view.panels))
-
-
-def _robot_view(
-    view: ViewConfig,
-    fixed_frame: str,
-    eye: Triple | None,
-    target: Triple | None,
-    grid_spacing: float,
-    follow: str | None,
-) -> rrb.Spatial3DView:
-    camera = view.camera
-    eye, target = camera.eye or eye, camera.target or target
-    optional: dict[str, Any] = {}
-    if view.background is not None:
-        optional["background"] = rrb.Background(color=view.background)
-    return rrb.Spatial3DView(
-        origin="/",
-        contents=_shown(view),
-        name=ROBOT_VIEW,
-        overrides={
-            COLLISION_ENTITY: rrb.EntityBehavior(visible=view.collision),
-            FRAMES_ENTITY: rrb.EntityBehavior(visible=view.axes.visible),
-            **{trail_entity(name): _last(trail.length) for name, trail in view.trails.items()},
-        },
-        line_grid=rrb.LineGrid3D(
-            visible=view.grid.visible,
-            spacing=view.grid.spacing or grid_spacing,
-            plane=rr.components.Plane3D((0.0, 0.0, 1.0), view.grid.height),
-        ),
-        spatial_information=rrb.SpatialInformation(target_frame=fixed_frame, show_axes=False),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=eye,
-            look_target=target,
-            eye_up=(0.0, 0.0, 1.0),
-            tracking_entity=follow,
-        ),
-        **optional,
-    )
-
-
-def _shown(view: ViewConfig) -> list[str]:
-    """Everything, but no trail nor covariance that an earlier version of the view had."""
-    names = [*map(trail_entity, view.trails), *map(covariance_entity, view.covariance)]
-    old = [f"- /{entity}/**" for entity in (TRAILS_ENTITY, COVARIANCE_ENTITY)]
-    return ["+ /**", *old, *(f"+ /{name}/**" for name in names)]
-
-
-def _joint_plots(plot: JointPlotView) -> list[rrb.TimeSeriesView]:
-    shown = [
-        (plot.positions, POSITION_ENTITY, "Joint positions (rad, m)"),
-        (plot.velocities, VELOCITY_ENTITY, "Joint velocities (rad/s, m/s)"),
-    ]
-    return [_plot(entity, name, plot.window) for wanted, entity, name in shown if wanted]
-
-
-def _speed_plots(speeds: SpeedsView) -> list[rrb.TimeSeriesView]:
-    if not speeds.lines:
-        return []
-    return [
-        _plot(entity, name, speeds.window, [speed_entity(entity, line) for line in speeds.lines])
-        for entity, name in (
-            (LINEAR_ENTITY, "Speed (m/s)"),
-            (ANGULAR_ENTITY, "Turn rate (rad/s)"),
-        )
-    ]
-
-
-def _plot(
-    entity: str, name: str, window: float, lines: list[str] | None = None
-) -> rrb.TimeSeriesView:
-    contents = "$origin/**" if lines is None else [f"+ /{line}" for line in lines]
-    return rrb.TimeSeriesView(
-        origin=entity, contents=contents, name=name, time_ranges=_last(window)
-    )
-
-
-def _last(seconds: float) -> rrb.VisibleTimeRanges:
-    """The last ``seconds`` before the time cursor; 0 for all before it."""
-    start = (
-        rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds)
-        if seconds
-        else rrb.TimeRangeBoundary.infinite()
-    )
-    end = rrb.TimeRangeBoundary.cursor_relative()
-    return rrb.VisibleTimeRanges(rrb.VisibleTimeRange(TIMELINE, start=start, end=end))
-
-
-def _panels(panels: PanelsView) -> tuple[Any, ...]:
-    state: Any = panels
-    return (
-        rrb.BlueprintPanel(state=state.blueprint),
-        rrb.SelectionPanel(state=state.selection),
-        rrb.TimePanel(state=state.time, timeline=TIMELINE, play_state="following"),
-        rrb.TopPanel(state=state.top),
-    )
+    return round(0.55 * size / links**0.7, 3) if links else 0.0

@@ -5,7 +5,7 @@ Subscribes:
     robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
     /tf, /tf_static (tf2_msgs/TFMessage): where every frame stands; nothing is computed here.
     joint_states (sensor_msgs/JointState): plotted.
-    what the view names (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped): trails and speeds.
+    what the displays of the view name (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped, ...).
 
 Publishes:
     ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
@@ -31,7 +31,6 @@ Parameters:
     memory_limit (string, "256MB"): what is kept for viewers that join later.
 """
 
-import itertools
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -43,19 +42,17 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from onebot_bringup.viewer.display_server import Display
-from onebot_bringup.viewer.robot_view import LiveView
-from onebot_bringup.viewer.topics import DriveTopics, Inbox
-from onebot_bringup.viewer.view_config import settings, with_setting
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.settings import values, with_setting
+from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_source import ViewSource
+from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.node import LATCHED, SENSOR, STATIC_TF, Throttled, run_node
-from onebot_description.wire.messages import BAD_MESSAGE, tf_arrays
-from onebot_description.wire.tf_message import TFMessage
+from onebot_description.node import LATCHED, Throttled, run_node
 
 # The parameters of the viewer's node that hold from its start to its end.
 
@@ -154,8 +151,8 @@ class ViewParameters:
         self._source = source
         self._changed = changed
         self._mirroring = False
-        self._names = frozenset(settings(source.view))
-        for name, value in settings(source.view).items():
+        self._names = frozenset(values(source.view))
+        for name, value in values(source.view).items():
             self._declare(name, value)
         meaning = 'the file that ~/save_view writes; "" for the one that the view is from'
         node.declare_parameter(_SAVE_TO, "", ParameterDescriptor(description=meaning))
@@ -176,7 +173,7 @@ class ViewParameters:
 
     def mirror(self) -> None:
         """Set the parameters to what the view says now."""
-        wanted = settings(self._source.view)
+        wanted = values(self._source.view)
         stale = [
             Parameter(name, value=value)
             for name, value in wanted.items()
@@ -224,78 +221,72 @@ def _plain(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else list(value)
 
 
-# The view on show: from a file that is edited, from parameters, or the robot's own.
-
-
-class ShownView:
-    """Shows what the user has changed; a mistake is said once, and changes nothing."""
+class ViewUpdates:
+    """Applies each change of the view; a mistake is reported once, and changes nothing."""
 
     def __init__(
         self,
         source: ViewSource,
-        settings: ViewParameters,
-        live: LiveView,
-        topics: DriveTopics,
-        say: Callable[[str], object],
-        warn: Callable[[str], object],
+        parameters: ViewParameters,
+        view: RobotView,
+        topics: TopicSubscriptions,
+        log: Any,
     ) -> None:
-        """Begin with what is on show.
+        """Begin with what is shown.
 
         Args:
-            source: the view.
-            settings: the parameters that say the same.
-            live: shows it.
-            topics: heard for it.
-            say: is told what is shown now.
-            warn: is told what cannot be shown.
+            source: the view, from a file or by parameters.
+            parameters: the settings of the view.
+            view: shows it.
+            topics: subscribed for it.
+            log: has ``info`` and ``warning``.
         """
-        self._source, self._settings = source, settings
-        self._live, self._topics = live, topics
-        self._say, self._warn = say, warn
+        self._source, self._parameters = source, parameters
+        self._view, self._topics = view, topics
+        self._log = log
         self._refused: set[Path] = set()  # files with a mistake
 
-    def watch(self) -> None:
-        """Take up what was edited; call it now and then."""
+    def poll(self) -> None:
+        """Apply what was edited; call it now and then."""
         for file in self._source.saved():
             mended = file in self._refused
             self._refused.discard(file)
             try:
                 if file == self._source.layout:
-                    self._live.use_blueprint(file)
+                    self._view.use_blueprint(file)
                 elif self._source.reload():
-                    self._settings.mirror()
-                    self.show()
-                    self._say(f"{file} was edited: the view is up to date")
-                    mended = False  # said already
+                    self._parameters.mirror()
+                    self.apply()
+                    self._log.info(f"{file} was edited: the view is up to date")
+                    mended = False  # reported already
                 if mended:
-                    self._say(f"{file} is right again: it is in use")
+                    self._log.info(f"{file} is right again: it is in use")
             except OneBotError as error:
                 self._refused.add(file)
-                self._warn(f"keeping the view shown so far: {error}")
+                self._log.warning(f"keeping the view shown so far: {error}")
 
-    def take_view_of(self, robot: str) -> None:
-        """Look at the robot as its own description says, if the user asks for no other view."""
+    def apply_view_of(self, robot: str) -> None:
+        """Apply the view of the robot's description, if the user asks for no other one."""
         try:
             if self._source.set_robot(robot):
-                self._settings.mirror()
-                self.show()
-                self._say(f"its view is {self._source.file or 'the usual one'}")
+                self._parameters.mirror()
+                self.apply()
+                self._log.info(f"its view is {self._source.file or 'the usual one'}")
         except OneBotError as error:
-            self._warn(f"keeping the view shown so far: {error}")
+            self._log.warning(f"keeping the view shown so far: {error}")
 
-    def show(self) -> None:
+    def apply(self) -> None:
         """Show what the view says now."""
-        view = self._source.view
-        for problem in self._live.set_view(view):
-            self._warn(problem)
+        for problem in self._view.set_view(self._source.view):
+            self._log.warning(problem)
         try:
-            self._topics.set_view(view)
+            self._topics.set_topics(self._view.topics)
         except OneBotError as error:
-            self._warn(str(error))
+            self._log.warning(str(error))
 
 
-FLUSH_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
-CURVES_EVERY = 4  # flushes
+TICK_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
+POLL_PERIOD = 0.25  # seconds
 
 
 class RerunViewer(Node):
@@ -311,99 +302,64 @@ class RerunViewer(Node):
         parameters = ViewerParameters(self)
         self._warn = Throttled(self.get_logger().warning)
         self._display: Display | None = None
-        self._live: LiveView
         if parameters.viewer == "none" and parameters.save is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
         source = ViewSource(parameters.text("view"))
-        settings = ViewParameters(self, source, lambda: self._view.show())
+        settings = ViewParameters(self, source, lambda: self._updates.apply())
         self._display = parameters.open_display()
-        self._live = LiveView(
+        self._view = RobotView(
             self._display.stream,
             source.view,
             blueprint=source.layout,
             frame_prefix=parameters.text("frame_prefix"),
+            resolve=self.resolve_topic_name,
+            report=self._report,
         )
-        self._inbox = Inbox(
-            self._live, self._ignore, self._now, self.resolve_topic_name("joint_states")
-        )
+        self._robot: Description | None = None
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
-        self._page_told = ""
-        self._ticks = itertools.count()
-        self._subscribe()
-        self._topics = DriveTopics(self, self._live, source.view, self._ignore)
-        log = self.get_logger()
-        self._view = ShownView(source, settings, self._live, self._topics, log.info, log.warning)
-
-    # --- topics ---------------------------------------------------------------------------------
-
-    def _subscribe(self) -> None:
-        listen = self.create_subscription
-        listen(String, "robot_description", self._on_description, LATCHED)
-        listen(TFMessage, "/tf", self._inbox.add_transforms, 100, raw=True)
-        listen(TFMessage, "/tf_static", self._on_tf_static, STATIC_TF, raw=True)
-        listen(JointState, "joint_states", self._inbox.add_joints, SENSOR, raw=True)
-        assert self._display is not None
+        self._published_page = ""
+        self._topics = TopicSubscriptions(self, self._view.take)
+        self._topics.set_topics(self._view.topics)
+        self._updates = ViewUpdates(source, settings, self._view, self._topics, self.get_logger())
         # Not ROS time: it may stand still or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(FLUSH_PERIOD, self._tick, clock=steady)
-        self.create_timer(0.25, self._watch_display, clock=steady)
-        self.create_timer(0.25, self._watch_topics, clock=steady)
-        self.create_timer(0.25, lambda: self._view.watch(), clock=steady)
+        self.create_timer(TICK_PERIOD, self._tick, clock=steady)
+        self.create_timer(POLL_PERIOD, self._poll, clock=steady)
 
     def _tick(self) -> None:
-        curves = next(self._ticks) % CURVES_EVERY == 0
-        self._inbox.hand_over(joints=curves)
-        for message in self._live.tick(self._now(), curves=curves):
-            self.get_logger().warning(message)
+        for warning in self._view.tick(int(self.get_clock().now().nanoseconds)):
+            self.get_logger().warning(warning)
+        robot = self._view.robot
+        if robot is not None and robot is not self._robot:
+            self._robot = robot
+            self.get_logger().info(f'showing "{robot.robot_name}" ({len(robot.link_names)} links)')
+            self._updates.apply_view_of(robot.robot_name)
 
-    def _now(self) -> int:
-        return int(self.get_clock().now().nanoseconds)
-
-    def _watch_display(self) -> None:
+    def _poll(self) -> None:
         assert self._display is not None
         self._display.watch()
         address = self._display.page_address
-        if address != self._page_told:
-            self._page_told = address
+        if address != self._published_page:
+            self._published_page = address
             self._page_publisher.publish(String(data=address))
-
-    def _watch_topics(self) -> None:
         try:
             self._topics.watch()
         except OneBotError as error:
             self._warn("topics", str(error), every=10.0)
+        self._updates.poll()
 
-    # --- messages -------------------------------------------------------------------------------
-
-    def _on_description(self, message: String) -> None:
-        try:
-            problems = self._live.set_description(message.data)
-        except OneBotError as error:
+    def _report(self, topic: str, error: Exception) -> None:
+        """A bad message must not end the viewer."""
+        if isinstance(error, OneBotError):
             self.get_logger().warning(f"keeping the robot shown so far: {error}")
-            return
-        for problem in problems:
-            self.get_logger().warning(problem)
-        robot = self._live.robot
-        assert robot is not None
-        self.get_logger().info(f'showing "{robot.robot_name}" ({len(robot.links)} links)')
-        self._view.take_view_of(robot.robot_name)
-
-    def _on_tf_static(self, data: bytes) -> None:
-        try:
-            self._live.add_transforms(tf_arrays(data), static=True)
-        except BAD_MESSAGE as error:
-            self._ignore("/tf_static", error)
-
-    def _ignore(self, topic: str, error: Exception) -> None:
-        """A strange message must not end the viewer."""
-        self._warn(topic, f"ignored a message of {topic}: {error}")
+        else:
+            self._warn(topic, f"ignored a message of {topic}: {error}")
 
     def destroy_node(self) -> None:
         """Write out the recording, end the viewers and the node."""
         if self._display is not None:
-            self._inbox.hand_over()
-            self._live.finish(self._now())
+            self._view.finish()
             self._display.close()
         super().destroy_node()
 

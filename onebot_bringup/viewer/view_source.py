@@ -14,6 +14,7 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.representer import RoundTripRepresenter
 from ruamel.yaml.scalarstring import SingleQuotedScalarString
 
+from onebot_bringup.viewer.settings import with_setting
 from onebot_bringup.viewer.view_config import (
     ViewConfig,
     changed_settings,
@@ -21,7 +22,6 @@ from onebot_bringup.viewer.view_config import (
     parse_view,
     view_for,
     view_text,
-    with_setting,
 )
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import FileWatch

@@ -28,7 +28,6 @@ from onebot_description.wire.cdr import (
 from onebot_description.wire.tf_message import TFMessage
 
 T = TypeVar("T")
-Warn = Callable[[Exception], object]
 
 BAD_MESSAGE = (ValueError, IndexError)  # what is raised for bytes that are no such message
 
@@ -230,32 +229,6 @@ def twist_sample(data: bytes) -> TwistSample:
 def twist_stamped_sample(data: bytes) -> TwistSample:
     """Read a TwistStamped."""
     return _read(data, decode_twist_stamped, TwistStamped, _twist_stamped_sample)
-
-
-def tf_batch(messages: Sequence[bytes], warn: Warn) -> list[TfArrays | None]:
-    """Read TFMessages.
-
-    Args:
-        messages: in the order they came.
-        warn: called with the reason why a message is none.
-
-    Returns:
-        The message for each; None for one that is none.
-    """
-    return [_read_or_warn(data, tf_arrays, warn) for data in messages]
-
-
-def joint_state_batch(messages: Sequence[bytes], warn: Warn) -> list[JointStateArrays | None]:
-    """Read JointStates; see ``tf_batch``."""
-    return [_read_or_warn(data, one_joint_state, warn) for data in messages]
-
-
-def _read_or_warn(data: bytes, read: Callable[[bytes], T], warn: Warn) -> T | None:
-    try:
-        return read(data)
-    except BAD_MESSAGE as error:
-        warn(error)
-        return None
 
 
 # To messages.

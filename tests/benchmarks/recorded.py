@@ -12,7 +12,8 @@ import numpy as np
 import rerun.chunk
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.tf import TF_ENTITY, TIMELINE
+from onebot_bringup.viewer.columns import TIMELINE
+from onebot_bringup.viewer.displays.tf import TF_ENTITY
 
 
 class Frames(NamedTuple):

@@ -20,12 +20,14 @@ import numpy as np
 import rerun as rr
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 
+from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
-from onebot_bringup.viewer.displays.tf import TF_ENTITY, TIMELINE
-from onebot_bringup.viewer.robot_view import LiveView
-from onebot_bringup.viewer.topics import Inbox
+from onebot_bringup.viewer.displays.display import SELDOM
+from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
+from onebot_bringup.viewer.displays.tf import TF, TF_ENTITY
+from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
 from onebot_description.wire.cdr import DOUBLES_PER_TRANSFORM, NANO, Writer
 from onebot_description.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain, Floats
@@ -124,9 +126,10 @@ class Viewer:
         """Show the chain, in a recording that is written to ``file``."""
         self._states = states
         self.recording: Recording = open_recording(save=file)
-        self._live = LiveView(self.recording.stream)
-        self._live.set_description(states.chain.urdf())
-        self._inbox = Inbox(self._live, refuse, time.time_ns)
+        self._view = RobotView(self.recording.stream, report=refuse)
+        urdf = bytes(serialize_message(String(data=states.chain.urdf())))
+        self._view.take("robot_description", DESCRIPTION.name, urdf, _START_NS)
+        self._now_ns = 0
 
     def prepare(self, first: int, count: int) -> list[list[tuple[bytes, bytes]]]:
         """Return the messages of states, by call."""
@@ -136,13 +139,13 @@ class Viewer:
 
     def log(self, calls: list[list[tuple[bytes, bytes]]]) -> None:
         """Take in messages, and log them."""
-        live, inbox = self._live, self._inbox
+        take = self._view.take
         for messages in calls:
             for tf, joints in messages:
-                inbox.add_transforms(tf)
-                inbox.add_joints(joints)
-            inbox.hand_over()
-            live.tick(0)
+                take("/tf", TF.name, tf, self._now_ns)
+                take("joint_states", JOINT_STATE.name, joints, self._now_ns)
+            self._now_ns += SELDOM  # every display logs at every tick
+            self._view.tick(self._now_ns)
 
 
 def refuse(topic: str, error: Exception) -> None:

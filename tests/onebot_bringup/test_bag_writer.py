@@ -11,11 +11,9 @@ from pathlib import Path
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
 from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
 
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.writer import BagWriter
-from onebot_bringup.introspection.interfaces import full_definition
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
 from tests.support import wait_for
@@ -70,19 +68,6 @@ def test_empty_recording_is_one(tmp_path):
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 0
     assert Bag(tmp_path / "bag").topics == {}
-
-
-@pytest.mark.parametrize(
-    "kind",
-    ["nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/JointState"],
-)
-def test_definitions_are_whole(kind):
-    """From the definition alone, rosbags makes the type, with the hash that ROS has for it."""
-    from rosbags.typesys import get_types_from_msg
-
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(full_definition(kind), kind))
-    assert store.hash_rihs01(kind) == get_typestore(Stores.ROS2_JAZZY).hash_rihs01(kind)
 
 
 def test_refuses_a_folder_that_exists(tmp_path):

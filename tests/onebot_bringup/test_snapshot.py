@@ -7,25 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from rclpy.serialization import serialize_message
-from std_msgs.msg import String
 
-from onebot_bringup.bags.writer import BagWriter
-from onebot_bringup.cli.replay import has_content
 from onebot_bringup.cli.snapshot import (
     parse_camera,
     parse_command_line,
     pose_of,
-    record_bag,
     server_of,
 )
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import Framing, check_picture, framed, robot_view
+from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-from tests.onebot_bringup.bag_support import topic
 
 MIMIC = """<robot name="gripper">
   <link name="palm"/><link name="left"/><link name="right"/><link name="lid"/>
@@ -42,11 +37,6 @@ MIMIC = """<robot name="gripper">
     <parent link="palm"/><child link="lid"/><axis xyz="0 0 1"/>
     <limit lower="0.5" upper="1.5" effort="1" velocity="1"/>
   </joint>
-</robot>"""
-
-
-BOX = """<robot name="box"><link name="palm"/><link name="lid"/>
-  <joint name="hinge" type="continuous"><parent link="palm"/><child link="lid"/></joint>
 </robot>"""
 
 
@@ -302,28 +292,3 @@ def test_what_is_in_a_recording(tmp_path):
     recording.close()
     cut.write_bytes(something.read_bytes()[:-100])
     assert [has_content(file) for file in (nothing, something, cut)] == [False, True, None]
-
-
-def test_of_several_recorded_robots_one_can_be_chosen(tmp_path):
-    """The first is drawn unless its namespace says otherwise; a wrong one is an error."""
-    bag = BagWriter(tmp_path / "bag")
-    for space, lid in (("left", "lid"), ("right", "cap")):
-        number = bag.add_topic(topic(f"/{space}/robot_description"))
-        urdf = BOX.replace("lid", lid)
-        bag.write(number, 1, bytes(serialize_message(String(data=urdf))))
-    bag.close()
-    said: list[str] = []
-
-    def drawn(namespace: str) -> set[str]:
-        said.clear()
-        rrd = tmp_path / f"of_{namespace}.rrd"
-        record_bag(tmp_path / "bag", "", rrd, said.append, said.append, namespace=namespace)
-        data = rrd.read_bytes()
-        return {name for name in ("lid", "cap") if f"/frames/{name}".encode() in data}
-
-    assert drawn("") == {"lid"}
-    assert "(namespace:= chooses)" in said[0]
-    assert drawn("right") == {"cap"}
-    assert not any("several" in sentence for sentence in said)
-    with pytest.raises(OneBotError, match="namespace:=up: .* has no robot there"):
-        drawn("up")

@@ -17,10 +17,17 @@ from onebot_bringup.viewer.displays.covariance import (
     sector_outline,
 )
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
-from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import chunks, column, odometry
-from tests.onebot_bringup.viewer_support import ARM, START_NS, transforms
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    START_NS,
+    describe,
+    take_odometry,
+    take_tf,
+    transforms,
+)
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 GREEN = (0, 220, 60)
@@ -169,17 +176,17 @@ def test_a_sector_begins_and_ends_in_the_middle():
 
 def _recorded(tmp_path: Path, covariances, view=VIEW, place=(0.5, -1.0)) -> Path:
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, parse_view(view))
-    live.set_description(ARM)
+    live = RobotView(recording.stream, parse_view(view))
+    describe(live, ARM)
     for step, covariance in enumerate(covariances):
         stamp = START_NS + step * TENTH
-        live.add_transforms(transforms("odom", "base", 0.0, stamp))
-        live.add_transforms(transforms("base", "tip", 0.5, stamp))
+        take_tf(live, transforms("odom", "base", 0.0, stamp))
+        take_tf(live, transforms("base", "tip", 0.5, stamp))
         sample = odometry(*place)._replace(covariance=covariance)
-        live.add_odometry("odom", stamp, sample)
+        take_odometry(live, "odom", stamp, sample)
         live.tick(stamp)
         live.tick(stamp + TENTH // 2)
-    live.finish(stamp)
+    live.finish()
     recording.close()
     return tmp_path / "x.rrd"
 
@@ -191,6 +198,7 @@ def _picture(file: Path):
     return pixels(file.with_suffix(".png"))
 
 
+@pytest.mark.slow
 def test_the_ellipse_lies_around_the_pose_as_large_as_it_is_unsure(tmp_path):
     """Two deviations of 0.6 m along x and 0.2 m along y: upright in this picture, 3:1."""
     require_renderer()
@@ -207,6 +215,7 @@ def test_the_ellipse_lies_around_the_pose_as_large_as_it_is_unsure(tmp_path):
     assert inside[1] - outside[1] > 5, "and a thin fill"
 
 
+@pytest.mark.slow
 def test_it_follows_the_covariance_and_goes_when_that_is_unknown(tmp_path):
     """The last one counts; of one unknown in the end nothing is left, and no error."""
     require_renderer()
@@ -238,12 +247,12 @@ def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
     """It would be an error in the view."""
     now = [0.0]
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, parse_view(VIEW), clock=lambda: now[0])
-    live.set_description(ARM)
-    live.add_transforms(transforms("odom", "base", 0.0))
-    live.add_transforms(transforms("base", "tip", 0.0))
+    live = RobotView(recording.stream, parse_view(VIEW), clock=lambda: now[0])
+    describe(live, ARM)
+    take_tf(live, transforms("odom", "base", 0.0))
+    take_tf(live, transforms("base", "tip", 0.0))
     sample = odometry(0, frame="map")._replace(covariance=_covariance(1.0, 1.0))
-    live.add_odometry("odom", START_NS, sample)
+    take_odometry(live, "odom", START_NS, sample)
     assert live.tick(START_NS) == []
     now[0] = 4.0
     [message] = live.tick(START_NS)
@@ -252,6 +261,7 @@ def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
     assert chunks(tmp_path / "x.rrd", "/covariance/pose/place") == []
 
 
+@pytest.mark.slow
 def test_a_late_viewer_of_a_full_server_has_the_ellipse(tmp_path, monkeypatch):
     """With the memory limit reached many times over, it is still shown."""
     require_renderer()
@@ -259,14 +269,14 @@ def test_a_late_viewer_of_a_full_server_has_the_ellipse(tmp_path, monkeypatch):
 
     monkeypatch.setattr(covariance, "REPEAT_AFTER", 0.05)
     recording = open_recording(0, memory_limit="1MB")
-    live = LiveView(recording.stream, parse_view(VIEW))
-    live.set_description(ARM)
+    live = RobotView(recording.stream, parse_view(VIEW))
+    describe(live, ARM)
     sample = odometry(0.5, -1.0)._replace(covariance=_covariance(0.36, 0.04))
     for step in range(2000):
         stamp = START_NS + step * TENTH
-        live.add_transforms(transforms("odom", "base", 0.0, stamp))
-        live.add_transforms(transforms("base", "tip", 0.5, stamp))
-        live.add_odometry("odom", stamp, sample)
+        take_tf(live, transforms("odom", "base", 0.0, stamp))
+        take_tf(live, transforms("base", "tip", 0.5, stamp))
+        take_odometry(live, "odom", stamp, sample)
         live.tick(stamp)
     with headless_viewer(recording.uri, 600, 600) as client:
         assert colored(pixels(still(client)), GREEN).any()

@@ -8,11 +8,19 @@ import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
-from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
-from onebot_description.wire.messages import TwistSample
 from tests.onebot_bringup.drive_support import chunks, curve, odometry, strips
-from tests.onebot_bringup.viewer_support import ARM, BLUE, START_NS, transforms
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    BLUE,
+    START_NS,
+    describe,
+    take_command,
+    take_odometry,
+    take_tf,
+    transforms,
+)
 from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
@@ -42,25 +50,25 @@ def _view(tmp_path: Path, text: str = VIEW) -> ViewConfig:
     return load_view(tmp_path / "view.yaml")
 
 
-def _drive(live: LiveView, frame="odom", steps=41, truth="odom") -> list[str]:
+def _drive(live: RobotView, frame="odom", steps=41, truth="odom") -> list[str]:
     """Drive 0.1 m along y every tenth of a second; the truth is a metre further along x."""
-    said = live.set_description(ARM)
+    describe(live, ARM)
+    said = []
     for step in range(steps):
         stamp, y = START_NS + step * TENTH, 0.1 * step
-        live.add_transforms(transforms("base", "tip", 0.5, stamp))
-        live.add_transforms(transforms(frame, "base", y, stamp))
-        live.add_odometry("odom", stamp, odometry(0, y, frame=frame, speed=1.0, turn=0.2))
-        live.add_odometry("truth", stamp, odometry(1, y, frame=truth))
-        command = TwistSample(0, np.array([1.5, 0, 0]), np.array([0, 0, 0.3]))
-        live.add_command("cmd_vel", stamp, command)
+        take_tf(live, transforms("base", "tip", 0.5, stamp))
+        take_tf(live, transforms(frame, "base", y, stamp))
+        take_odometry(live, "odom", stamp, odometry(0, y, frame=frame, speed=1.0, turn=0.2))
+        take_odometry(live, "truth", stamp, odometry(1, y, frame=truth))
+        take_command(live, "cmd_vel", stamp, 1.5, 0.3)
         said += live.tick(stamp)
-    live.finish(stamp)
+    live.finish()
     return said
 
 
 def _recorded(tmp_path: Path, view: ViewConfig, **drive) -> Path:
     recording = open_recording(save=tmp_path / "x.rrd")
-    assert _drive(LiveView(recording.stream, view), **drive) == []
+    assert _drive(RobotView(recording.stream, view), **drive) == []
     recording.close()
     return tmp_path / "x.rrd"
 
@@ -70,6 +78,7 @@ def _picture(file: Path):
     return pixels(file.with_suffix(".png"))
 
 
+@pytest.mark.slow
 def test_trails_lie_where_the_robot_was(tmp_path):
     """Opened later, the file shows both trails whole, each in its colour and place."""
     require_renderer()
@@ -83,6 +92,7 @@ def test_trails_lie_where_the_robot_was(tmp_path):
     assert columns.size > 0.98 * np.ptp(columns), "without gaps"
 
 
+@pytest.mark.slow
 def test_a_trail_is_as_long_as_asked(tmp_path):
     """Only the way of the last second is drawn: a metre of four; the file has all."""
     require_renderer()
@@ -95,6 +105,7 @@ def test_a_trail_is_as_long_as_asked(tmp_path):
     assert 0.2 < short / long < 0.4, "0 is all of it"
 
 
+@pytest.mark.slow
 def test_speeds_are_plotted(tmp_path):
     """Two plots with both curves each, without an error; the file has every value."""
     require_renderer()
@@ -117,13 +128,14 @@ def test_speeds_are_plotted(tmp_path):
         assert rows.size and rows.min() < 360 < rows.max(), "a level line in either plot"
 
 
+@pytest.mark.slow
 def test_a_late_viewer_of_a_full_server_has_the_end_of_the_trail(tmp_path):
     """With the memory limit reached many times over, the newest part of the trail remains."""
     require_renderer()
     recording = open_recording(0, memory_limit="1MB")
     view = _view(tmp_path, VIEW + SPEEDS)
     view = replace(view, camera=replace(view.camera, follow="base"))
-    _drive(LiveView(recording.stream, view), steps=2000)
+    _drive(RobotView(recording.stream, view), steps=2000)
     with headless_viewer(recording.uri, 640, 480) as client:
 
         def shown() -> bool:
@@ -135,12 +147,13 @@ def test_a_late_viewer_of_a_full_server_has_the_end_of_the_trail(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
     """A truth in "world" appears, from its start, once the static transform comes."""
     require_renderer()
     now = [0.0]
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, _view(tmp_path), clock=lambda: now[0])
+    live = RobotView(recording.stream, _view(tmp_path), clock=lambda: now[0])
     assert _drive(live, truth="world") == []
     assert live.tick(START_NS) == []
     now[0] = 4.0
@@ -149,8 +162,8 @@ def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
     assert live.tick(START_NS) == [], "said once"
     recording.stream.flush(timeout_sec=5.0)
     assert strips(tmp_path / "x.rrd", "truth") == []
-    live.add_transforms(transforms("world", "odom", 0.0), static=True)
-    live.finish(START_NS)
+    take_tf(live, transforms("world", "odom", 0.0), static=True)
+    live.finish()
     recording.close()
     assert len(strips(tmp_path / "x.rrd", "truth")) == 40
     with headless_viewer(str(tmp_path / "x.rrd")) as client:
@@ -158,6 +171,7 @@ def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
         assert colored(pixels(still(client)), MAGENTA).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [11, 501])
 def test_the_camera_keeps_its_distance_to_a_moving_robot(tmp_path, steps):
     """After 1 m and after 50 m the followed link stands in the middle, as large as before."""
@@ -170,21 +184,24 @@ def test_the_camera_keeps_its_distance_to_a_moving_robot(tmp_path, steps):
     np.testing.assert_allclose(center(blue), [0.5, 0.5], atol=0.06)
 
 
+@pytest.mark.slow
 def test_a_followed_link_without_a_visual_is_followed_by_its_axes(tmp_path):
     """And one that does not exist is said."""
     require_renderer()
     recording = open_recording(save=tmp_path / "x.rrd")
     view = _view(tmp_path, VIEW.replace("axes: {visible: false}", ""))
     view = replace(view, camera=replace(view.camera, follow="base"))
-    live = LiveView(recording.stream, view)
+    live = RobotView(recording.stream, view)
     bare = '<robot name="r"><link name="base"/></robot>'
-    [message] = live.set_description(bare.replace('"base"', '"bse"'))
+    describe(live, bare.replace('"base"', '"bse"'))
+    [message] = live.tick(START_NS)
     assert 'camera.follow: the robot has no link "base" (did you mean "bse"?' in message
-    assert live.set_description(bare) == []
+    describe(live, bare)
+    assert live.tick(START_NS) == []
     for step in range(101):
         stamp = START_NS + step * TENTH
-        live.add_transforms(transforms("odom", "base", 1.0 * step, stamp))
-        live.add_odometry("odom", stamp, odometry(0, step * 0.4))
+        take_tf(live, transforms("odom", "base", 1.0 * step, stamp))
+        take_odometry(live, "odom", stamp, odometry(0, step * 0.4))
         live.tick(stamp)
     recording.close()
     with headless_viewer(str(tmp_path / "x.rrd"), 640, 480) as client:
@@ -195,14 +212,15 @@ def test_a_followed_link_without_a_visual_is_followed_by_its_axes(tmp_path):
     assert (np.ptp(middle, axis=2) > 60).any()
 
 
+@pytest.mark.slow
 def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
     """Without odom the robot stands in its own frame; when odom comes, it drives in that."""
     require_renderer()
     now = [0.0]
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, _view(tmp_path), clock=lambda: now[0])
-    live.set_description(ARM)
-    live.add_transforms(transforms("base", "tip", 1.0))
+    live = RobotView(recording.stream, _view(tmp_path), clock=lambda: now[0])
+    describe(live, ARM)
+    take_tf(live, transforms("base", "tip", 1.0))
     assert live.tick(START_NS) == []
     now[0] = 4.0
     [message] = live.tick(START_NS)
@@ -212,8 +230,8 @@ def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
     early = tmp_path / "early.rrd"
     early.write_bytes((tmp_path / "x.rrd").read_bytes())
     assert colored(_picture(early), BLUE).any()
-    live.add_transforms(transforms("odom", "base", 2.0, START_NS + TENTH))
-    live.add_transforms(transforms("base", "tip", 1.0, START_NS + TENTH))
+    take_tf(live, transforms("odom", "base", 2.0, START_NS + TENTH))
+    take_tf(live, transforms("base", "tip", 1.0, START_NS + TENTH))
     assert live.tick(START_NS + TENTH) == []
     assert live.fixed_frame == "odom"
     recording.close()
@@ -223,9 +241,9 @@ def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
 def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
     """A view for odom serves a robot whose frames carry a prefix."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, _view(tmp_path), frame_prefix="r1/")
-    live.set_description(ARM)
-    live.add_transforms(transforms("r1/odom", "r1/base", 1.0))
+    live = RobotView(recording.stream, _view(tmp_path), frame_prefix="r1/")
+    describe(live, ARM)
+    take_tf(live, transforms("r1/odom", "r1/base", 1.0))
     live.tick(START_NS)
     assert live.fixed_frame == "r1/odom"
     recording.close()

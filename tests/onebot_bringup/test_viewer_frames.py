@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.tf import FrameTree, TransformStream
-from onebot_bringup.viewer.robot_view import ShownFrames
-from onebot_bringup.viewer.scene import Scene
+from onebot_bringup.viewer.displays.display import Context
+from onebot_bringup.viewer.displays.tf import TfDisplay, TransformStream
+from onebot_bringup.viewer.frames import FrameTree
 from onebot_description.description import parse_description
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import START_NS, transforms
@@ -99,15 +99,24 @@ class _Shown:
         stream = self._recording.stream
         self.tree = FrameTree()
         self._transforms = TransformStream(stream, self.tree)
-        scene = Scene(stream, frame_prefix="a_")
-        self.frames = ShownFrames(scene, self._transforms, self.tree, lambda: self.now)
+        tree = self.tree, self._transforms
+        self._context = Context(stream, *tree, lambda: "a_base", "a_", lambda: self.now)
+        self._display = TfDisplay(self._context)
+
+    def set_robot(self, link: str) -> None:
+        """Show the robot with this link."""
+        self._context.robot = parse_description(ROBOT.format(link, link))
+        self._display.set_robot()
 
     def receive(self, *children: str) -> None:
         """A message of /tf names them, and is drawn."""
         for child in children:
-            self._transforms.add(transforms("a_base", f"a_{child}", 0.0))
-        self._transforms.flush(START_NS)
-        self.frames.show()
+            self._transforms.add(START_NS, transforms("a_base", f"a_{child}", 0.0))
+        self.flush()
+
+    def flush(self) -> None:
+        """Draw what there is."""
+        self._display.flush()
 
     def drawn(self, frame: str) -> int:
         """How often axes were drawn in a frame; the file is complete then."""
@@ -121,10 +130,9 @@ def shown(tmp_path: Path) -> _Shown:
     """Frames of both links of the first robot are shown, and then it is replaced."""
     shown = _Shown(tmp_path / "x.rrd")
     shown.receive("old")
-    old, new = (parse_description(ROBOT.format(link, link)) for link in ("old", "new"))
-    shown.frames.retire(None, old)
+    shown.set_robot("old")
     shown.receive("old")
-    shown.frames.retire(old, new)
+    shown.set_robot("new")
     return shown
 
 
@@ -140,7 +148,7 @@ def test_a_straggling_message_does_not_draw_it_again(shown: _Shown, after: float
     """For a second; what came within it is forgotten when that is over."""
     shown.receive("old")
     shown.now += after
-    shown.frames.show()
+    shown.flush()
     assert ("a_old" in shown.tree.names) == (after <= 1.0)
     assert shown.drawn("old") == 1
 
@@ -148,7 +156,7 @@ def test_a_straggling_message_does_not_draw_it_again(shown: _Shown, after: float
 def test_whoever_names_it_later_means_it(shown: _Shown) -> None:
     """Another node may publish a frame of that name: it is drawn, after the second."""
     shown.now += 1.5
-    shown.frames.show()
+    shown.flush()
     shown.receive("old")
     assert shown.drawn("old") == 2
 
@@ -156,9 +164,8 @@ def test_whoever_names_it_later_means_it(shown: _Shown) -> None:
 def test_another_robot_within_the_second_is_waited_for_anew(shown: _Shown) -> None:
     """What it has no more is hidden, and what was hidden before may be there again."""
     shown.now += 0.9
-    old, new = (parse_description(ROBOT.format(link, link)) for link in ("old", "new"))
     shown.receive("new")
-    shown.frames.retire(new, old)
+    shown.set_robot("old")
     shown.now += 0.9
     shown.receive("old", "new")
     assert shown.drawn("old") == 2 and shown.drawn("new") == 1

@@ -19,11 +19,18 @@ from onebot_bringup.viewer.displays.joint_limits import (
 )
 from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
 from onebot_bringup.viewer.pictures import headless_viewer, still
-from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.description import load_description, read_description
 from tests.onebot_bringup.drive_support import chunks, column
-from tests.onebot_bringup.viewer_support import ARM, START_NS, transforms
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    START_NS,
+    describe,
+    take_joints,
+    take_tf,
+    transforms,
+)
 from tests.support_rendering import colored, pixels, require_renderer
 
 VIEW = """
@@ -258,21 +265,22 @@ def test_limits_are_level_lines_under_the_joint_s_own_name_and_colour(tmp_path):
 
 def _recorded(tmp_path: Path, urdfs, view=VIEW) -> Path:
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, parse_view(view))
+    live = RobotView(recording.stream, parse_view(view))
     step = 0
     for urdf in urdfs:
-        live.set_description(urdf)
+        describe(live, urdf)
         for _ in range(20):
             stamp = START_NS + step * 10**8
             step += 1
-            live.add_transforms(transforms("base", "tip", 0.5, stamp))
-            live.add_joints(stamp, ("slide",), np.array([0.5]), np.empty(0))
+            take_tf(live, transforms("base", "tip", 0.5, stamp))
+            take_joints(live, stamp, ("slide",), np.array([0.5]), np.empty(0))
             live.tick(stamp)
-    live.finish(stamp)
+    live.finish()
     recording.close()
     return tmp_path / "x.rrd"
 
 
+@pytest.mark.slow
 def test_the_range_is_drawn_in_the_robot_in_the_colour_of_the_curve(tmp_path):
     """And the limits in the plot, without an error; a view that does not ask has none of it."""
     require_renderer()
@@ -293,6 +301,7 @@ def test_the_range_is_drawn_in_the_robot_in_the_colour_of_the_curve(tmp_path):
     assert seen[0][1] > seen[1][1]
 
 
+@pytest.mark.slow
 def test_a_new_description_has_its_own_limits_at_once(tmp_path):
     """The plot's lines move; a joint that has lost its limits loses its marks."""
     require_renderer()

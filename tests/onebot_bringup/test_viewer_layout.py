@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -10,10 +11,19 @@ from selenium.webdriver.common.keys import Keys
 
 from onebot_bringup.viewer.display_server import WebPage, open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, still
-from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig, parse_view
 from tests.onebot_bringup.drive_support import column, odometry
-from tests.onebot_bringup.viewer_support import ARM, BLUE, START_NS, transforms
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    BLUE,
+    START_NS,
+    describe,
+    take_joints,
+    take_odometry,
+    take_tf,
+    transforms,
+)
 from tests.support import wait_for
 from tests.support_browser import browser
 from tests.support_rendering import colored, pixels, require_renderer
@@ -30,21 +40,22 @@ trails:
 """
 
 
-def _drive(live: LiveView, start: int, steps: int = 20) -> None:
+def _drive(live: RobotView, start: int, steps: int = 20) -> None:
     for step in range(start, start + steps):
         stamp, y = START_NS + step * 10**8, 0.1 * step
-        live.add_transforms(transforms("base", "tip", 0.5, stamp))
-        live.add_transforms(transforms("odom", "base", y, stamp))
-        live.add_odometry("odom", stamp, odometry(1, y))
+        take_tf(live, transforms("base", "tip", 0.5, stamp))
+        take_tf(live, transforms("odom", "base", y, stamp))
+        take_odometry(live, "odom", stamp, odometry(1, y))
         live.tick(stamp)
 
 
+@pytest.mark.slow
 def test_another_view_takes_effect_on_what_is_on_show(tmp_path):
     """A trail in another colour, whole; then none at all, without an error; then axes."""
     require_renderer()
     recording = open_recording(0)
-    live = LiveView(recording.stream, parse_view(VIEW))
-    live.set_description(ARM)
+    live = RobotView(recording.stream, parse_view(VIEW))
+    describe(live, ARM)
     _drive(live, 0)
     with headless_viewer(recording.uri, 640, 480) as client:
 
@@ -67,12 +78,13 @@ def test_another_view_takes_effect_on_what_is_on_show(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_the_same_view_again_leaves_the_user_s_layout_alone(tmp_path):
     """Nothing is sent unless something changed: what was arranged in the viewer stays."""
     require_renderer()
     recording = open_recording(0)
-    live = LiveView(recording.stream, parse_view(VIEW))
-    live.set_description(ARM)
+    live = RobotView(recording.stream, parse_view(VIEW))
+    describe(live, ARM)
     _drive(live, 0)
     with headless_viewer(recording.uri, 640, 480) as client:
         before = client.get_blueprint().blueprint_id
@@ -84,17 +96,18 @@ def test_the_same_view_again_leaves_the_user_s_layout_alone(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_a_layout_arranged_and_saved_in_the_page_is_shown_again(tmp_path):
     """In Chromium: open the list of views, save the layout, download it, load it: the same."""
     require_renderer()
     recording = open_recording(0)
     page = WebPage(0, recording.uri)
-    live = LiveView(recording.stream, ViewConfig())
-    live.set_description(ARM)
+    live = RobotView(recording.stream, ViewConfig())
+    describe(live, ARM)
     for step in range(30):
         stamp = START_NS + step * 10**8
-        live.add_transforms(transforms("base", "tip", 0.5, stamp))
-        live.add_joints(stamp, ("slide",), np.array([0.5]), np.empty(0))
+        take_tf(live, transforms("base", "tip", 0.5, stamp))
+        take_joints(live, stamp, ("slide",), np.array([0.5]), np.empty(0))
         live.tick(stamp)
     recording.stream.flush(timeout_sec=5.0)
     try:
@@ -169,7 +182,7 @@ def _act(chromium: webdriver.Chrome, action: ActionChains) -> None:
     wait_for(settled, "the page to answer", timeout=240.0)
 
 
-def _sent(live: LiveView, sent: list, view: str, start: int) -> int:
+def _sent(live: RobotView, sent: list, view: str, start: int) -> int:
     """How many layouts are sent for a view."""
     live.set_view(parse_view(view))
     before = len(sent)
@@ -183,8 +196,8 @@ def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
     sent: list[object] = []
     monkeypatch.setattr(recording.stream, "send_blueprint", lambda item, **_: sent.append(item))
     view = VIEW + "joint_ranges: {visible: true}\nspeeds: {lines: {v: {topic: odom}}}\n"
-    live = LiveView(recording.stream, parse_view(view))
-    live.set_description(ARM)
+    live = RobotView(recording.stream, parse_view(view))
+    describe(live, ARM)
     _drive(live, 0)
     assert len(sent) == 1
     for number, (old, new) in enumerate(
@@ -219,8 +232,8 @@ def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
 def test_axes_change_their_length_without_another_layout(tmp_path):
     """Longer by a parameter, and of a fitting length again."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, parse_view(VIEW))
-    live.set_description(ARM)
+    live = RobotView(recording.stream, parse_view(VIEW))
+    describe(live, ARM)
     _drive(live, 0)
     for start, length in ((20, ", length: 0.7"), (40, "")):
         live.set_view(

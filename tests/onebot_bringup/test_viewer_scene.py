@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 
 from onebot_bringup.viewer.display_server import APPLICATION, open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
-from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_description.errors import OneBotError
 from onebot_description.wire.messages import TfArrays
@@ -19,6 +19,9 @@ from tests.onebot_bringup.viewer_support import (
     ORANGE,
     START_NS,
     VIEW,
+    describe,
+    take_joints,
+    take_tf,
     transforms,
     write_collada,
     write_obj,
@@ -39,11 +42,11 @@ def view(tmp_path: Path) -> ViewConfig:
 def _record(path: Path, view: ViewConfig | None, urdf: str = ARM) -> list[str]:
     """Write a file of the arm with its tip one metre to the right; what was complained about."""
     recording = open_recording(save=path)
-    live = LiveView(recording.stream, view)
-    problems = live.set_description(urdf)
-    live.add_transforms(transforms("base", "tip", 1.0))
-    live.add_joints(START_NS, ("slide",), np.array([1.0]), np.array([0.0]))
-    problems += live.tick(START_NS)
+    live = RobotView(recording.stream, view)
+    describe(live, urdf)
+    take_tf(live, transforms("base", "tip", 1.0))
+    take_joints(live, START_NS, ("slide",), np.array([1.0]), np.array([0.0]))
+    problems = live.tick(START_NS) + live.finish()
     recording.close()
     return problems
 
@@ -70,6 +73,7 @@ def _wait_until_shown(client, *colors: tuple[int, int, int]) -> None:
     wait_for(shown, f"the colours {colors} in the picture")
 
 
+@pytest.mark.slow
 def test_a_recording_shows_the_robot_solid_in_its_colours_in_its_place(tmp_path, view):
     """Opened later, the file shows a blue box on the left and an orange cylinder on the right."""
     require_renderer()
@@ -87,6 +91,7 @@ def test_a_recording_shows_the_robot_solid_in_its_colours_in_its_place(tmp_path,
     assert (np.abs(image - np.array(ORANGE)).max(axis=2) <= 40).any()
 
 
+@pytest.mark.slow
 def test_the_default_view_shows_everything_without_complaint(tmp_path):
     """Without a saved view the robot fills the view, with frames, curves and no error."""
     require_renderer()
@@ -102,6 +107,7 @@ def test_the_default_view_shows_everything_without_complaint(tmp_path):
     assert colored(image, BLUE).mean() > 0.02 and colored(image, ORANGE).mean() > 0.02
 
 
+@pytest.mark.slow
 def test_collision_shapes_are_shown_when_asked(tmp_path, view):
     """The same file with collision: true is covered by translucent shapes."""
     require_renderer()
@@ -117,13 +123,14 @@ def test_collision_shapes_are_shown_when_asked(tmp_path, view):
     assert background[True] < background[False] - 0.05
 
 
+@pytest.mark.slow
 def test_a_new_description_replaces_the_robot_for_open_and_later_viewers(view):
     """Shapes, frames and colours of the old robot are gone, whoever looks and whenever."""
     require_renderer()
     recording = open_recording(0)
-    live = LiveView(recording.stream, view)
-    live.set_description(ARM)
-    live.add_transforms(transforms("base", "tip", 1.0))
+    live = RobotView(recording.stream, view)
+    describe(live, ARM)
+    take_tf(live, transforms("base", "tip", 1.0))
     live.tick(START_NS)
     changed = (
         ARM.replace('"tip"', '"hand"')
@@ -132,8 +139,8 @@ def test_a_new_description_replaces_the_robot_for_open_and_later_viewers(view):
     )
     with headless_viewer(recording.uri) as client:
         _wait_until_shown(client, BLUE, ORANGE)
-        live.set_description(changed)
-        live.add_transforms(transforms("base", "hand", 1.0, START_NS + 10**9))
+        describe(live, changed)
+        take_tf(live, transforms("base", "hand", 1.0, START_NS + 10**9))
         live.tick(START_NS + 10**9)
         wait_for(lambda: not colored(pixels(still(client)), BLUE).any(), "the blue box to vanish")
         _wait_until_shown(client, GREEN, ORANGE)
@@ -148,14 +155,17 @@ def test_a_new_description_replaces_the_robot_for_open_and_later_viewers(view):
 def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
     """A typing error while editing does not empty the view."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, view)
-    live.set_description(ARM)
+    live = RobotView(recording.stream, view)
+    describe(live, ARM)
+    live.tick(START_NS)
+    describe(live, ARM[:-5])
     with pytest.raises(OneBotError, match="malformed XML"):
-        live.set_description(ARM[:-5])
+        live.tick(START_NS)
     assert live.robot is not None and live.robot.robot_name == "arm"
     recording.close()
 
 
+@pytest.mark.slow
 def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
     """A Collada file in inches with its own colours, an OBJ with and without a material."""
     require_renderer()
@@ -170,8 +180,8 @@ def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
     )
     urdf = f'<robot name="m"><link name="base">{visuals}</link></robot>'
     recording = open_recording(save=tmp_path / "m.rrd")
-    live = LiveView(recording.stream)
-    assert live.set_description(urdf) == []
+    live = RobotView(recording.stream)
+    describe(live, urdf)
     assert live.tick(1) == []
     recording.close()
     render(tmp_path / "m.rrd", tmp_path / "m.png", 640, 480)
@@ -187,17 +197,19 @@ def test_an_unreadable_mesh_is_named_and_the_rest_is_shown(tmp_path):
     assert 'link "base"' in problem and "/nowhere/x.stl" in problem
 
 
+@pytest.mark.slow
 def test_static_transforms_all_survive_in_a_file(tmp_path):
     """Twenty fixed frames, sent in three messages, are all there when it is opened later."""
     require_renderer()
     recording = open_recording(save=tmp_path / "s.rrd")
-    live = LiveView(recording.stream)
+    live = RobotView(recording.stream)
     links = "".join(f'<link name="f{i}"/>' for i in range(20))
     shape = '<link name="base"><visual><geometry><sphere radius="1"/></geometry></visual></link>'
-    live.set_description(f'<robot name="s">{shape}{links}</robot>')
+    describe(live, f'<robot name="s">{shape}{links}</robot>')
     for names in (range(0, 7), range(7, 13), range(13, 20)):
         count = len(names)
-        live.add_transforms(
+        take_tf(
+            live,
             TfArrays(
                 ["base"] * count,
                 [f"f{i}" for i in names],
@@ -217,14 +229,15 @@ def test_static_transforms_all_survive_in_a_file(tmp_path):
         assert _reports(client) == []
 
 
+@pytest.mark.slow
 def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatch):
     """With the memory limit reached many times over, layout, shapes and slow frames remain."""
     require_renderer()
     monkeypatch.setattr("onebot_bringup.viewer.displays.tf.REPEAT_AFTER", 0.2)
     recording = open_recording(0, memory_limit="1MB")
-    live = LiveView(recording.stream)
-    live.set_description(ARM)
-    live.add_transforms(transforms("odom", "base", 3.0))
+    live = RobotView(recording.stream)
+    describe(live, ARM)
+    take_tf(live, transforms("odom", "base", 3.0))
     stamp = START_NS
     sent = 0
 
@@ -232,8 +245,8 @@ def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatc
         nonlocal stamp, sent
         for _ in range(50):
             stamp += 10**7
-            live.add_transforms(transforms("base", "tip", 1.0, stamp))
-            live.add_joints(stamp, ("slide",), np.ones(1), np.ones(1))
+            take_tf(live, transforms("base", "tip", 1.0, stamp))
+            take_joints(live, stamp, ("slide",), np.ones(1), np.ones(1))
         live.tick(stamp)
         sent += 1
         return sent >= 300
@@ -252,18 +265,19 @@ def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatc
 def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     """With "" everything is shown in odom once that is heard; a wrong one is complained about."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream)
-    live.set_description(ARM)
+    live = RobotView(recording.stream)
+    describe(live, ARM)
+    live.tick(START_NS)
     assert live.fixed_frame == "base"
-    live.add_transforms(transforms("odom", "base", 0.0))
+    take_tf(live, transforms("odom", "base", 0.0))
     live.tick(START_NS)
     assert live.fixed_frame == "odom"
 
     now = [0.0]
-    live = LiveView(recording.stream, ViewConfig(fixed_frame="odm"), clock=lambda: now[0])
-    live.set_description(ARM)
-    live.add_transforms(transforms("base", "tip", 1.0))
-    live.add_transforms(transforms("odom", "base", 0.0))
+    live = RobotView(recording.stream, ViewConfig(fixed_frame="odm"), clock=lambda: now[0])
+    describe(live, ARM)
+    take_tf(live, transforms("base", "tip", 1.0))
+    take_tf(live, transforms("odom", "base", 0.0))
     assert live.tick(START_NS) == []
     now[0] = 4.0
     [message] = live.tick(START_NS)
@@ -277,25 +291,27 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     """It says that it waits for the description, then which link has no transform."""
     now = [0.0]
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, clock=lambda: now[0])
+    live = RobotView(recording.stream, clock=lambda: now[0])
     assert live.tick(START_NS) == []
     now[0] = 2.5
     [message] = live.tick(START_NS)
     assert "waiting for the robot's description on robot_description" in message
-    live.set_description(ARM)
+    describe(live, ARM)
+    assert live.tick(START_NS) == []
     now[0] = 6.0
     [message] = live.tick(START_NS)
     assert 'no transform yet from "base" to tip' in message
     recording.close()
 
 
+@pytest.mark.slow
 def test_frames_carry_the_prefix(tmp_path):
     """With a frame_prefix, links follow the prefixed frames."""
     require_renderer()
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, frame_prefix="r1/")
-    live.set_description(ARM)
-    live.add_transforms(transforms("r1/base", "r1/tip", 1.0))
+    live = RobotView(recording.stream, frame_prefix="r1/")
+    describe(live, ARM)
+    take_tf(live, transforms("r1/base", "r1/tip", 1.0))
     assert live.tick(START_NS) == []
     assert live.fixed_frame == "r1/base"
     recording.close()
@@ -305,32 +321,34 @@ def test_frames_carry_the_prefix(tmp_path):
         assert colored(pixels(still(client)), ORANGE).any()
 
 
+@pytest.mark.slow
 def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
     """A .rbl takes the place of the view, as it was saved."""
     require_renderer()
     saved = rrb.Blueprint(rrb.Spatial3DView(origin="/", name="My own"))
     saved.save(APPLICATION, str(tmp_path / "mine.rbl"))
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, blueprint=tmp_path / "mine.rbl")
-    live.set_description(ARM)
-    live.add_transforms(transforms("base", "tip", 1.0))
+    live = RobotView(recording.stream, blueprint=tmp_path / "mine.rbl")
+    describe(live, ARM)
+    take_tf(live, transforms("base", "tip", 1.0))
     live.tick(START_NS)
     recording.close()
     with headless_viewer(str(tmp_path / "x.rrd")) as client:
         assert [view.name for view in client.get_state().views] == ["My own"]
 
 
+@pytest.mark.slow
 def test_the_camera_follows_a_link(tmp_path, view):
     """A robot that drives 50 m away stays in the picture."""
     require_renderer()
     view = replace(view, fixed_frame="odom", camera=replace(view.camera, follow="base"))
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = LiveView(recording.stream, view)
-    live.set_description(ARM)
+    live = RobotView(recording.stream, view)
+    describe(live, ARM)
     for step in range(51):
         stamp = START_NS + step * 10**8
-        live.add_transforms(transforms("base", "tip", 1.0, stamp))
-        live.add_transforms(transforms("odom", "base", float(step), stamp))
+        take_tf(live, transforms("base", "tip", 1.0, stamp))
+        take_tf(live, transforms("odom", "base", float(step), stamp))
         live.tick(stamp)
     recording.close()
     render(tmp_path / "x.rrd", tmp_path / "x.png", 640, 480)

@@ -5,7 +5,8 @@ import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.speeds import GAP, SpeedStream
-from tests.onebot_bringup.drive_support import chunks, column, curve
+from onebot_description.wire.messages import TwistSample
+from tests.onebot_bringup.drive_support import chunks, column, curve, odometry
 from tests.onebot_bringup.viewer_support import START_NS
 
 SECOND = 10**9
@@ -15,7 +16,11 @@ def _flushed(tmp_path, rows, held=False):
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = SpeedStream(recording.stream, "measured", (1, 2, 3))
     for seconds, linear, angular in rows:
-        stream.add(START_NS + round(seconds * SECOND), linear, angular, held=held)
+        vectors = np.array([linear, 0, 0]), np.array([0, 0, angular])
+        sample = TwistSample(0, *vectors)
+        if not held:
+            sample = odometry(0)._replace(linear=vectors[0], angular=vectors[1])
+        stream.add(START_NS + round(seconds * SECOND), sample)
     assert stream.flush() and not stream.flush()
     recording.close()
     return [curve(tmp_path / "x.rrd", f"/speeds/{axis}/measured") for axis in ("linear", "angular")]

@@ -9,7 +9,8 @@ import rerun.chunk as rc
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays import tf
 from onebot_bringup.viewer.displays.joint_plot import JointStream
-from onebot_bringup.viewer.displays.tf import FrameTree, TransformStream
+from onebot_bringup.viewer.displays.tf import TransformStream
+from onebot_bringup.viewer.frames import FrameTree
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 
@@ -28,10 +29,10 @@ def test_messages_between_two_flushes_make_one_chunk_with_their_own_times(tmp_pa
     """Fifty messages are logged in one call, a row each, at the messages' stamps."""
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
-    assert not stream.flush(START_NS)
+    assert not stream.flush()
     for step in range(50):
-        stream.add(transforms("base", "tip", float(step), START_NS + step))
-    assert stream.flush(START_NS) and not stream.flush(START_NS)
+        stream.add(0, transforms("base", "tip", float(step), START_NS + step))
+    assert stream.flush() and not stream.flush()
     recording.close()
     [chunk] = _chunks(tmp_path / "x.rrd", "/tf")
     assert chunk.num_rows == 50 and chunk.timeline_names == ["ros_time"]
@@ -45,8 +46,8 @@ def test_a_stamp_of_zero_means_now(tmp_path):
     """Transforms without a time are shown at the time they came."""
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
-    stream.add(transforms("base", "tip", 0.0, 0))
-    stream.flush(START_NS)
+    stream.add(START_NS, transforms("base", "tip", 0.0, 0))
+    stream.flush()
     recording.close()
     [chunk] = _chunks(tmp_path / "x.rrd", "/tf")
     assert chunk.to_record_batch().column("ros_time").cast("int64").to_pylist() == [START_NS]
@@ -67,11 +68,11 @@ def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     monkeypatch.setattr(tf, "REPEAT_AFTER", 0.0)
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
-    stream.add(transforms("odom", "base", 3.0))
-    stream.flush(START_NS)
+    stream.add(0, transforms("odom", "base", 3.0))
+    stream.flush()
     for step in range(1, 4):
-        stream.add(transforms("base", "tip", 0.0, START_NS + step))
-        stream.flush(START_NS)
+        stream.add(0, transforms("base", "tip", 0.0, START_NS + step))
+        stream.flush()
     recording.close()
     rows = [
         (child[0], time)

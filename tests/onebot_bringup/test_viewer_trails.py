@@ -4,21 +4,20 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.trail import JUMP, SPACING, TrailStream
-from onebot_bringup.viewer.view_config import TrailView
+from onebot_bringup.viewer.displays.trail import JUMP, SPACING, TrailSettings, TrailStream
 from tests.onebot_bringup.drive_support import chunks, column, odometry, strips
 from tests.onebot_bringup.viewer_support import START_NS
 
 RED = (255, 0, 0)
 
 
-def _flushed(tmp_path, samples, view=None, connected=lambda frame: True):
+def _flushed(tmp_path, samples, settings=None):
     """The pieces in the file after ``samples``, (time, message) each."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TrailStream(recording.stream, "way", view or TrailView(topic="odom"), RED)
+    stream = TrailStream(recording.stream, "way", settings or TrailSettings(topic="odom"), RED)
     for stamp, sample in samples:
         stream.add(stamp, sample)
-    stream.flush(connected)
+    stream.flush()
     recording.close()
     return strips(tmp_path / "x.rrd", "way")
 
@@ -26,7 +25,7 @@ def _flushed(tmp_path, samples, view=None, connected=lambda frame: True):
 def test_a_piece_begins_where_the_last_one_ended_at_its_own_time(tmp_path):
     """One call carries all pieces, in the message's frame, in the trail's colour and width."""
     samples = [(START_NS + i, odometry(0.1 * i, 0.2 * i)) for i in range(5)]
-    pieces = _flushed(tmp_path, samples, TrailView(topic="odom", height=-0.5, width=0.02))
+    pieces = _flushed(tmp_path, samples, TrailSettings(topic="odom", height=-0.5, width=0.02))
     ends = [[0.1 * i, 0.2 * i, -0.5] for i in range(5)]
     np.testing.assert_allclose(pieces, list(zip(ends, ends[1:], strict=False)), atol=1e-6)
     style, moving = chunks(tmp_path / "x.rrd", "/trails/way")
@@ -81,14 +80,13 @@ def test_nothing_that_is_not_finite_is_drawn(tmp_path):
     np.testing.assert_allclose([p[:, 0] for p in pieces], [[0, 0.1], [0.2, 0.3], [0.4, 0.5]])
 
 
-def test_a_trail_waits_for_its_frame(tmp_path):
-    """What came before the first transform is drawn once that is there; not without end."""
+def test_what_waits_does_not_grow_without_end(tmp_path):
+    """Of what came before the first transform, the newest pieces are kept."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TrailStream(recording.stream, "way", TrailView(topic="odom"), RED)
+    stream = TrailStream(recording.stream, "way", TrailSettings(topic="odom"), RED)
     for i in range(20_000):
         stream.add(START_NS + i, odometry(0.1 * i))
-    assert not stream.flush(lambda frame: False)
-    assert stream.flush(lambda frame: frame == "odom") and not stream.flush(lambda frame: True)
+    assert stream.flush() and not stream.flush()
     recording.close()
     pieces = strips(tmp_path / "x.rrd", "way")
     assert len(pieces) == 5000
@@ -159,11 +157,13 @@ def test_a_message_without_a_frame_breaks_the_line(tmp_path):
 def test_the_view_s_color_is_the_trail_s(tmp_path):
     """The one given otherwise counts only where the view names none; the style is logged once."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    stream = TrailStream(recording.stream, "way", TrailView(topic="odom", color=(0, 0, 255)), RED)
+    stream = TrailStream(
+        recording.stream, "way", TrailSettings(topic="odom", color=(0, 0, 255)), RED
+    )
     assert stream.frame == ""
     for i in range(4):
         stream.add(START_NS + i, odometry(0.1 * i))
         assert stream.frame == "odom"
-        assert stream.flush(lambda frame: True) == (i > 0)
+        assert stream.flush() == (i > 0)
     recording.close()
     assert column(tmp_path / "x.rrd", "/trails/way", "LineStrips3D:colors") == [[0x0000FFFF]]

@@ -4,14 +4,11 @@ import pytest
 
 import mrm_description
 import onebot_description
-from onebot_bringup.viewer.view_config import (
-    CovarianceView,
-    JointRangesView,
-    SpeedLineView,
-    TrailView,
-    ViewConfig,
-    load_view,
-)
+from onebot_bringup.viewer.displays.covariance import CovarianceSettings
+from onebot_bringup.viewer.displays.joint_limits import JointRangesSettings
+from onebot_bringup.viewer.displays.speeds import SpeedSettings
+from onebot_bringup.viewer.displays.trail import TrailSettings
+from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_description.errors import OneBotError
 
 
@@ -56,16 +53,18 @@ def test_every_key_is_read(tmp_path):
     assert view.axes.frames == ("odom",)
     assert (view.grid.visible, view.grid.spacing, view.grid.height) == (False, 0.5, -0.06)
     assert view.trails == {
-        "odometry": TrailView("a/odom", (1, 2, 3), length=5.0, width=0.02, height=-0.1),
-        "truth": TrailView("/b"),
+        "odometry": TrailSettings("a/odom", (1, 2, 3), length=5.0, width=0.02, height=-0.1),
+        "truth": TrailSettings("/b"),
     }
-    covariance = CovarianceView("odom", (7, 8, 9), sigma=2.0, heading=1.0, width=0.1, height=-0.2)
+    covariance = CovarianceSettings(
+        "odom", (7, 8, 9), sigma=2.0, heading=1.0, width=0.1, height=-0.2
+    )
     assert view.covariance == {"pose": covariance}
-    assert view.joint_plot.limits and view.joint_ranges == JointRangesView(True, 0.3)
+    assert view.joint_plot.limits and view.joint_ranges == JointRangesSettings(True, 0.3)
     assert view.speeds.window == 7.0
     assert view.speeds.lines == {
-        "asked": SpeedLineView("cmd_vel", "auto", None),
-        "done": SpeedLineView("a/odom", "Odometry", (4, 5, 6)),
+        "asked": SpeedSettings("cmd_vel", "auto", None),
+        "done": SpeedSettings("a/odom", "Odometry", (4, 5, 6)),
     }
     assert view.camera.eye == (1.0, 2.0, 3.0) and view.camera.follow == "base_link"
     assert (view.joint_plot.positions, view.joint_plot.window) == (False, 5.0)

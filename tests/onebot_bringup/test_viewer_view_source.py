@@ -9,14 +9,13 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
+from onebot_bringup.viewer.settings import values, with_setting
 from onebot_bringup.viewer.view_config import (
     ViewConfig,
     load_view,
     parse_view,
-    settings,
     view_for,
     view_text,
-    with_setting,
 )
 from onebot_bringup.viewer.view_source import ViewSource, edit_yaml
 from onebot_description.errors import OneBotError
@@ -74,11 +73,11 @@ def test_any_settings_of_our_views_can_be_saved_and_read_again(robot, data):
     assert path is not None
     text = path.read_text()
     view = parse_view(text)
-    values = {bool: st.booleans(), float: st.floats(0, 1e6), str: st.sampled_from(["a", "b: c"])}
-    names = [n for n, v in settings(view).items() if type(v) in values and "panels" not in n]
-    old = settings(view)
+    drawn = {bool: st.booleans(), float: st.floats(0, 1e6), str: st.sampled_from(["a", "b: c"])}
+    names = [n for n, v in values(view).items() if type(v) in drawn and "panels" not in n]
+    old = values(view)
     chosen = data.draw(st.lists(st.sampled_from(names), unique=True))
-    new = {name: data.draw(values[type(old[name])]) for name in chosen}
+    new = {name: data.draw(drawn[type(old[name])]) for name in chosen}
     for name, value in new.items():
         view = with_setting(view, name, value)
     text = edit_yaml(text, new)

@@ -4,8 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
-from onebot_description.wire.messages import TfArrays
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_description.wire.messages import TfArrays, time_message, transforms_message
 
 ORANGE = (255, 107, 10)
 BLUE = (26, 76, 230)
@@ -49,6 +55,57 @@ def transforms(parent, child, y, stamp_ns=START_NS):
         np.array([[0.0, y, 0.0]]),
         np.array([[0.0, 0.0, 0.0, 1.0]]),
     )
+
+
+def take(view: RobotView, topic: str, message, stamp_ns=START_NS) -> None:
+    """Give a view a message, received at ``stamp_ns``."""
+    package, name = type(message).__module__.split(".")[0], type(message).__name__
+    data = bytes(serialize_message(message))
+    view.take(topic, f"{package}/msg/{name}", data, stamp_ns)
+
+
+def describe(view: RobotView, urdf: str) -> None:
+    """Give it a description, which the next ``tick`` shows."""
+    take(view, "robot_description", String(data=urdf))
+
+
+def take_tf(view: RobotView, arrays: TfArrays, *, static=False) -> None:
+    """Give it transforms of one stamp."""
+    [stamp_ns] = {*arrays.stamps_ns.tolist()}
+    values = np.hstack([arrays.translations, arrays.rotations])
+    message = transforms_message(stamp_ns, arrays.parents, arrays.children, values)
+    data = bytes(serialize_message(message))
+    view.take("/tf_static" if static else "/tf", "tf2_msgs/msg/TFMessage", data, stamp_ns)
+
+
+def take_joints(view: RobotView, stamp_ns: int, names, positions, velocities=()) -> None:
+    """Give it joint states."""
+    message = JointState(
+        name=list(names), position=list(map(float, positions)), velocity=list(velocities)
+    )
+    message.header.stamp = time_message(stamp_ns)
+    take(view, "joint_states", message, stamp_ns)
+
+
+def take_odometry(view: RobotView, topic: str, stamp_ns: int, sample) -> None:
+    """Give it an OdometrySample as a message."""
+    message = Odometry(child_frame_id=sample.child_frame_id)
+    message.header.frame_id, message.header.stamp = sample.frame_id, time_message(stamp_ns)
+    pose, twist = message.pose.pose, message.twist.twist
+    pose.position.x, pose.position.y, pose.position.z = map(float, sample.translation)
+    turn = pose.orientation
+    turn.x, turn.y, turn.z, turn.w = map(float, sample.rotation)
+    message.pose.covariance[:] = sample.covariance
+    twist.linear.x, twist.angular.z = float(sample.linear[0]), float(sample.angular[2])
+    take(view, topic, message, stamp_ns)
+
+
+def take_command(view: RobotView, topic: str, stamp_ns: int, linear: float, angular: float) -> None:
+    """Give it a TwistStamped."""
+    message = TwistStamped()
+    message.header.stamp = time_message(stamp_ns)
+    message.twist.linear.x, message.twist.angular.z = linear, angular
+    take(view, topic, message, stamp_ns)
 
 
 def box() -> trimesh.Trimesh:

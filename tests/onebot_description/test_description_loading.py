@@ -1,6 +1,8 @@
 """Loading: values read, xacro arguments, files watched, repeated and parallel calls."""
 
 import shutil
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -110,6 +112,19 @@ def test_what_others_publish_is_read_as_far_as_it_can_be() -> None:
     [warning] = description.warnings
     assert warning.startswith('robot_description:5: link "a" <visual> <geometry> <box>: size="1 2"')
     assert warning.endswith("; not drawn")
+
+
+def test_what_reads_descriptions_is_light() -> None:
+    """The state publishers start with it: no numpy, ROS, trimesh or module of another package."""
+    code = (
+        "import sys; from onebot_description.description import load_description;"
+        f"load_description({str(ROBOTS / 'good_meshes.urdf')!r});"
+        f"load_description({str(ROBOTS / 'good_arguments.xacro')!r});"
+        "heavy = ('numpy', 'rclpy', 'lxml', 'trimesh', 'yourdfpy', 'onebot_bringup');"
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_mimic_chain_is_read() -> None:

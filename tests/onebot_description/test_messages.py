@@ -20,17 +20,14 @@ from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import WireError
 from onebot_description.wire.messages import (
-    TfArrays,
     decode_joint_state,
     decode_odometry,
     decode_tf,
     decode_twist,
     decode_twist_stamped,
-    joint_state_batch,
     odometry_sample,
     one_joint_state,
     tf_arrays,
-    tf_batch,
     twist_sample,
     twist_stamped_sample,
 )
@@ -241,16 +238,3 @@ def test_padding_may_hold_anything():
     found = decode_tf(bytes(data))
     _same(found, expected)
     assert found.children is expected.children
-
-
-def test_a_batch_is_read_one_by_one():
-    """In the order the messages came; what is none is reported and left out."""
-    problems = []
-    messages = [_tf_bytes(["a"], 1.0), b"no message", _tf_bytes(["b"], 2.0)]
-    first, none, last = tf_batch(messages, problems.append)
-    assert isinstance(first, TfArrays) and none is None
-    assert (first.parents, last.parents) == (["a"], ["b"])
-    states = [serialize_message(JointState(name=["a"], position=[1.0])), b""]
-    [state, none] = joint_state_batch(states, problems.append)
-    assert (state.names, none) == (("a",), None)
-    assert ["no TFMessage" in str(problems[0]), "no JointState" in str(problems[1])] == [True] * 2

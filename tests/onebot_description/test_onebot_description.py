@@ -13,7 +13,7 @@ import yourdfpy
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import render
-from onebot_bringup.viewer.robot_view import LiveView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import load_view
@@ -22,6 +22,7 @@ from onebot_description.description.description import Cylinder, Mesh, Sphere
 from onebot_description.description.packages import package_share
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.wire.messages import TfArrays
+from tests.onebot_bringup.viewer_support import describe, take_tf
 from tests.support_rendering import colored, pixels, require_renderer
 
 SHARE = package_share("onebot_description")
@@ -148,6 +149,7 @@ def test_rerun_shows_every_combination_without_complaint(combination):
             assert load_shape(visual.shape).colored
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", ["true", "false"])
 def test_the_picture_shows_the_robot(tmp_path, mesh):
     """Drawn by Rerun, the white shell, the dark tyres and, with meshes, the orange are seen."""
@@ -168,15 +170,16 @@ def _picture(tmp_path, description: Description):
         "camera: {eye: [0.3, 0.35, 0.25], target: [-0.1, 0.0, 0.0]}\n"
     )
     recording = open_recording(save=tmp_path / "onebot.rrd")
-    live = LiveView(recording.stream, load_view(view))
-    assert live.set_description(description.urdf) == []
+    live = RobotView(recording.stream, load_view(view))
+    describe(live, description.urdf)
     model = RobotModel.from_description(description)
     translations, rotations = model.transforms(np.zeros(4))
     parents = [joint.parent for joint in description.joints]
     children = [joint.child for joint in description.joints]
     stamps = np.full(4, 1_700_000_000_000_000_000)
-    live.add_transforms(TfArrays(parents, children, stamps, translations, rotations))
-    live.tick(int(stamps[0]))
+    take_tf(live, TfArrays(parents, children, stamps, translations, rotations))
+    assert live.tick(int(stamps[0])) == []
+    live.finish()
     recording.close()
     render(tmp_path / "onebot.rrd", tmp_path / "onebot.png", 640, 400)
     return pixels(tmp_path / "onebot.png")

@@ -1,1 +1,24 @@
-"""What the robot view draws: each display is one file with its settings, topics and layout."""
+"""What the robot view draws: each display is one file with its settings, topics and layout.
+
+A display is registered by its name in ``DISPLAYS``, and by nothing else.
+"""
+
+from typing import Any
+
+from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
+from onebot_bringup.viewer.displays.display import Display
+from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
+from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
+from onebot_bringup.viewer.displays.speeds import SpeedsDisplay
+from onebot_bringup.viewer.displays.tf import TfDisplay
+from onebot_bringup.viewer.displays.trail import TrailDisplay
+
+# In the order in which they log: transforms first, since the others wait for theirs.
+DISPLAYS: tuple[type[Display[Any]], ...] = (
+    TfDisplay,
+    JointPlotDisplay,
+    JointLimitsDisplay,
+    TrailDisplay,
+    CovarianceDisplay,
+    SpeedsDisplay,
+)

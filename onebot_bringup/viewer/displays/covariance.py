@@ -6,26 +6,76 @@ costs less than a trail, however fast the robot drives.
 """
 
 import math
-import time
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.tf import REPEAT_AFTER, TIMELINE, TransformStream
-from onebot_bringup.viewer.view_config import CovarianceView
+from onebot_bringup.viewer.columns import TIMELINE
+from onebot_bringup.viewer.displays.display import (
+    ODOMETRY,
+    REPEAT_AFTER,
+    Context,
+    ItemsDisplay,
+    LayoutPart,
+)
+from onebot_bringup.viewer.settings import Color, color, height, setting, topic
 from onebot_description.wire.messages import OdometrySample
 
-# What a pose's covariance says of its place and its heading, and the outlines that show it.
-
+COVARIANCE_ENTITY = "covariance"
 # Of an outline, which has one point more: its first again.
 CORNERS = 48
 # An eigenvalue this much below zero, of the largest one, is rounding; more is no covariance.
 _ROUNDING = 1e-9
+# Half an axis beyond this (metres) says "unknown", as 1e6 in a covariance does.
+_LARGEST = 100.0
+_FILL_ALPHA = 45
+_CHANGE = 0.01  # of a shape's size: less would not be seen
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CovarianceSettings:
+    """An ellipse and a sector that show the covariance of the poses of an Odometry topic."""
+
+    topic: str = setting("", "an Odometry topic", topic)
+    color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
+    width: float = setting(0.006, "of the lines, metres")
+    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
+    sigma: float = setting(3.0, "how many standard deviations they are wide")
+    heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0 for none")
+
+
+class CovarianceDisplay(ItemsDisplay[Mapping[str, CovarianceSettings], "CovarianceStream"]):
+    """Draws how sure the robot is of its pose."""
+
+    key = "covariance"
+    Settings = CovarianceSettings
+    named = True
+    noun = "covariance"
+    types = (ODOMETRY,)
+
+    def wanted(
+        self, settings: Mapping[str, CovarianceSettings]
+    ) -> Mapping[str, tuple[str, CovarianceSettings]]:
+        """Return the covariances."""
+        return {name: (item.topic, item) for name, item in settings.items()}
+
+    def make(self, name: str, settings: CovarianceSettings, color: Color) -> "CovarianceStream":
+        """Return the shapes of one topic."""
+        return CovarianceStream(self.context, name, settings, color)
+
+    def layout(self) -> LayoutPart:
+        """Return the shapes."""
+        shown = tuple(map(covariance_entity, self.items))
+        return LayoutPart(hidden=(COVARIANCE_ENTITY,), shown=shown)
+
+
+# --- the shapes ---------------------------------------------------------------------------------
 
 
 class Ellipse(NamedTuple):
@@ -81,78 +131,53 @@ def sector_outline(deviation: float, sigma: float, radius: float) -> Floats:
     return np.concatenate([middle, arc, middle])
 
 
-COVARIANCE_ENTITY = "covariance"
-# Half an axis beyond this (metres) says "unknown", as 1e6 in a covariance does.
-_LARGEST = 100.0
-_FILL_ALPHA = 45
-_CHANGE = 0.01  # of a shape's size: less would not be seen
-
-
 class CovarianceStream:
-    """Logs the ellipse and the sector of one Odometry topic.
-
-    Attributes:
-        frame: the frame its messages name; "" before the first one.
-    """
+    """Logs the ellipse and the sector of one Odometry topic."""
 
     def __init__(
-        self,
-        recording: rr.RecordingStream,
-        transforms: TransformStream,
-        name: str,
-        view: CovarianceView,
-        color: tuple[int, int, int],
-        clock: Callable[[], float] = time.monotonic,
+        self, context: Context, name: str, settings: CovarianceSettings, color: Color
     ) -> None:
-        """Log into ``recording``.
+        """Log into the recording of ``context``.
 
         Args:
-            recording: where to log.
-            transforms: what logs /tf there.
+            context: of the display.
             name: of the covariance, and its entities.
-            view: how it is drawn.
-            color: where the view names none, sRGB bytes.
-            clock: seconds.
+            settings: how it is drawn.
+            color: where the settings have none.
         """
-        self._view = view
-        entity = covariance_entity(name)
-        self._transforms = transforms
-        color = view.color or color
-        self._place = _Outline(recording, f"{entity}/place", color, view.width, clock)
-        self._heading = _Outline(recording, f"{entity}/heading", color, view.width, clock)
+        self._context = context
+        self._settings = settings
+        entity, color = covariance_entity(name), settings.color or color
+        self._place = _Outline(context, f"{entity}/place", color, settings.width)
+        self._heading = _Outline(context, f"{entity}/heading", color, settings.width)
         self._last: tuple[int, OdometrySample] | None = None
-        self.frame = ""
+        self.frame = ""  # that its messages name
 
     def add(self, stamp_ns: int, sample: OdometrySample) -> None:
-        """Take in a message; its shapes go there at once, and change at the next ``flush``."""
+        """Add a message; its shapes move there at once, and change their form in ``flush``."""
         if not sample.frame_id or not np.isfinite(sample.translation).all():
             return
         self.frame = sample.frame_id
         self._last = (stamp_ns, sample)
         if self._place.drawn or self._heading.drawn:
-            self._go_there(stamp_ns, sample)
+            self._move(stamp_ns, sample)
 
-    def _go_there(self, stamp_ns: int, sample: OdometrySample) -> None:
+    def _move(self, stamp_ns: int, sample: OdometrySample) -> None:
         place = np.array(sample.translation)
-        place[2] += self._view.height
+        place[2] += self._settings.height
         for outline, rotation in (
             (self._place, np.array([0.0, 0.0, 0.0, 1.0])),
             (self._heading, _yaw_only(sample.rotation)),
         ):
             if outline.drawn:
-                self._transforms.place(stamp_ns, self.frame, outline.frame, place, rotation)
+                self._context.transforms.place(stamp_ns, self.frame, outline.frame, place, rotation)
 
-    def flush(self, connected: Callable[[str], bool]) -> None:
-        """Log the shapes if they have changed.
-
-        Args:
-            connected: whether transforms lead from a frame to what is shown. An entity in a frame
-                that hangs on nothing would be an error in the view: it waits.
-        """
-        if self._last is None or not connected(self.frame):
+    def flush(self) -> None:
+        """Log the shapes if they have changed."""
+        if self._last is None:
             return
         stamp_ns, sample = self._last
-        sigma, radius = self._view.sigma, self._view.heading
+        sigma, radius = self._settings.sigma, self._settings.heading
         ellipse = place_ellipse(sample.covariance)
         deviation = heading_deviation(sample.covariance)
         before = self._place.drawn, self._heading.drawn
@@ -169,25 +194,18 @@ class CovarianceStream:
             else None,
         )
         if (self._place.drawn, self._heading.drawn) != before:
-            self._go_there(stamp_ns, sample)
+            self._move(stamp_ns, sample)
 
 
 class _Outline:
     """A line around a flat, transparent shape, in a frame of its own."""
 
-    def __init__(
-        self,
-        recording: rr.RecordingStream,
-        entity: str,
-        color: tuple[int, int, int],
-        width: float,
-        clock: Callable[[], float],
-    ) -> None:
-        self._recording = recording
+    def __init__(self, context: Context, entity: str, color: Color, width: float) -> None:
+        self._recording = context.recording
+        self._clock = context.clock
         self._entity = entity
         self._color = color
         self._width = width
-        self._clock = clock
         self._logged: Floats | None = None
         self._logged_at = 0.0
         self._styled = False
@@ -219,7 +237,7 @@ class _Outline:
         return bool(np.abs(shape - self._logged).max() <= _CHANGE * np.abs(self._logged).max())
 
     def _style(self) -> None:
-        """Say once in which frame the shapes lie and how they look."""
+        """Log once in which frame the shapes lie and how they look."""
         if self._styled:
             return
         self._styled = True

@@ -5,15 +5,16 @@ the child, so that /tf moves the hand along the arc: it is drawn once, and costs
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.joint_plot import JointStream
-from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.displays.display import Context, Display, MessageType, Topic
+from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
@@ -26,6 +27,108 @@ Floats = NDArray[np.float64]
 Strips = list[Floats]
 
 
+@dataclass(frozen=True)
+class JointRangesSettings:
+    """How far each joint can go, drawn in the robot: an arc or a bar, and a hand where it is."""
+
+    visible: bool = setting(False, "draw how far each joint can go")
+    radius: float = setting(0.0, "of an arc, metres; 0 to choose it by the robot's size")
+
+
+class JointLimitsDisplay(Display[JointRangesSettings]):
+    """Draws the ranges of the robot's joints, and anew only when they change."""
+
+    key = "joint_ranges"
+    Settings = JointRangesSettings
+
+    def __init__(self, context: Context) -> None:
+        """Draw nothing yet."""
+        super().__init__(context)
+        self._settings = JointRangesSettings()
+        self._ranges: tuple[Joint, ...] = ()
+        self._made_of: tuple[object, ...] = ()
+        self._marks = RangeMarks(context.recording, context.frame_of)
+
+    def topics(self) -> Sequence[Topic]:
+        """Return none: the colours of the joints are those of their curves."""
+        return ()
+
+    def apply(self, settings: JointRangesSettings) -> None:
+        """Draw with these settings at the next ``flush``."""
+        self._settings = settings
+
+    def set_robot(self) -> None:
+        """Take the limits of the robot's joints."""
+        assert self.context.robot is not None
+        self._ranges = limited_joints(self.context.robot)
+
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[Any]) -> None:
+        """Nothing is subscribed."""
+
+    def flush(self) -> None:
+        """Draw the ranges, if something has changed."""
+        if self.context.robot is None:
+            return
+        radius = self._settings.radius or self.context.fitting_length
+        ranges = self._ranges if self._settings.visible and radius else ()
+        colors = self.context.joint_colors
+        made_of = (ranges, radius, len(colors))
+        if made_of != self._made_of:
+            self._made_of = made_of
+            self._marks.show(ranges, radius, colors, self.context.home)
+
+
+class RangeMarks:
+    """Keeps the marks in a recording equal to the joints' ranges."""
+
+    def __init__(self, recording: rr.RecordingStream, frame_of: Callable[[str], str]) -> None:
+        """Draw into ``recording``; ``frame_of`` names the TF frame of a link."""
+        self._recording = recording
+        self._frame_of = frame_of
+        self._drawn: dict[str, object] = {}
+
+    def show(
+        self,
+        joints: Iterable[Joint],
+        radius: float,
+        colors: Mapping[str, Color],
+        home: str,
+    ) -> None:
+        """Draw the marks of ``joints``, and no other; what did not change is left alone.
+
+        Args:
+            joints: those to be seen.
+            radius: of an arc, metres.
+            colors: of joints; one without is not drawn yet.
+            home: a frame that exists.
+        """
+        wanted: dict[str, tuple[str, Strips, float, Color]] = {}
+        for joint in joints:
+            if joint.name in colors:
+                color = colors[joint.name]
+                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
+                hand = (joint.child, hand_strips(joint, radius), _HAND_WIDTH, color)
+                wanted[_entity(joint.name, "range")] = scale
+                wanted[_entity(joint.name, "hand")] = hand
+        for entity in set(self._drawn) - set(wanted):
+            # Static data can only be overwritten; a frame that is gone would be an error forever.
+            del self._drawn[entity]
+            empty = rr.LineStrips3D.cleared()
+            self._recording.log(entity, rr.CoordinateFrame(home), empty, static=True)
+        for entity, (link, strips, width, color) in wanted.items():
+            what = (link, [strip.tolist() for strip in strips], color)
+            if self._drawn.get(entity) != what:
+                self._drawn[entity] = what
+                radii: Any = [rr.Radius.ui_points(width)]
+                lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
+                frame = rr.CoordinateFrame(self._frame_of(link))
+                self._recording.log(entity, frame, lines, static=True)
+
+
+def _entity(joint: str, part: str) -> str:
+    return rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/")
+
+
 def limited_joints(description: Description) -> tuple[Joint, ...]:
     """Return the joints that have a range."""
     return tuple(
@@ -35,14 +138,15 @@ def limited_joints(description: Description) -> tuple[Joint, ...]:
     )
 
 
-def _range(joint: Joint) -> tuple[float, float]:
-    assert joint.lower is not None and joint.upper is not None  # see limited_joints
+def limits(joint: Joint) -> tuple[float, float]:
+    """Return the lower and the upper limit of one of ``limited_joints``, rad or m."""
+    assert joint.lower is not None and joint.upper is not None
     return joint.lower, joint.upper
 
 
 def scale_strips(joint: Joint, radius: float) -> Strips:
     """Return the arc or bar with its ends marked, (N, 3) points each, m in the parent's frame."""
-    lower, upper = _range(joint)
+    lower, upper = limits(joint)
     turn, across = to_matrix(from_rpy(joint.origin.rpy)), _across(joint.axis)
     if joint.kind == "revolute":
         # More than a turn would lie upon itself.
@@ -81,99 +185,3 @@ def _turned(vector: Floats, axis: Triple, angle: float) -> Floats:
     """``vector``, square to ``axis``, turned about it (Rodrigues' formula)."""
     turned: Floats = math.cos(angle) * vector + math.sin(angle) * np.cross(np.array(axis), vector)
     return turned
-
-
-class RangeMarks:
-    """Keeps the marks in a recording equal to the joints' ranges."""
-
-    def __init__(self, recording: rr.RecordingStream, frame_of: Callable[[str], str]) -> None:
-        """Draw into ``recording``; ``frame_of`` names the TF frame of a link."""
-        self._recording = recording
-        self._frame_of = frame_of
-        self._drawn: dict[str, object] = {}
-
-    def show(
-        self,
-        joints: Iterable[Joint],
-        radius: float,
-        colors: Mapping[str, tuple[int, int, int]],
-        home: str,
-    ) -> None:
-        """Draw the marks of ``joints``, and no other; what did not change is left alone.
-
-        Args:
-            joints: those to be seen.
-            radius: of an arc, metres.
-            colors: of joints, sRGB bytes; one without is not drawn yet.
-            home: a frame that exists.
-        """
-        wanted: dict[str, tuple[str, Strips, float, tuple[int, int, int]]] = {}
-        for joint in joints:
-            if joint.name in colors:
-                color = colors[joint.name]
-                scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
-                hand = (joint.child, hand_strips(joint, radius), _HAND_WIDTH, color)
-                wanted[_entity(joint.name, "range")] = scale
-                wanted[_entity(joint.name, "hand")] = hand
-        for entity in set(self._drawn) - set(wanted):
-            # Static data can only be overwritten; a frame that is gone would be an error forever.
-            del self._drawn[entity]
-            empty = rr.LineStrips3D.cleared()
-            self._recording.log(entity, rr.CoordinateFrame(home), empty, static=True)
-        for entity, (link, strips, width, color) in wanted.items():
-            what = (link, [strip.tolist() for strip in strips], color)
-            if self._drawn.get(entity) != what:
-                self._drawn[entity] = what
-                radii: Any = [rr.Radius.ui_points(width)]
-                lines = rr.LineStrips3D(strips, colors=[color], radii=radii)
-                frame = rr.CoordinateFrame(self._frame_of(link))
-                self._recording.log(entity, frame, lines, static=True)
-
-
-def _entity(joint: str, part: str) -> str:
-    return rr.new_entity_path([RANGES_ENTITY, joint, part]).lstrip("/")
-
-
-# The limits of a robot's joints on show: in the plot of positions, and in the robot.
-
-
-class JointLimits:
-    """Draws them where a view asks for it, and anew only when they change."""
-
-    def __init__(
-        self, stream: rr.RecordingStream, joints: JointStream, frame_of: Callable[[str], str]
-    ) -> None:
-        """Draw in ``stream``.
-
-        Args:
-            stream: the recording.
-            joints: the curves of the joints.
-            frame_of: gives the frame of a link.
-        """
-        self._joints = joints
-        self._frame_of = frame_of
-        self._marks = RangeMarks(stream, frame_of)
-        self._ranges: tuple[Joint, ...] = ()
-        self._marked: tuple[object, ...] = ()  # what the marks were drawn for
-
-    def set_description(self, description: Description) -> None:
-        """Take the limits of the joints of ``description``."""
-        self._ranges = limited_joints(description)
-
-    def show(self, view: ViewConfig, root: str, fitting_radius: float) -> None:
-        """Draw the limits.
-
-        Args:
-            view: says which.
-            root: the robot's root link.
-            fitting_radius: of the arcs, metres, if the view does not say; 0 while it is not known.
-        """
-        limits = {joint.name: _range(joint) for joint in self._ranges}
-        self._joints.set_limits(limits if view.joint_plot.limits else {})
-        wanted, colors = view.joint_ranges, self._joints.colors
-        radius = wanted.radius or fitting_radius
-        ranges = self._ranges if wanted.visible and radius else ()
-        what = (ranges, radius, len(colors))
-        if what != self._marked:
-            self._marked = what
-            self._marks.show(ranges, radius, colors, self._frame_of(root))

@@ -2,12 +2,27 @@
 
 import colorsys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.tf import ColumnMaker, time_column
+from onebot_bringup.viewer.columns import ColumnMaker, time_column
+from onebot_bringup.viewer.displays.display import (
+    SELDOM,
+    Context,
+    Display,
+    LayoutPart,
+    MessageType,
+    Plot,
+    Topic,
+    one_by_one,
+)
+from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
+from onebot_bringup.viewer.settings import Color, setting
+from onebot_description.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
@@ -16,10 +31,76 @@ _MOST_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
 Floats = NDArray[np.float64]
-Color = tuple[int, int, int]
 Limits = Mapping[str, tuple[float, float]]
 
 _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=np.zeros(1)))
+
+JOINT_STATE: MessageType[JointStateArrays] = MessageType(
+    "sensor_msgs/msg/JointState", one_by_one(one_joint_state), lambda state: state.stamp_ns
+)
+
+
+@dataclass(frozen=True)
+class JointPlotSettings:
+    """The curves of the joints."""
+
+    positions: bool = setting(True, "plot the joints' positions")
+    velocities: bool = setting(True, "plot the joints' velocities, if the joint states have them")
+    limits: bool = setting(False, "with the positions, level lines at the limits of each joint")
+    window: float = setting(30.0, "how many seconds are shown; 0 for all")
+
+
+class JointPlotDisplay(Display[JointPlotSettings]):
+    """Plots joint_states."""
+
+    key = "joint_plot"
+    Settings = JointPlotSettings
+    period_ns = SELDOM
+
+    def __init__(self, context: Context) -> None:
+        """Plot nothing yet."""
+        super().__init__(context)
+        self._settings = JointPlotSettings()
+        self._limits: Limits = {}  # of the robot's joints
+        self._stream = JointStream(context.recording)
+
+    def topics(self) -> Sequence[Topic]:
+        """Return the joint states."""
+        return [Topic("joint_states", (JOINT_STATE,))]
+
+    def apply(self, settings: JointPlotSettings) -> None:
+        """Plot with or without limits; the rest is in the layout."""
+        self._settings = settings
+        self._stream.set_limits(self._limits if settings.limits else {})
+
+    def set_robot(self) -> None:
+        """Take the limits of the robot's joints."""
+        assert self.context.robot is not None
+        joints = limited_joints(self.context.robot)
+        self._limits = {joint.name: limits(joint) for joint in joints}
+        self.apply(self._settings)
+
+    def add(
+        self, _topic: str, _kind: MessageType[Any], messages: Sequence[tuple[int, JointStateArrays]]
+    ) -> None:
+        """Add joint states."""
+        for stamp_ns, state in messages:
+            self._stream.add(stamp_ns, state.names, state.positions, state.velocities)
+
+    def flush(self) -> None:
+        """Log the curves."""
+        self._stream.flush()
+        self.context.joint_colors = self._stream.colors
+
+    def layout(self) -> LayoutPart:
+        """Return the plots, but those that would stay empty."""
+        plot, robot = self._settings, self.context.robot
+        position = Plot(POSITION_ENTITY, "Joint positions (rad, m)", plot.window)
+        velocity = Plot(VELOCITY_ENTITY, "Joint velocities (rad/s, m/s)", plot.window)
+        moves = robot is not None and any(joint.kind != "fixed" for joint in robot.joints)
+        shown = [(position, plot.positions and moves)]
+        shown += [(velocity, plot.velocities and self._stream.has_velocities)]
+        return LayoutPart(views=tuple(view for view, wanted in shown if wanted))
 
 
 class _Curves:
@@ -55,7 +136,7 @@ class _Curves:
             recording.log(f"{entity}/{number}", legend, static=True)
 
     def add(self, stamp_ns: int, positions: Floats, velocities: Floats) -> None:
-        """Take in what is there for each joint."""
+        """Add the numbers that are there for each joint."""
         if len(positions) == self._count:
             self._pending[POSITION_ENTITY].append((stamp_ns, positions))
         if len(velocities) == self._count:
@@ -83,12 +164,7 @@ class _Curves:
 
 
 class JointStream:
-    """Logs joint positions and velocities as curves, named after the joints.
-
-    Attributes:
-        has_velocities: a velocity was ever heard.
-        colors: of every joint heard so far, sRGB bytes.
-    """
+    """Logs joint positions and velocities as curves, named after the joints."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         """Log into ``recording``."""
@@ -96,10 +172,10 @@ class JointStream:
         self._limits: dict[str, tuple[float, float]] = {}
         self._count = 0
         self._sets: dict[tuple[str, ...], _Curves] = {}
-        self._order: dict[tuple[str, ...], int] = {}  # in which each set was first heard
+        self._order: dict[tuple[str, ...], int] = {}  # in which each set first came
         self._last: tuple[object, _Curves | None] = ((), None)  # names that came last
-        self.has_velocities = False
-        self.colors: dict[str, Color] = {}
+        self.has_velocities = False  # a velocity ever came
+        self.colors: dict[str, Color] = {}  # of every joint so far
 
     def set_limits(self, limits: Limits) -> None:
         """Draw the lower and upper limit (rad or m) of these joints with their positions."""
@@ -113,7 +189,7 @@ class JointStream:
     def add(
         self, stamp_ns: int, names: tuple[str, ...], positions: Floats, velocities: Floats
     ) -> None:
-        """Take in a JointState; it is logged at the next ``flush``.
+        """Add a JointState; it is logged at the next ``flush``.
 
         Args:
             stamp_ns: its time, nanoseconds.

@@ -1,272 +1,156 @@
-"""What moves: transforms, collected and logged many at a time.
-
-One ``send_columns`` costs about as much for fifty messages as one ``rr.log`` for a single joint.
-Times are those of the messages, on the timeline ``ros_time``.
-"""
+"""TF: logs every transform, so that what lies in a frame moves with it, and draws frames' axes."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_description.model.quaternions import to_matrix
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready, time_column
+from onebot_bringup.viewer.displays.display import (
+    REPEAT_AFTER,
+    Context,
+    Display,
+    LayoutPart,
+    MessageType,
+    Topic,
+    one_by_one,
+)
+from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.settings import name_list, setting
+from onebot_description.description import Description
+from onebot_description.wire.messages import TfArrays, tf_arrays
 
-# The frames heard on /tf and /tf_static: who hangs on whom, and where, as last said.
+TF_ENTITY = "tf"
+TF_STATIC_ENTITY = "tf_static"
+FRAMES_ENTITY = "frames"
+_DEFAULT_LENGTH = 0.5  # of axes, metres, while the robot's size is not known
+# For how long after a new description messages may still name the frames of the old one (seconds).
+_STRAGGLING = 1.0
 
 Floats = NDArray[np.float64]
-_MOST_BLOCKS = 64
 
 
-class Edge(NamedTuple):
-    """A frame's last known place in its parent: (3,) metres and (4,) x y z w."""
-
-    parent: str
-    translation: Floats
-    rotation: Floats
+def _stamp_ns(message: TfArrays) -> int:
+    return int(message.stamps_ns[-1]) if len(message.stamps_ns) else 0
 
 
-class _Block:
-    """Frames that were heard together, and are likely to be again.
-
-    Attributes:
-        whole: the last word on each of them is here.
-    """
-
-    def __init__(self, parents: Iterable[str], children: Iterable[str]) -> None:
-        self.parents, self.children = list(parents), list(children)
-        self.whole = True
-        self.translations: Floats
-        self.rotations: Floats
+TF: MessageType[TfArrays] = MessageType("tf2_msgs/msg/TFMessage", one_by_one(tf_arrays), _stamp_ns)
+TF_STATIC: MessageType[TfArrays] = MessageType(TF.name, TF.decode, _stamp_ns, live=False)
 
 
-class FrameTree:
-    """Every frame heard so far, by name.
+@dataclass(frozen=True)
+class AxesSettings:
+    """The frames' axes."""
 
-    Attributes:
-        version: another number after every change of what hangs on what.
-    """
+    visible: bool = setting(True, "draw the axes of the frames")
+    length: float = setting(0.0, "of the axes, metres; 0 to choose it by the robot's size")
+    names: bool = setting(True, "write the frames' names beside their axes")
+    frames: tuple[str, ...] = setting((), "of these frames only; empty for all", name_list)
 
-    def __init__(self) -> None:
-        """Know no frame yet."""
-        self.version = 0
-        self._places: dict[str, tuple[_Block, int]] = {}
-        # By the identity of the lists that were given, which are kept for that.
-        self._blocks: dict[tuple[int, int], tuple[object, object, _Block]] = {}
-        self._tops: dict[str, str] = {}
-        self._names: frozenset[str] | None = None
 
-    def update(
-        self,
-        parents: Iterable[str],
-        children: Iterable[str],
-        translations: Floats,
-        rotations: Floats,
+class TfDisplay(Display[AxesSettings]):
+    """Logs /tf and /tf_static, and draws axes in new frames."""
+
+    key = "axes"
+    Settings = AxesSettings
+
+    def __init__(self, context: Context) -> None:
+        """Draw no axes yet."""
+        super().__init__(context)
+        self._settings = AxesSettings()
+        self._length = _DEFAULT_LENGTH
+        self._only: set[str] = set()  # frames that have axes; empty for all
+        self._drawn: set[str] = set()
+        self._robot: Description | None = None
+        self._retired: set[str] = set()  # of links of the robot before
+        self._retired_at = 0.0
+
+    def topics(self) -> Sequence[Topic]:
+        """Return /tf and /tf_static."""
+        return Topic("/tf", (TF,), reliable=True), Topic("/tf_static", (TF_STATIC,), latched=True)
+
+    def apply(self, settings: AxesSettings) -> None:
+        """Draw other axes, if they change."""
+        before, self._settings = self._settings, settings
+        frame_of = self.context.frame_of
+        self._only = {*settings.frames, *map(frame_of, settings.frames)}
+        if self._only:
+            self._hide(self._drawn - self._only)
+        if settings.names != before.names:
+            self._draw(self._drawn)
+
+    def set_robot(self) -> None:
+        """Draw the axes of the links; hide those of links that are no more."""
+        robot, before, frame_of = self.context.robot, self._robot, self.context.frame_of
+        assert robot is not None
+        self._show(map(frame_of, robot.link_names))
+        old = set() if before is None else set(map(frame_of, before.link_names))
+        self._retired = old - set(map(frame_of, robot.link_names))
+        self._retired_at = self.context.clock()
+        self._robot = robot
+        self.context.transforms.forget(self._retired)
+        self._hide(self._retired)
+
+    def add(
+        self, _topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, TfArrays]]
     ) -> None:
-        """Take in transforms, one row each; a later row of the same child wins.
+        """Add messages of /tf or /tf_static."""
+        for stamp_ns, message in messages:
+            if kind is TF_STATIC:
+                self.context.transforms.add_static(message)
+            else:
+                self.context.transforms.add(stamp_ns, message)
 
-        If the very same lists of names come again, it takes no longer for many than for few.
-        """
-        known = self._blocks.get((id(parents), id(children)))
-        block = known[2] if known is not None and known[2].whole else None
-        if block is None:
-            block = self._remember(parents, children)
-        block.translations, block.rotations = translations, rotations
+    def flush(self) -> None:
+        """Log transforms, and axes of new frames or of another length."""
+        self.context.transforms.flush()
+        if self._retired and self.context.clock() - self._retired_at > _STRAGGLING:
+            self.context.transforms.forget(self._retired)
+            self._retired = set()
+        length = self._settings.length or self.context.fitting_length or _DEFAULT_LENGTH
+        if length != self._length:
+            self._length = length
+            self._draw(self._drawn)
+        self._show(self.context.frames.names - self._retired)
 
-    def _remember(self, parents: Iterable[str], children: Iterable[str]) -> _Block:
-        block = _Block(parents, children)
-        for row, child in enumerate(block.children):
-            before = self._places.get(child)
-            if before is None or before[0].parents[before[1]] != block.parents[row]:
-                self._changed()
-            if before is not None and before[0] is not block:
-                before[0].whole = False
-            self._places[child] = (block, row)
-        if len(self._blocks) >= _MOST_BLOCKS:
-            self._blocks.clear()
-        self._blocks[id(parents), id(children)] = (parents, children, block)
-        return block
+    def layout(self) -> LayoutPart:
+        """Return whether axes are shown."""
+        return LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))
 
-    def forget(self, frames: Iterable[str]) -> None:
-        """Drop ``frames`` until they are heard again."""
+    def _show(self, frames: Iterable[str]) -> None:
+        wanted = self._only.intersection(frames) if self._only else set(frames)
+        new = wanted - self._drawn
+        self._drawn |= new
+        self._draw(new)
+
+    def _draw(self, frames: Iterable[str]) -> None:
+        axes = rr.TransformAxes3D(self._length, show_frame=self._settings.names)
         for frame in frames:
-            place = self._places.pop(frame, None)
-            if place is not None:
-                place[0].whole = False
-                self._changed()
+            self._log(frame, frame, axes)
 
-    def _changed(self) -> None:
-        self.version += 1
-        self._tops.clear()
-        self._names = None
+    def _hide(self, frames: Iterable[str]) -> None:
+        # Static data cannot be cleared, only overwritten; a frame that is gone would be an error.
+        for frame in self._drawn.intersection(frames):
+            self._drawn.discard(frame)
+            self._log(frame, self.context.home, rr.TransformAxes3D.cleared())
 
-    @property
-    def names(self) -> frozenset[str]:
-        """Every frame, children and parents alike."""
-        if self._names is None:
-            parents = (block.parents[row] for block, row in self._places.values())
-            self._names = frozenset(self._places).union(parents)
-        return self._names
-
-    @property
-    def edges(self) -> Mapping[str, Edge]:
-        """The last transform of each child frame."""
-        return {child: self._edge(child) for child in self._places}
-
-    def _edge(self, child: str) -> Edge:
-        block, row = self._places[child]
-        return Edge(block.parents[row], block.translations[row], block.rotations[row])
-
-    def top(self, frame: str) -> str:
-        """Return the frame above all that ``frame`` hangs on (itself if it hangs on none)."""
-        way = []
-        name = frame
-        while (known := self._tops.get(name)) is None:
-            way.append(name)
-            place = self._places.get(name)
-            if place is None:
-                known = name
-                break
-            name = place[0].parents[place[1]]
-            if len(way) > len(self._places):  # in a circle
-                return self._chain(frame)[-1]
-        self._tops.update(dict.fromkeys(way, known))
-        return known
-
-    def pose(self, frame: str, fixed: str) -> Floats | None:
-        """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected."""
-        if self.top(frame) != self.top(fixed):
-            return None
-        pose: Floats = np.linalg.solve(self._from_top(fixed), self._from_top(frame)).astype(float)
-        return pose
-
-    def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
-        """Return the (4, 4) poses in ``fixed`` of those ``frames`` that are connected to it."""
-        found = {frame: self.pose(frame, fixed) for frame in frames}
-        return {frame: pose for frame, pose in found.items() if pose is not None}
-
-    def _chain(self, frame: str) -> list[str]:
-        chain = [frame]
-        seen = {frame}
-        while (place := self._places.get(chain[-1])) is not None:
-            parent = place[0].parents[place[1]]
-            if parent in seen:
-                break
-            chain.append(parent)
-            seen.add(parent)
-        return chain
-
-    def _from_top(self, frame: str) -> Floats:
-        pose = np.eye(4)
-        for child in self._chain(frame)[:-1]:
-            edge = self._edge(child)
-            step = np.eye(4)
-            step[:3, :3] = to_matrix(np.asarray(edge.rotation))
-            step[:3, 3] = edge.translation
-            pose = step @ pose
-        return pose
+    def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
+        entity = axes_entity(frame)
+        self.context.recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
 
 
-# Columns for ``send_columns``, made of arrays without the checks of Rerun's own makers.
-
-_STAMPS = pa.timestamp("ns")
-
-
-class ReadyColumn(rr.ComponentColumn):
-    """A column whose Arrow array is made, and can be sent many times."""
-
-    def __init__(self, descriptor: Any, array: pa.Array) -> None:
-        """Keep an array of the kind that ``descriptor`` says, a list a row."""
-        self._descriptor = descriptor
-        self._array = array
-
-    def component_descriptor(self) -> Any:
-        """What the column is."""
-        return self._descriptor
-
-    def as_arrow_array(self) -> pa.Array:
-        """A list a row."""
-        return self._array
+def axes_entity(frame: str) -> str:
+    """Return the entity of the axes of ``frame``."""
+    return rr.new_entity_path([FRAMES_ENTITY, frame]).lstrip("/")
 
 
-def ready(columns: rr.ComponentColumnList) -> Sequence[ReadyColumn]:
-    """Return columns that need no more work when they are sent again."""
-    return [ReadyColumn(item.component_descriptor(), item.as_arrow_array()) for item in columns]
+# --- columns of the names of frames -------------------------------------------------------------
 
-
-class ColumnMaker:
-    """Makes columns of numbers of one component."""
-
-    def __init__(self, sample: rr.ComponentColumnList) -> None:
-        """Take the kind of a column that Rerun has made, alone in its list."""
-        [column] = ready(sample)
-        self._descriptor = column.component_descriptor()
-        self._rows = column.as_arrow_array().type
-        item = self._rows.value_type
-        self._vector = item if pa.types.is_fixed_size_list(item) else None
-        self._number = item if self._vector is None else item.value_type
-        self._width = 1 if self._vector is None else item.list_size
-        self._dtype = np.dtype(self._number.to_pandas_dtype())
-
-    def column(self, values: NDArray[Any], each: int = 1) -> ReadyColumn:
-        """Return a column of numbers.
-
-        Args:
-            values: all numbers, row by row.
-            each: components a row, of as many numbers as the component has.
-        """
-        if self._dtype == values.dtype:
-            array = _array(self._number, values, self._dtype)
-        else:
-            with np.errstate(over="ignore"):  # too much for 32 bits: infinite
-                array = _array(self._number, values, self._dtype)
-        count = len(array) // self._width
-        if self._vector is not None:
-            array = pa.Array.from_buffers(self._vector, count, [None], children=[array])
-        rows = count // each
-        buffers = [None, _offsets(rows, each)]
-        array = pa.Array.from_buffers(self._rows, rows, buffers, children=[array])
-        return ReadyColumn(self._descriptor, array)
-
-
-class StampColumn:
-    """A column of times (``rr.TimeColumn`` is another)."""
-
-    def __init__(self, timeline: str, stamps_ns: NDArray[np.int64]) -> None:
-        """Keep nanoseconds since 1970."""
-        self._timeline = timeline
-        self._array = _array(_STAMPS, stamps_ns, np.dtype(np.int64))
-
-    def timeline_name(self) -> str:
-        """Of the timeline."""
-        return self._timeline
-
-    def as_arrow_array(self) -> pa.Array:
-        """A time a row."""
-        return self._array
-
-
-def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.Array:
-    # The memory is Arrow's own: Rerun's threads let go of Python's only with the interpreter's
-    # lock, for which they and we would wait in turn.
-    memory = pa.allocate_buffer(values.size * dtype.itemsize)
-    np.frombuffer(memory, dtype).reshape(values.shape)[...] = values
-    return pa.Array.from_buffers(kind, values.size, [None, memory])
-
-
-@lru_cache(maxsize=64)
-def _offsets(rows: int, each: int) -> pa.Buffer:
-    """Where rows of so many components each begin."""
-    return pa.array(np.arange(rows + 1, dtype=np.int32) * np.int32(each)).buffers()[1]
-
-
-# Columns of the names of frames, made once for those that come again and again.
-
-_MOST = 32  # columns kept for the next time
+_MOST_COLUMNS = 32  # kept for the next time
 
 Names = tuple[list[str], list[str]]  # parents, children
 
@@ -296,7 +180,7 @@ class NameColumns:
                 [*parents, *(parent for parent, _ in single)],
                 [*children, *(child for _, child in single)],
             )
-            if len(self._made) >= _MOST:
+            if len(self._made) >= _MOST_COLUMNS:
                 self._made.clear()
             # The lists are kept, or others could come to bear their identity.
             made = self._made[key] = (lists, columns)
@@ -308,13 +192,7 @@ def name_columns(parents: list[str], children: list[str]) -> Sequence[ReadyColum
     return ready(rr.Transform3D.columns(parent_frame=parents, child_frame=children))
 
 
-TIMELINE = "ros_time"
-TF_ENTITY = "tf"
-TF_STATIC_ENTITY = "tf_static"
-# A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
-# (seconds), so that it is never the oldest.
-REPEAT_AFTER = 10.0
-
+# --- transforms -------------------------------------------------------------------------------
 
 _TRANSLATIONS = ColumnMaker(rr.Transform3D.columns(translation=np.zeros((1, 3))))
 _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))
@@ -335,8 +213,8 @@ class Transforms(Protocol):
     def rotations(self) -> Floats: ...  # noqa: D102
 
 
-class _Place(NamedTuple):
-    """Where a frame of ours is, and since when."""
+class _Placed(NamedTuple):
+    """A frame of ours, not of /tf."""
 
     stamp_ns: int
     parent: str
@@ -345,30 +223,36 @@ class _Place(NamedTuple):
 
 
 class TransformStream:
-    """Logs /tf and /tf_static, and remembers the last of each in ``frames``."""
+    """Logs transforms, many at a time, and keeps the latest of each frame in ``frames``."""
 
     def __init__(self, recording: rr.RecordingStream, frames: FrameTree) -> None:
         """Log into ``recording``, update ``frames``."""
         self._recording = recording
         self._frames = frames
-        self._pending: list[Transforms] = []
-        self._placed: dict[str, _Place] = {}
+        self._pending: list[tuple[int, Transforms]] = []
+        self._placed: dict[str, _Placed] = {}
         self._static: dict[str, tuple[object, ...]] = {}
         self._names = NameColumns()
-        # Lists of children, by identity, and when each was last heard; sorted into _logged later.
-        self._heard: dict[int, tuple[Sequence[str], float]] = {}
+        # Lists of children, by identity, and when each came last; sorted into _logged later.
+        self._received: dict[int, tuple[Sequence[str], float]] = {}
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
         self._latest_ns = 0
         self._next_repeat = 0.0
 
-    def add(self, transforms: Transforms) -> None:
-        """Take in a message of /tf; it is logged at the next ``flush``."""
-        self._pending.append(transforms)
+    def add(self, stamp_ns: int, transforms: Transforms) -> None:
+        """Add a message of /tf; it is logged at the next ``flush``.
+
+        Args:
+            stamp_ns: in place of stamps of zero, nanoseconds.
+            transforms: the message.
+        """
+        if transforms.children:
+            self._pending.append((stamp_ns, transforms))
 
     def place(
         self, stamp_ns: int, parent: str, child: str, translation: Floats, rotation: Floats
     ) -> None:
-        """Put a frame that is ours, not /tf's, somewhere; the last place goes with ``flush``.
+        """Place a frame of a display's own; its latest place is logged with ``flush``.
 
         Args:
             stamp_ns: its time, nanoseconds.
@@ -377,7 +261,7 @@ class TransformStream:
             translation: (3,) metres.
             rotation: (4,) quaternion x y z w.
         """
-        self._placed[child] = _Place(stamp_ns, parent, translation, rotation)
+        self._placed[child] = _Placed(stamp_ns, parent, translation, rotation)
 
     def add_static(self, transforms: Transforms) -> None:
         """Log a message of /tf_static: what changed in it, an entity a frame.
@@ -403,28 +287,26 @@ class TransformStream:
             )
 
     def forget(self, frames: Iterable[str]) -> None:
-        """Drop ``frames`` until they are heard again."""
+        """Drop ``frames`` until they are received again."""
         frames = list(frames)
         self._frames.forget(frames)
-        self._sort_heard()
+        self._sort_received()
         for frame in frames:
             self._static.pop(frame, None)
             self._logged.pop(frame, None)
 
-    def flush(self, now_ns: int) -> bool:
-        """Log what was collected in one call; ``now_ns`` stands in for a stamp of zero.
-
-        Returns:
-            True if there was anything.
-        """
-        batch = [item for item in self._pending if item.children]
-        placed, self._placed, self._pending = self._placed, {}, []
-        if not batch and not placed:
+    def flush(self) -> bool:
+        """Log what was collected in one call; True if there was anything."""
+        pending, placed = self._pending, self._placed
+        if not pending and not placed:
             return False
+        self._pending, self._placed = [], {}
+        batch = [item for _, item in pending]
         ours = placed.values()
         stamps = _stack([item.stamps_ns for item in batch], [p.stamp_ns for p in ours])
         if not stamps.all():
-            stamps = np.where(stamps == 0, now_ns, stamps)
+            instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
+            stamps = np.where(stamps == 0, _stack(instead, [0] * len(ours)), stamps)
         translations = _stack([i.translations for i in batch], [p.translation for p in ours])
         rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
         names = self._names.columns(
@@ -437,7 +319,7 @@ class TransformStream:
         return True
 
     def _remember(self, batch: Sequence[Transforms], latest_ns: int) -> None:
-        """Take what /tf said into ``frames``, and log anew what it has not said for a while."""
+        """Update ``frames``, and log anew the frames that have not come for a while."""
         now = time.monotonic()
         last: dict[int, Transforms] = {}  # of each list of frames, in the order they came
         for item in batch:
@@ -445,21 +327,21 @@ class TransformStream:
             last[id(item.children)] = item
         for names, item in last.items():
             self._frames.update(*_columns(item))
-            self._heard[names] = (item.children, now)
+            self._received[names] = (item.children, now)
         self._latest_ns = latest_ns
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_AFTER / 2
             self._repeat_slow(now)
 
-    def _sort_heard(self) -> None:
-        """Put down for each frame when it was last heard."""
-        for children, when in sorted(self._heard.values(), key=lambda entry: entry[1]):
+    def _sort_received(self) -> None:
+        """Note for each frame when it came last."""
+        for children, when in sorted(self._received.values(), key=lambda entry: entry[1]):
             self._logged.update(dict.fromkeys(children, when))
-        self._heard.clear()
+        self._received.clear()
 
     def _repeat_slow(self, now: float) -> None:
-        """Log anew the frames not heard for a while, at the time of the newest ones."""
-        self._sort_heard()
+        """Log anew the frames that have not come for a while, at the time of the newest."""
+        self._sort_received()
         slow = [child for child, when in self._logged.items() if now - when > REPEAT_AFTER]
         if not slow:
             return
@@ -498,8 +380,3 @@ def _columns(transforms: Transforms) -> tuple[Sequence[str], Sequence[str], Floa
 def _stack(arrays: Sequence[NDArray[Any]], rows: Sequence[Any]) -> NDArray[Any]:
     """Put arrays, and then single rows, one below the other."""
     return np.concatenate([*arrays, np.array(rows)] if rows else list(arrays))
-
-
-def time_column(stamps_ns: NDArray[np.int64]) -> StampColumn:
-    """Return nanoseconds as times on our timeline."""
-    return StampColumn(TIMELINE, stamps_ns)

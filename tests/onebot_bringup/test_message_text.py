@@ -1,8 +1,9 @@
-"""YAML into messages: ROS 2's form, type by type, and one clear error for each mistake."""
+"""Messages as YAML, in the very form that ros2 prints, and YAML as messages, type by type."""
 
 import math
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovariance, Twist, TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,9 +13,98 @@ from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Bool, Byte, ByteMultiArray, Float32, Int8, String, UInt8, UInt64
 from std_srvs.srv import SetBool
 
-from onebot_bringup.introspection.interfaces import installed, message_class, service_class
-from onebot_bringup.introspection.message_text import Style, fill, stamp, to_yaml
+from onebot_bringup.introspection.interfaces import installed, message_class
+from onebot_bringup.introspection.message_text import (
+    Style,
+    fill,
+    pick,
+    read_scalar,
+    stamp,
+    to_csv,
+    to_yaml,
+)
 from onebot_description.errors import OneBotError
+
+
+def joint_state() -> JointState:
+    state = JointState(name=["a", "b"], position=[0.5, -1.0])
+    state.header.stamp.sec = 3
+    state.header.frame_id = "base"
+    return state
+
+
+def test_yaml() -> None:
+    """Block style: fields in their order, lists as items, empty ones as []."""
+    assert to_yaml(joint_state()) == (
+        "header:\n  stamp:\n    sec: 3\n    nanosec: 0\n  frame_id: base\n"
+        "name:\n- a\n- b\nposition:\n- 0.5\n- -1.0\nvelocity: []\neffort: []\n"
+    )
+
+
+def test_flow_style() -> None:
+    """On one line, with braces."""
+    assert to_yaml(Twist(), Style(flow=True)) == (
+        "{linear: {x: 0.0, y: 0.0, z: 0.0}, angular: {x: 0.0, y: 0.0, z: 0.0}}\n"
+    )
+
+
+def test_without_the_items_of_lists() -> None:
+    """--no-arr shows type and length, of sequences and arrays."""
+    text = to_yaml(joint_state(), Style(arrays=False))
+    assert "name: '<sequence type: string, length: 2>'\n" in text
+    assert "position: '<sequence type: double, length: 2>'\n" in text
+    assert "covariance: '<array type: double[36]>'\n" in to_yaml(
+        PoseWithCovariance(), Style(arrays=False)
+    )
+    status = DiagnosticStatus(values=[KeyValue()])
+    assert "<sequence type: diagnostic_msgs/msg/KeyValue, length: 1>" in to_yaml(
+        status, Style(arrays=False)
+    )
+
+
+def test_without_strings() -> None:
+    """--no-str shows their lengths."""
+    assert to_yaml(String(data="abc"), Style(strings=False)) == "data: '<string length: <3>>'\n"
+
+
+def test_long_values_are_cut() -> None:
+    """128 items or characters, and dots; all of them on request."""
+    state = JointState(position=[1.0] * 200)
+    assert to_yaml(state).count("- 1.0\n") == 128 and "- '...'\n" in to_yaml(state)
+    assert to_yaml(state, Style(longest=None)).count("- 1.0\n") == 200
+    assert to_yaml(String(data="x" * 200)) == f"data: {'x' * 128}...\n"
+
+
+def test_csv() -> None:
+    """All values in order, separated by commas."""
+    assert to_csv(joint_state()) == "3,0,base,a,b,0.5,-1.0"
+    assert to_csv(joint_state(), Style(arrays=False)).endswith("<sequence type: double, length: 0>")
+    assert to_csv(JointState(position=[1.0] * 3), Style(longest=2)) == "0,0,,1.0,1.0,..."
+    assert to_csv(2.5) == "2.5"
+
+
+def test_pick() -> None:
+    """A path of names and indices leads to a part."""
+    assert pick(joint_state(), "header.stamp.sec") == 3
+    assert pick(joint_state(), "position[1]") == -1.0
+    assert pick(joint_state(), "name") == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("path", "part"),
+    [
+        ("heder.stamp", 'did you mean "header"'),
+        ("header.stamp.sec.x", "nothing within a int"),
+        ("position[9]", "the list has 2"),
+        ("position[x]", "no item [x]"),
+        ("header[0]", "no item [0]"),
+    ],
+)
+def test_no_such_part(path: str, part: str) -> None:
+    """A wrong path is refused with what there is."""
+    with pytest.raises(OneBotError) as caught:
+        pick(joint_state(), path)
+    assert part in str(caught.value)
 
 
 def filled(message: object, text: str, finite: bool = True) -> object:
@@ -165,24 +255,85 @@ def test_every_installed_message_is_printed_and_read_back() -> None:
         assert filled(message_class(name)(), to_yaml(message, Style(longest=None))) == message
 
 
+@pytest.mark.parametrize("bits", [8, 16, 32, 64])
+@pytest.mark.parametrize("unsigned", [False, True])
+def test_whole_numbers_within_their_type(bits: int, unsigned: bool) -> None:
+    """Both ends are in, the next ones are out, and each text says what it is."""
+    low, high = (0, 2**bits - 1) if unsigned else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    kind = f"{'u' if unsigned else ''}int{bits}"
+    for value in (low, high, 0, 7):
+        assert read_scalar(kind, str(value)) == value
+    for value in (low - 1, high + 1):
+        with pytest.raises(ValueError, match=f"is an {kind} from {low} to {high}, not {value}"):
+            read_scalar(kind, str(value))
+
+
 @pytest.mark.parametrize(
-    ("name", "part"),
+    ("kind", "text", "value"),
     [
-        ("geometry_msgs/msg/Twst", 'did you mean "geometry_msgs/msg/Twist"'),
-        ("geometry_msg/msg/Twist", "did you mean geometry_msgs/msg/Twist"),
-        ("Twist", "did you mean geometry_msgs/msg/Twist"),
-        ("geometry_msgs/srv/Twist", "did you mean geometry_msgs/msg/Twist"),
-        ("", "no message type"),
+        ("int32", "+5", 5),
+        ("int32", " 0x10 ", 16),
+        ("int32", "-0x10", -16),
+        ("int32", "-3.0", -3),
+        ("int32", "1e3", 1000),
+        ("int32", "007", 7),
+        ("octet", "7", b"\x07"),
+        ("octet", "a", b"a"),
+        ("octet", "255", b"\xff"),
+        ("octet", "\xff", b"\xff"),
+        ("octet", " ", b" "),
+        ("char", "x", "x"),
+        ("wchar", "é", "é"),
+        ("boolean", " On ", True),
+        ("boolean", "NO", False),
+        ("float", "3.4028234e38", 3.4028234e38),
+        ("float", "-3.4028235e38", -3.4028235e38),
+        ("double", "3.5e38", 3.5e38),
+        ("long double", "-1e-9", -1e-9),
     ],
 )
-def test_unknown_types(name: str, part: str) -> None:
-    """A type that is not installed is refused with those that are alike."""
-    with pytest.raises(OneBotError, match="no message type") as caught:
-        message_class(name)
-    assert part in str(caught.value)
+def test_texts_of_scalars(kind: str, text: str, value: object) -> None:
+    """Value and type."""
+    found = read_scalar(kind, text)
+    assert found == value and type(found) is type(value)
 
 
-def test_short_names() -> None:
-    """The short form of a type's name is the long one."""
-    assert message_class("geometry_msgs/Twist") is message_class("geometry_msgs/msg/Twist")
-    assert service_class("std_srvs/SetBool") is SetBool
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        ("octet", "256"),
+        ("octet", "-1"),
+        ("octet", "ab"),
+        ("octet", "Ā"),
+        ("char", "xy"),
+        ("char", ""),
+        ("boolean", "2"),
+        ("boolean", ""),
+        ("int32", "inf"),
+        ("int32", "nan"),
+        ("int32", "1.5"),
+        ("int32", "0x"),
+        ("float", "3.4028236e38"),
+        ("float", "-3.4028236e38"),
+        ("double", "1,5"),
+        ("double", ""),
+    ],
+)
+def test_texts_that_are_no_such_scalar(kind: str, text: str) -> None:
+    """None is rounded, cut off or guessed, whether infinities are allowed or not."""
+    for finite in (True, False):
+        with pytest.raises(ValueError, match="is "):
+            read_scalar(kind, text, finite)
+
+
+@pytest.mark.parametrize("kind", ["float", "double"])
+def test_infinities_only_when_they_are_meant(kind: str) -> None:
+    """They must be allowed and spelled out; a number that is too large never is one."""
+    for text, value in (("inf", math.inf), ("-.inf", -math.inf), (".Inf", math.inf)):
+        assert read_scalar(kind, text, finite=False) == value
+        with pytest.raises(ValueError, match="--allow-non-finite lets it through"):
+            read_scalar(kind, text)
+    assert math.isnan(read_scalar(kind, ".NaN", finite=False))
+    for finite in (True, False):
+        with pytest.raises(ValueError, match='is a finite number, not "1e999"$'):
+            read_scalar(kind, "1e999", finite)

@@ -1,0 +1,332 @@
+"""What every display is: its settings, its topics, what it logs, and its part of the layout.
+
+A display is a class in a file of its own beside this one, named in ``DISPLAYS`` (``__init__.py``).
+Everything else follows from the class: its key in a view file and its ROS parameters from
+``Settings``; what the viewer's node, the replay of a bag and a snapshot subscribe from ``topics``;
+edits while it runs come to ``apply``; the layout is made of every display's ``layout``.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from onebot_bringup.viewer.columns import TIMELINE
+from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.settings import Color
+from onebot_description.description import Description
+from onebot_description.wire.messages import BAD_MESSAGE, OdometrySample, odometry_sample
+
+if TYPE_CHECKING:
+    from onebot_bringup.viewer.displays.tf import TransformStream
+
+T = TypeVar("T")
+S = TypeVar("S")  # a dataclass of settings
+Report = Callable[[Exception], object]
+
+# Easily told apart on a dark ground; a view may name others.
+COLORS: tuple[Color, ...] = (
+    (255, 176, 32),
+    (77, 208, 225),
+    (240, 98, 146),
+    (174, 213, 129),
+    (179, 157, 219),
+)
+# A server with a memory limit drops the oldest data. What is sent seldom is logged anew this often
+# (seconds), so that it is never the oldest.
+REPEAT_AFTER = 10.0
+# Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte of file
+# and of server memory, and work for a page that draws slowly.
+SELDOM = 200_000_000
+_WARN_AFTER = 3.0  # seconds without a transform
+
+
+# --- messages and topics ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MessageType(Generic[T]):
+    """A type of messages, and how many of them are decoded in one pass."""
+
+    name: str  # as ROS has it, such as "nav_msgs/msg/Odometry"
+    # Messages in the order they came, and what is called with the error of a bad one -> a result
+    # for each, None for a bad one. Displays that use the same object share its results.
+    decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
+    stamp_ns: Callable[[T], int]  # of the header, nanoseconds; 0 for none
+    # The stamp says when it was sent, about; not of what may lie latched for long, as a plan does.
+    live: bool = True
+
+
+def one_by_one(read: Callable[[bytes], T]) -> Callable[[Sequence[bytes], Report], list[T | None]]:
+    """Return the ``decode`` of a type whose messages ``read`` decodes, or raises BAD_MESSAGE."""
+
+    def decode(messages: Sequence[bytes], report: Report) -> list[T | None]:
+        found: list[T | None] = []
+        for data in messages:
+            try:
+                found.append(read(data))
+            except BAD_MESSAGE as error:
+                report(error)
+                found.append(None)
+        return found
+
+    return decode
+
+
+ODOMETRY: MessageType[OdometrySample] = MessageType(
+    "nav_msgs/msg/Odometry", one_by_one(odometry_sample), lambda sample: sample.stamp_ns
+)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic to subscribe."""
+
+    name: str  # relative, so that the robot's namespace applies, or absolute
+    types: tuple[MessageType[Any], ...]  # the topic may have any of them
+    reliable: bool = False  # else best effort, which matches every publisher
+    latched: bool = False  # durability transient_local, which implies reliable
+
+
+# --- part of the layout -------------------------------------------------------------------------
+
+
+class SideView(Protocol):
+    """A view beside the robot's; those that are equal look the same."""
+
+    def view(self) -> rrb.View:
+        """Return the view for Rerun."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A view of curves."""
+
+    entity: str  # everything below it is plotted
+    name: str
+    window: float  # seconds before the time cursor; 0 for all
+    lines: tuple[str, ...] | None = None  # these entities only
+
+    def view(self) -> rrb.View:
+        """Return the view for Rerun."""
+        contents = "$origin/**" if self.lines is None else [f"+ /{line}" for line in self.lines]
+        return rrb.TimeSeriesView(
+            origin=self.entity, contents=contents, name=self.name, time_ranges=last(self.window)
+        )
+
+
+@dataclass(frozen=True)
+class LayoutPart:
+    """What a display adds to the layout; a new layout is sent when one of these changes."""
+
+    views: tuple[SideView, ...] = ()  # beside the robot's
+    visible: tuple[tuple[str, bool], ...] = ()  # entity, and whether the user sees it at first
+    hidden: tuple[str, ...] = ()  # entities left out of the robot's view, with all below,
+    shown: tuple[str, ...] = ()  # but for these
+    windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
+
+
+def last(seconds: float) -> rrb.VisibleTimeRanges:
+    """Return the last ``seconds`` before the time cursor; 0 for all before it."""
+    start = (
+        rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds)
+        if seconds
+        else rrb.TimeRangeBoundary.infinite()
+    )
+    end = rrb.TimeRangeBoundary.cursor_relative()
+    return rrb.VisibleTimeRanges(rrb.VisibleTimeRange(TIMELINE, start=start, end=end))
+
+
+# --- displays -----------------------------------------------------------------------------------
+
+
+class Context:
+    """What the displays of one robot share."""
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        frames: FrameTree,
+        transforms: "TransformStream",
+        fixed_frame: Callable[[], str],
+        frame_prefix: str = "",
+        clock: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        """Share where to log, and what is known of the robot.
+
+        Args:
+            recording: where to log.
+            frames: the latest transforms.
+            transforms: logs /tf, and frames that displays place.
+            fixed_frame: returns the frame that everything is shown in.
+            frame_prefix: put before link names to get their frames.
+            clock: seconds.
+        """
+        self.recording = recording
+        self.frames = frames
+        self.transforms = transforms
+        self.clock = clock
+        self.robot: Description | None = None
+        self.fitting_length = 0.0  # of axes and arcs, metres, by the robot's size; 0: not known yet
+        self.joint_colors: dict[str, Color] = {}  # of every joint whose state has come
+        self._fixed_frame = fixed_frame
+        self._frame_prefix = frame_prefix
+
+    @property
+    def fixed_frame(self) -> str:
+        """The frame that everything is shown in; "" before there is any."""
+        return self._fixed_frame()
+
+    @property
+    def home(self) -> str:
+        """A frame that exists: the root link's."""
+        return "" if self.robot is None else self.frame_of(self.robot.root_link)
+
+    def frame_of(self, link: str) -> str:
+        """Return the TF frame of ``link``."""
+        return self._frame_prefix + link
+
+    def connected(self, frame: str) -> bool:
+        """Whether transforms lead from ``frame`` to the fixed one.
+
+        An entity in a frame without would be an error in the view: it has to wait.
+        """
+        return self.frames.top(frame) == self.frames.top(self.fixed_frame)
+
+
+class Display(ABC, Generic[S]):
+    """One thing that is drawn; ``S`` are its settings."""
+
+    key: ClassVar[str]  # in a view file, and of its ROS parameters
+    Settings: ClassVar[type]
+    named: ClassVar[bool] = False  # a view file has, by names freely chosen, several ``Settings``
+    period_ns: ClassVar[int] = 0  # nanoseconds between two calls of ``flush``; 0: every tick
+
+    def __init__(self, context: Context) -> None:
+        """Draw nothing yet: ``apply`` follows, and ``set_robot`` once there is one."""
+        self.context = context
+
+    @abstractmethod
+    def apply(self, settings: S) -> None:
+        """Use these settings from now on; called after ``flush``."""
+
+    @abstractmethod
+    def topics(self) -> Sequence[Topic]:
+        """Return what to subscribe, by the settings of now."""
+
+    @abstractmethod
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+        """Add messages, to be logged by ``flush``.
+
+        Args:
+            topic: as ``topics`` names it.
+            kind: one of the topic's types.
+            messages: the time of each, nanoseconds (its stamp, or, without, when it came), and
+                what ``kind.decode`` made of it.
+        """
+
+    @abstractmethod
+    def flush(self) -> None:
+        """Log what has come, in as few calls as possible."""
+
+    def set_robot(self) -> None:  # noqa: B027  most displays do not depend on the robot
+        """Draw for the robot that ``context`` now has."""
+
+    def layout(self) -> LayoutPart:
+        """Return its part of the layout, by the settings of now."""
+        return LayoutPart()
+
+    def warnings(self) -> list[str]:
+        """Return what cannot be shown, a sentence each."""
+        return []
+
+
+class Item(Protocol):
+    """What a display draws of one topic."""
+
+    frame: str  # in which its entities lie, and without which it waits; "" if in none
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a message."""
+
+    def flush(self) -> object:
+        """Log what has come."""
+
+
+I = TypeVar("I", bound=Item)  # noqa: E741
+
+
+class ItemsDisplay(Display[S], Generic[S, I]):
+    """A display that draws several items of one kind, each of a topic."""
+
+    noun: ClassVar[str]  # one of them, in warnings
+    types: ClassVar[tuple[MessageType[Any], ...]]
+
+    def __init__(self, context: Context) -> None:
+        """Draw nothing yet."""
+        super().__init__(context)
+        self.items: dict[str, I] = {}
+        self._made_of: dict[str, object] = {}
+        self._topics: dict[str, Topic] = {}
+        self._waiting_since: dict[str, float] = {}
+
+    @abstractmethod
+    def wanted(self, settings: S) -> Mapping[str, tuple[str, Any]]:
+        """Return for each item, by its name, its topic and what it is made of."""
+
+    @abstractmethod
+    def make(self, name: str, settings: Any, color: Color) -> I:
+        """Return a new item; ``color`` where its settings have none."""
+
+    def types_of(self, _settings: Any) -> tuple[MessageType[Any], ...]:
+        """Return the types that the topic of an item may have."""
+        return self.types
+
+    def apply(self, settings: S) -> None:
+        """Keep the items that stay as they are, and make the others anew."""
+        made_of: dict[str, object] = {}
+        items: dict[str, I] = {}
+        self._topics = {}
+        for index, (name, (topic, of)) in enumerate(self.wanted(settings).items()):
+            color = COLORS[index % len(COLORS)]
+            made_of[name] = (of, color)
+            same = self._made_of.get(name) == made_of[name]
+            items[name] = self.items[name] if same else self.make(name, of, color)
+            self._topics[name] = Topic(topic, self.types_of(of))
+        self._made_of, self.items = made_of, items
+
+    def topics(self) -> Sequence[Topic]:
+        """Return the topic of each item."""
+        return list(self._topics.values())
+
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+        """Pass messages to the items of their topic."""
+        for name, item in self.items.items():
+            if self._topics[name].name == topic:
+                for stamp_ns, message in messages:
+                    item.add(stamp_ns, message)
+
+    def flush(self) -> None:
+        """Log the items that can be shown."""
+        for item in self.items.values():
+            if not item.frame or self.context.connected(item.frame):
+                item.flush()
+
+    def warnings(self) -> list[str]:
+        """Return which items have waited long for a transform."""
+        return [
+            f'{self.noun} "{name}" is in the frame "{item.frame}", which no transform connects '
+            f'with "{self.context.fixed_frame}": not shown until /tf or /tf_static brings one'
+            for name, item in self.items.items()
+            if self._waits_long(name, item.frame)
+        ]
+
+    def _waits_long(self, name: str, frame: str) -> bool:
+        if not frame or self.context.connected(frame):
+            self._waiting_since.pop(name, None)
+            return False
+        now = self.context.clock()
+        return now - self._waiting_since.setdefault(name, now) > _WARN_AFTER

@@ -1,0 +1,213 @@
+"""The TF tree with the latest transform of each frame, and the frame that a robot is shown in."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_description.description import Description
+from onebot_description.errors import did_you_mean, listing
+from onebot_description.model.quaternions import to_matrix
+
+Floats = NDArray[np.float64]
+_MOST_BLOCKS = 64
+
+
+class Edge(NamedTuple):
+    """The latest transform of a frame in its parent: (3,) metres and (4,) x y z w."""
+
+    parent: str
+    translation: Floats
+    rotation: Floats
+
+
+class _Block:
+    """Frames that came in one message, and are likely to come together again."""
+
+    def __init__(self, parents: Iterable[str], children: Iterable[str]) -> None:
+        self.parents, self.children = list(parents), list(children)
+        self.whole = True  # the latest transform of each of them is here
+        self.translations: Floats
+        self.rotations: Floats
+
+
+class FrameTree:
+    """Every frame received so far, by name."""
+
+    def __init__(self) -> None:
+        """Begin with no frame."""
+        self.version = 0  # another number after every change of a frame's parent
+        self._places: dict[str, tuple[_Block, int]] = {}
+        # By the identity of the lists that were given, which are kept for that.
+        self._blocks: dict[tuple[int, int], tuple[object, object, _Block]] = {}
+        self._tops: dict[str, str] = {}
+        self._names: frozenset[str] | None = None
+
+    def update(
+        self,
+        parents: Iterable[str],
+        children: Iterable[str],
+        translations: Floats,
+        rotations: Floats,
+    ) -> None:
+        """Add transforms, one row each; a later row of the same child wins.
+
+        If the very same lists of names come again, it takes no longer for many than for few.
+        """
+        known = self._blocks.get((id(parents), id(children)))
+        block = known[2] if known is not None and known[2].whole else None
+        if block is None:
+            block = self._remember(parents, children)
+        block.translations, block.rotations = translations, rotations
+
+    def _remember(self, parents: Iterable[str], children: Iterable[str]) -> _Block:
+        block = _Block(parents, children)
+        for row, child in enumerate(block.children):
+            before = self._places.get(child)
+            if before is None or before[0].parents[before[1]] != block.parents[row]:
+                self._changed()
+            if before is not None and before[0] is not block:
+                before[0].whole = False
+            self._places[child] = (block, row)
+        if len(self._blocks) >= _MOST_BLOCKS:
+            self._blocks.clear()
+        self._blocks[id(parents), id(children)] = (parents, children, block)
+        return block
+
+    def forget(self, frames: Iterable[str]) -> None:
+        """Drop ``frames`` until they are received again."""
+        for frame in frames:
+            place = self._places.pop(frame, None)
+            if place is not None:
+                place[0].whole = False
+                self._changed()
+
+    def _changed(self) -> None:
+        self.version += 1
+        self._tops.clear()
+        self._names = None
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Every frame, children and parents alike."""
+        if self._names is None:
+            parents = (block.parents[row] for block, row in self._places.values())
+            self._names = frozenset(self._places).union(parents)
+        return self._names
+
+    @property
+    def edges(self) -> Mapping[str, Edge]:
+        """The last transform of each child frame."""
+        return {child: self._edge(child) for child in self._places}
+
+    def _edge(self, child: str) -> Edge:
+        block, row = self._places[child]
+        return Edge(block.parents[row], block.translations[row], block.rotations[row])
+
+    def top(self, frame: str) -> str:
+        """Return the root of the tree that ``frame`` is in (itself if it has no parent)."""
+        way = []
+        name = frame
+        while (known := self._tops.get(name)) is None:
+            way.append(name)
+            place = self._places.get(name)
+            if place is None:
+                known = name
+                break
+            name = place[0].parents[place[1]]
+            if len(way) > len(self._places):  # in a circle
+                return self._chain(frame)[-1]
+        self._tops.update(dict.fromkeys(way, known))
+        return known
+
+    def pose(self, frame: str, fixed: str) -> Floats | None:
+        """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected."""
+        if self.top(frame) != self.top(fixed):
+            return None
+        pose: Floats = np.linalg.solve(self._from_top(fixed), self._from_top(frame)).astype(float)
+        return pose
+
+    def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
+        """Return the (4, 4) poses in ``fixed`` of those ``frames`` that are connected to it."""
+        found = {frame: self.pose(frame, fixed) for frame in frames}
+        return {frame: pose for frame, pose in found.items() if pose is not None}
+
+    def _chain(self, frame: str) -> list[str]:
+        chain = [frame]
+        seen = {frame}
+        while (place := self._places.get(chain[-1])) is not None:
+            parent = place[0].parents[place[1]]
+            if parent in seen:
+                break
+            chain.append(parent)
+            seen.add(parent)
+        return chain
+
+    def _from_top(self, frame: str) -> Floats:
+        pose = np.eye(4)
+        for child in self._chain(frame)[:-1]:
+            edge = self._edge(child)
+            step = np.eye(4)
+            step[:3, :3] = to_matrix(np.asarray(edge.rotation))
+            step[:3, 3] = edge.translation
+            pose = step @ pose
+        return pose
+
+
+class FrameResolution:
+    """In which frame a robot is shown, and which of its links have no transform to it."""
+
+    def __init__(self, frames: FrameTree, frame_of: Callable[[str], str]) -> None:
+        """Look in ``frames``, where a link has the name that ``frame_of`` gives it."""
+        self._frames = frames
+        self._frame_of = frame_of
+        self._missing: list[str] = []
+        self._missing_of: tuple[object, ...] = ()  # the arguments and tree that it is for
+
+    def fixed_frame(self, robot: Description, wanted: str) -> str:
+        """Return the frame to show ``robot`` in: ``wanted``, or else the one above its root."""
+        return self.known_as(robot, wanted) or self._frames.top(self._frame_of(robot.root_link))
+
+    def known_as(self, robot: Description, wanted: str) -> str:
+        """Return the name by which a frame is known, also with the prefix; "" if it is not."""
+        if not wanted:
+            return ""
+        received, links = self._frames.names, robot.link_names
+        if wanted in received or wanted in map(self._frame_of, links):
+            return wanted
+        prefixed = self._frame_of(wanted)
+        return prefixed if prefixed in received or wanted in links else ""
+
+    def missing(self, robot: Description, fixed_frame: str) -> list[str]:
+        """Return the frames of links that no transform connects with ``fixed_frame``."""
+        what = (self._frames.version, robot, fixed_frame)
+        if what != self._missing_of:
+            top = self._frames.top(fixed_frame)
+            frames = map(self._frame_of, robot.link_names)
+            self._missing = [frame for frame in frames if self._frames.top(frame) != top]
+            self._missing_of = what
+        return self._missing
+
+    def is_complete(self, robot: Description, wanted: str) -> bool:
+        """Whether every link has a transform to the frame ``wanted``, which exists, if given."""
+        as_wanted = not wanted or bool(self.known_as(robot, wanted))
+        return as_wanted and not self.missing(robot, self.fixed_frame(robot, wanted))
+
+    def warnings(self, robot: Description, wanted: str) -> list[str]:
+        """Return the links without a transform, and a missing fixed frame, a sentence each."""
+        found = []
+        fixed_frame = self.fixed_frame(robot, wanted)
+        missing = self.missing(robot, fixed_frame)
+        if missing:
+            found.append(
+                f'no transform yet from "{fixed_frame}" to {listing(missing, 5)}: '
+                "not shown until /tf or /tf_static brings it"
+            )
+        if wanted and not self.known_as(robot, wanted):
+            known = did_you_mean(wanted, self._frames.names, "frames received")
+            found.append(
+                f'the fixed frame "{wanted}" is not on /tf or /tf_static{known}; '
+                f'shown in "{fixed_frame}" until it is'
+            )
+        return found

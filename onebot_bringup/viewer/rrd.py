@@ -1,0 +1,73 @@
+"""Rerun's recordings as files (.rrd): checked, and copied as far as they are whole."""
+
+import subprocess
+import warnings
+from pathlib import Path
+
+from onebot_bringup.viewer.display_server import program
+from onebot_description.errors import OneBotError
+
+_STARTS = (b"RRF", b"RRIO")  # of the files of all of Rerun's versions
+_NOTHING = 200  # bytes of a file in which no message is whole
+_PROPERTIES = "/__properties"  # the recording's name and start
+_COPYING = 120.0  # seconds
+
+
+def check_rrd(rrd: Path) -> None:
+    """Refuse what is no recording of Rerun's, at the price of reading its first bytes.
+
+    Raises:
+        OneBotError: with what is wrong.
+    """
+    try:
+        with rrd.open("rb") as file:
+            start = file.read(4)
+            size = file.seek(0, 2)
+    except FileNotFoundError:
+        raise OneBotError(f"there is no recording {rrd}") from None
+    except OSError as error:
+        raise OneBotError(f"{rrd}: {error.strerror}") from error
+    if not start:
+        raise OneBotError(f"{rrd} is empty")
+    if not start.startswith(_STARTS):
+        raise OneBotError(f"{rrd} is no recording of Rerun")
+    if size < _NOTHING:
+        raise OneBotError(f"{rrd} was cut short before anything was in it")
+
+
+def has_content(rrd: Path) -> bool | None:
+    """Return whether there is something to draw in a recording.
+
+    Little of the file is read: its frames' sizes, and the data up to the first that can be drawn.
+
+    Returns:
+        None where that is not known: it was cut short, is still being written, or is of a version
+        of Rerun that is read otherwise.
+    """
+    from rerun.chunk import RrdReader  # slower to import
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of files that have no table of contents
+            reader = RrdReader(str(rrd))
+            return any(
+                not chunk.entity_path.startswith(_PROPERTIES)
+                for store in reader.recordings()
+                for chunk in reader.stream(store=store)
+            )
+    except (RuntimeError, ValueError, OSError):
+        return None
+
+
+def salvage(rrd: Path, copy: Path) -> None:
+    """Copy what is whole of a recording that was cut short, or is still being written.
+
+    Raises:
+        OneBotError: nothing is.
+    """
+    command = [str(program()), "rrd", "merge", "--continue-on-error", "-o", str(copy)]
+    done = subprocess.run(
+        [*command, str(rrd.absolute())], capture_output=True, timeout=_COPYING, check=False
+    )
+    if done.returncode or not copy.is_file() or copy.stat().st_size < _NOTHING:
+        raise OneBotError(f"{rrd} was cut short before anything was in it")

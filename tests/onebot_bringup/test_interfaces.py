@@ -1,0 +1,42 @@
+"""Types that are installed, by name, and the text that defines them."""
+
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from std_srvs.srv import SetBool
+
+from onebot_bringup.introspection.interfaces import full_definition, message_class, service_class
+from onebot_description.errors import OneBotError
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("geometry_msgs/msg/Twst", 'did you mean "geometry_msgs/msg/Twist"'),
+        ("geometry_msg/msg/Twist", "did you mean geometry_msgs/msg/Twist"),
+        ("Twist", "did you mean geometry_msgs/msg/Twist"),
+        ("geometry_msgs/srv/Twist", "did you mean geometry_msgs/msg/Twist"),
+        ("", "no message type"),
+    ],
+)
+def test_unknown_types(name: str, part: str) -> None:
+    """A type that is not installed is refused with those that are alike."""
+    with pytest.raises(OneBotError, match="no message type") as caught:
+        message_class(name)
+    assert part in str(caught.value)
+
+
+def test_short_names() -> None:
+    """The short form of a type's name is the long one."""
+    assert message_class("geometry_msgs/Twist") is message_class("geometry_msgs/msg/Twist")
+    assert service_class("std_srvs/SetBool") is SetBool
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/JointState"],
+)
+def test_definitions_are_whole(kind):
+    """From the definition alone, rosbags makes the type, with the hash that ROS has for it."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(full_definition(kind), kind))
+    assert store.hash_rihs01(kind) == get_typestore(Stores.ROS2_JAZZY).hash_rihs01(kind)

@@ -1,0 +1,203 @@
+"""The one entry of a view: raw messages in, decoded together, shown by their displays."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, String
+
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays import DISPLAYS
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import ViewConfig, parse_view
+from onebot_description.errors import OneBotError
+from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.viewer_support import START_NS
+
+SECOND = 10**9
+NOW = START_NS + 100 * SECOND
+GARBAGE = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
+
+
+class Shown:
+    """A view in a file, and what was reported of bad messages."""
+
+    def __init__(self, folder: Path, view: str = "") -> None:
+        self.file = folder / "x.rrd"
+        self._recording = open_recording(save=self.file)
+        self.bad: list[tuple[str, str]] = []
+        self.view = RobotView(self._recording.stream, parse_view(view), report=self._report)
+
+    def _report(self, topic: str, error: Exception) -> None:
+        self.bad.append((topic, str(error)))
+
+    def take_tf(self, data: bytes) -> None:
+        self.view.take("/tf", "tf2_msgs/msg/TFMessage", data, NOW)
+
+    def take_joints(self, data: bytes, time_ns: int = NOW) -> None:
+        self.view.take("joint_states", "sensor_msgs/msg/JointState", data, time_ns)
+
+    def end(self) -> None:
+        self.view.finish()
+        self._recording.close()
+
+
+def _tf(child: str, y: float, sec: int) -> bytes:
+    edge = TransformStamped(
+        header=Header(stamp=Time(sec=sec), frame_id="base"),
+        child_frame_id=child,
+        transform=Transform(translation=Vector3(y=y)),
+    )
+    return bytes(serialize_message(TFMessage(transforms=[edge])))
+
+
+def _joints(position: float, sec: int, names=("slide",)) -> bytes:
+    header = Header(stamp=Time(sec=sec))
+    return bytes(
+        serialize_message(
+            JointState(header=header, name=list(names), position=[position] * len(names))
+        )
+    )
+
+
+def _text(text: str) -> bytes:
+    return bytes(serialize_message(String(data=text)))
+
+
+def _times(file: Path, entity: str) -> list[int]:
+    return [
+        stamp
+        for chunk in chunks(file, entity)
+        if not chunk.is_static
+        for stamp in chunk.to_record_batch().column("ros_time").cast("int64").to_pylist()
+    ]
+
+
+def test_messages_of_several_publishers_are_logged_in_the_order_they_came(tmp_path):
+    """With their own names, times and numbers; the latest of each frame is kept."""
+    shown = Shown(tmp_path)
+    sent = []
+    for step in range(20):
+        for child in ("tip", "tap", "a_longer_name"):
+            sent.append((child, 0.25 * len(sent), 1000 + step))
+            shown.take_tf(_tf(*sent[-1]))
+        if step % 5 == 4:
+            shown.view.tick(NOW)
+    edges = shown.view.frames.edges
+    shown.end()
+    assert column(shown.file, "/tf", "Transform3D:child_frame") == [[name] for name, _, _ in sent]
+    places = np.array(column(shown.file, "/tf", "Transform3D:translation"))
+    np.testing.assert_array_equal(places[:, 0, 1], [y for _, y, _ in sent])
+    assert _times(shown.file, "/tf") == [sec * SECOND for _, _, sec in sent]
+    assert [edges[child].translation[1] for child, _, _ in sent[-3:]] == [
+        y for _, y, _ in sent[-3:]
+    ]
+    assert not shown.bad
+
+
+def test_bad_messages_are_reported_with_their_topic_and_cost_no_good_one(tmp_path):
+    """They lie between good ones, in the same tick, on topics of every kind of display."""
+    shown = Shown(tmp_path, "trails: {a: {topic: odom}}\nspeeds: {lines: {b: {topic: odom}}}")
+    good = _tf("tip", 1.0, 1000)
+    for data in (good, GARBAGE, b"", good[:-1], _tf("tip", 2.0, 1001)):
+        shown.take_tf(data)
+    for data in (GARBAGE, _joints(1.0, 1000), b"\0", _joints(2.0, 1001)):
+        shown.take_joints(data)
+    shown.view.take("odom", "nav_msgs/msg/Odometry", GARBAGE, NOW)
+    shown.view.take("robot_description", "std_msgs/msg/String", GARBAGE, NOW)
+    shown.view.take("robot_description", "std_msgs/msg/String", _text("<robot>"), NOW)
+    shown.end()
+    topics = [topic for topic, _ in shown.bad]
+    assert topics == ["robot_description"] * 2 + ["/tf"] * 3 + ["joint_states"] * 2 + ["odom"]
+    assert "malformed XML" in shown.bad[1][1]
+    assert all("it is no" in said for topic, said in shown.bad[2:])
+    assert _times(shown.file, "/tf") == [1000 * SECOND, 1001 * SECOND]
+    assert column(shown.file, "/joints/position/0", "Scalars:scalars") == [[1.0], [2.0]]
+
+
+def test_joint_states_without_a_time_are_shown_when_they_came(tmp_path):
+    """Not when they were decoded: several in a tick are several points of the curve."""
+    shown = Shown(tmp_path)
+    for step in range(3):
+        shown.take_joints(_joints(float(step), 0), NOW + step)
+    shown.end()
+    assert _times(shown.file, "/joints/position/0") == [NOW, NOW + 1, NOW + 2]
+
+
+def test_what_has_no_time_is_shown_in_the_simulated_time_of_the_others(tmp_path):
+    """Stamps of seconds since the simulation's start, received in the year 2023."""
+    shown = Shown(tmp_path)
+    shown.take_joints(_joints(1.0, 5), NOW)
+    shown.take_joints(_joints(2.0, 0), NOW + 7)
+    shown.end()
+    assert _times(shown.file, "/joints/position/0") == [5 * SECOND, 5 * SECOND + 7]
+
+
+@pytest.mark.parametrize("names", [(), ("a", "b")])
+def test_odd_joint_states_are_taken_as_they_are(tmp_path, names):
+    """Without names, or with too few positions: not shown, and no mistake in the bytes."""
+    shown = Shown(tmp_path)
+    shown.take_joints(
+        bytes(serialize_message(JointState(name=list(names), position=[1.0, 2.0, 3.0])))
+    )
+    shown.end()
+    assert not shown.bad
+    assert _times(shown.file, "/joints/position/0") == []
+
+
+@pytest.mark.parametrize(
+    ("text", "topics"),
+    [
+        ("", {}),
+        ("speeds: {lines: {a: {topic: v}}}", {"v": {"Twist", "TwistStamped", "Odometry"}}),
+        ("{speeds: {lines: {a: {topic: v}}}, trails: {t: {topic: v}}}", {"v": {"Odometry"}}),
+        ("speeds: {lines: {a: {topic: v}, b: {topic: v, type: Twist}}}", {"v": {"Twist"}}),
+    ],
+)
+def test_each_topic_is_wanted_once_as_what_all_its_displays_take(tmp_path, text, topics):
+    """A trail's topic is an Odometry; a type that is named counts more than "auto"."""
+    shown = Shown(tmp_path, text)
+    known = {"robot_description", "/tf", "/tf_static", "joint_states"}
+    found = {
+        name: {kind.name.rpartition("/")[2] for kind in topic.types}
+        for name, topic in shown.view.topics.items()
+        if name not in known
+    }
+    assert found == topics
+    shown.end()
+
+
+@pytest.mark.parametrize(
+    "text", ["trails: {t: {topic: joint_states}}", "trails: {t: {topic: /r/joint_states}}"]
+)
+def test_a_topic_wanted_as_two_types_is_refused(tmp_path, text):
+    """By its full name, and when the view is changed, with a warning."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+
+    def resolve(name: str) -> str:
+        return name if name.startswith("/") else f"/r/{name}"
+
+    with pytest.raises(OneBotError, match=r'"/r/joint_states" cannot be subscribed as nav_msgs'):
+        RobotView(recording.stream, parse_view(text), resolve=resolve)
+    view = RobotView(recording.stream, resolve=resolve)
+    [warning] = view.set_view(parse_view(text))
+    assert "something else is shown of it, as sensor_msgs/msg/JointState" in warning
+    recording.close()
+
+
+def test_every_display_has_settings_and_takes_what_it_subscribes(tmp_path):
+    """Each under a key of its own; a message of each topic and type reaches it."""
+    keys = [display.key for display in DISPLAYS]
+    assert len({*keys}) == len(keys)
+    shown = Shown(tmp_path)
+    for name, topic in shown.view.topics.items():
+        for kind in topic.types:
+            assert shown.view.wants(name, kind.name), (name, kind.name)
+    for key in keys:
+        assert hasattr(ViewConfig(), key)
+    shown.end()
