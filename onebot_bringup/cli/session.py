@@ -210,7 +210,7 @@ def is_hidden(name: str) -> bool:
 
 def add_spin_time(parser: argparse.ArgumentParser) -> None:
     """Add the option for how long to look around."""
-    from onebot_bringup.cli.main import not_negative
+    from onebot_bringup.cli.options import not_negative
 
     parser.add_argument(
         "--spin-time",
