@@ -16,43 +16,28 @@ _ROUNDING = 1e-9  # s that a sum of periods may be off
 
 
 class WheelStates(NamedTuple):
-    """Where the wheels are: each side's mean.
+    """Positions and velocities of the wheels: each side's mean."""
 
-    Attributes:
-        left_position: rad.
-        right_position: rad.
-        left_velocity: rad/s.
-        right_velocity: rad/s.
-    """
-
-    left_position: float
+    left_position: float  # rad
     right_position: float
-    left_velocity: float
+    left_velocity: float  # rad/s
     right_velocity: float
 
 
 class DriveCommand(NamedTuple):
-    """What the wheels are to do.
+    """The wheels' velocities, and the command that they follow from."""
 
-    Attributes:
-        left: velocity of the left wheels, rad/s.
-        right: velocity of the right wheels, rad/s.
-        linear: the limited command this comes of, m/s.
-        angular: the same, rad/s.
-        healthy: whether the wheels' states were finite.
-    """
-
-    left: float
-    right: float
-    linear: float
-    angular: float
-    healthy: bool
+    left: float  # velocity of the left wheels, rad/s
+    right: float  # velocity of the right wheels, rad/s
+    linear: float  # the limited command, m/s
+    angular: float  # the limited command, rad/s
+    healthy: bool  # whether the wheels' states were finite
 
 
 class DiffDriveController:
-    """Holds the last command, lets it age, limits it, and does the odometry.
+    """Holds the last command, lets it age, limits it, and updates the odometry.
 
-    It knows durations only, no clock, so no clock can disturb it. Commands age by the durations
+    It uses durations only, no clock, so no clock can disturb it. Commands age by the durations
     given to ``update``.
 
     Attributes:
@@ -66,7 +51,7 @@ class DiffDriveController:
         self.halt()
 
     def configure(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
-        """Go on with other parameters; pose, command and speed stay as they are."""
+        """Apply other parameters; pose, command and speed stay as they are."""
         self._config = config
         self._linear_limiter = SpeedLimiter(config.linear)
         self._angular_limiter = SpeedLimiter(config.angular)
@@ -74,7 +59,7 @@ class DiffDriveController:
         self.odometry.set_window(config.velocity_rolling_window_size)
 
     def accept(self, linear: float, angular: float, age: float = 0.0) -> str | None:
-        """Take a command.
+        """Command a velocity.
 
         Args:
             linear: m/s, forward.
@@ -83,7 +68,7 @@ class DiffDriveController:
                 command outlives cmd_vel_timeout.
 
         Returns:
-            Why it is ignored; None if it is taken.
+            Why it is ignored; None if it is accepted.
         """
         if not (math.isfinite(linear) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, angular.z {angular}"
@@ -113,7 +98,7 @@ class DiffDriveController:
         return DriveCommand(left, right, linear, angular, healthy)
 
     def halt(self) -> None:
-        """Forget command and speed: the wheels stand, and the next command starts from rest."""
+        """Forget command and speed: the wheels stop, and the next command starts from rest."""
         self._reference = (0.0, 0.0)
         self._last = self._before_last = (0.0, 0.0)
         self._age = 0.0

@@ -128,7 +128,7 @@ class ControlConfig:
     # Of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {
         "use_stamped_vel": "write cmd_vel_type: auto, Twist or TwistStamped",
-        "wheels_per_side": "leave it out, the names tell",
+        "wheels_per_side": "leave it out, the names are counted",
         "left_wheel": "write left_wheel_names: [...]",
         "right_wheel": "write right_wheel_names: [...]",
         "wheel_radius_multiplier": "write left_ and right_wheel_radius_multiplier",

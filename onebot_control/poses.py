@@ -1,9 +1,7 @@
-"""Frame names and planar poses."""
+"""Poses: on the ground (``PlanarPose``) and in space, as plain floats; and names of frames."""
 
 import math
 from typing import NamedTuple
-
-# Rigid transforms of single poses, in plain floats.
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

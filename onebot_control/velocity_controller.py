@@ -121,7 +121,8 @@ class VelocityController(Node):
         config = self._settings.config
         self._simulated = self.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         self._publishing = Publishers(self, self._simulated)
-        self._commands = CommandTopic(self, config.cmd_vel_type, self._on_command, self._warn)
+        choice = config.cmd_vel_type
+        self._commands = CommandSubscription(self, choice, self._on_command, self._warn)
         PoseTopics(self, lambda: self._loop, lambda: self._publishing.odom_frame, self._warn)
         Services(self, lambda: self._loop)
         self.add_on_set_parameters_callback(self._validate)
@@ -249,7 +250,7 @@ class VelocityController(Node):
             self._warn("late", text)
 
 
-class CommandTopic:
+class CommandSubscription:
     """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published.
 
     Attributes:

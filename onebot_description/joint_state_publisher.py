@@ -78,11 +78,9 @@ from onebot_description.parameters.reader import (
 )
 from onebot_description.parameters.values import plain
 
-# joint_state_publisher's parameters: declared, read from files, and checked against each other.
-
 
 class JointParameters:
-    """The parameters of a node."""
+    """The node's parameters: declared, read from files, and checked against each other."""
 
     live: LiveParameters  # the files they come from
     values: dict[str, Any]  # those at the start, by name
@@ -103,8 +101,8 @@ class JointParameters:
         given = [name for to, name in arguments.names if to in ("", node.get_name())]
         self.values = self._declare(given)
         self.live.pin(given, self.values)
-        if self.live.remark:
-            node.get_logger().warning(self.live.remark)
+        if self.live.warning:
+            node.get_logger().warning(self.live.warning)
         try:
             self.config = self._checked(self.values)
         except ConfigError as error:
@@ -185,7 +183,8 @@ class JointParameters:
         self.describing = True
         try:
             for one in parameters:
-                if one.value is not None and not self._node.describe_parameter(one.name).type:
+                known = one.value is None or self._node.describe_parameter(one.name).description
+                if not known:
                     self._node.set_descriptor(one.name, descriptor(JointsConfig, one.name))
         finally:
             self.describing = False
@@ -213,26 +212,15 @@ class JointParameters:
         return problems
 
 
-# All that follows from joint_state_publisher's parameters and the robot's description.
-
-
 @dataclass(frozen=True)
 class JointsState:
-    """Replaced as a whole, so that a refusal changes nothing.
+    """What follows from parameters and description; replaced whole: a refusal changes nothing."""
 
-    Attributes:
-        values: the parameters, by name.
-        config: the same, checked.
-        description: the robot, None until it is known.
-        source: moves the robot's joints, None until then.
-        plan: what ``source`` is still to be told, None for nothing.
-    """
-
-    values: Mapping[str, Any]
-    config: JointsConfig
-    description: Description | None = None
-    source: JointStateSource | None = None
-    plan: Plan | None = None
+    values: Mapping[str, Any]  # the parameters, by name
+    config: JointsConfig  # the same, checked
+    description: Description | None = None  # the robot, once it is known
+    source: JointStateSource | None = None  # moves the robot's joints
+    plan: Plan | None = None  # what is still to be applied to the source
 
     def describing(self, description: Description) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
@@ -256,7 +244,7 @@ class JointsState:
             values: the parameters.
             config: the same, checked.
             new: the robot they describe, if it is another one.
-            waiting: a robot that the parameters so far did not suit: taken up if these do.
+            waiting: a robot that the parameters so far did not suit: applied if these do.
 
         Raises:
             ConfigError: the parameters do not suit the robot.
@@ -271,13 +259,11 @@ class JointsState:
         return replace(changed, plan=self.source.prepare(config) if self.source else None)
 
 
-# The files that joint_state_publisher takes up as soon as they are saved.
-
-_LOOK_EVERY = 0.05  # seconds between looks at the files
+_POLL_EVERY = 0.05  # seconds
 
 
 class JointFiles:
-    """Parameter files and the description's files, watched."""
+    """Parameter files and the description's files, applied as soon as they are saved."""
 
     def __init__(
         self,
@@ -307,19 +293,19 @@ class JointFiles:
         self._watch.watch(self._watched())
         # Not ROS time: it may stand still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(_LOOK_EVERY, self._look, clock=steady)
+        self._node.create_timer(_POLL_EVERY, self._poll, clock=steady)
 
     def read_soon(self) -> None:
-        """Read the parameter files at the next look, saved or not."""
+        """Read the parameter files at the next poll, saved or not."""
         self._unread = True
 
     def read_broken(self) -> None:
-        """Try the parameter files again, if they could not be taken up so far."""
+        """Try the parameter files again, if they could not be applied so far."""
         if self._parameters.live.names in self._broken:
             self._reload_parameters()
 
     def keep(self, what: str, error: OneBotError) -> None:
-        """Say why something new was not taken up."""
+        """Log why something new was not applied."""
         self._broken.add(what)
         self._node.get_logger().error(f"{what} not applied, the robot goes on as before:\n{error}")
 
@@ -329,8 +315,8 @@ class JointFiles:
         described = state.description.files if state.description and from_file else ()
         return [*self._parameters.live.files, *described]
 
-    def _look(self) -> None:
-        """Take up what was saved since the last look."""
+    def _poll(self) -> None:
+        """Apply what was saved since the last poll."""
         self._watch.watch(self._watched())
         saved, files = self._watch.saved(), self._parameters.live.files
         if self._unread or any(file in saved for file in files):
@@ -340,12 +326,12 @@ class JointFiles:
             self._reload_description()
 
     def _reload_parameters(self) -> None:
-        """Set every parameter as the files say; what they do not name goes back to its default."""
+        """Set every parameter as the files have it; one they do not name gets its default."""
         live, log = self._parameters.live, self._node.get_logger()
         names, before = live.names, live.file
         try:
             file = live.read()
-            overruled = live.overruled(file)
+            overridden = live.overridden(file)
             changes = live.changes(file, self._state().values)
             live.file = file
             self._parameters.set_all(changes, file.places)
@@ -355,12 +341,12 @@ class JointFiles:
             return
         mended = "mended, " if names in self._broken else ""
         self._broken.discard(names)
-        said = f"applied, changed: {listing(changes)}" if changes else "applied, nothing changed"
-        log.info(f"{names}: {mended}{said}")
-        for name in overruled:
-            log.warning(f"{name} is set on the command line, which comes first")
-        if live.remark:
-            log.warning(live.remark)
+        changed = f"changed: {listing(changes)}" if changes else "nothing changed"
+        log.info(f"{names}: {mended}applied, {changed}")
+        for name in overridden:
+            log.warning(f"{name} is set on the command line, which overrides the file")
+        if live.warning:
+            log.warning(live.warning)
 
     def _reload_description(self) -> None:
         path = self._description_file or self._state().values["robot_description"]
@@ -371,8 +357,6 @@ class JointFiles:
         else:
             self._offer(description)
 
-
-# The joint states that joint_state_publisher publishes, and those it hears.
 
 # Takes what sensors publish best effort as well as what is published reliably.
 _ANY_SENDER = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -393,7 +377,7 @@ class JointStatesOut:
         self._began: int | None = None
 
     def use(self, source: JointStateSource, config: JointsConfig) -> None:
-        """Publish what ``source`` does from now on, as ``config`` says."""
+        """Publish what ``source`` does from now on, as ``config`` asks."""
         if source is not self._source:
             self._source, self._message = source, JointState(name=list(source.names))
         if self._timer is None or config.rate != self._config.rate:
@@ -414,14 +398,13 @@ class JointStatesOut:
         # Counted from the first message on, because a float cannot hold nanoseconds since 1970.
         self._began = now.nanoseconds if self._began is None else self._began
         positions, velocities = source.sample((now.nanoseconds - self._began) * 1e-9)
-        heard, message = source.feedback, self._message
-        shows_positions = config.publish_default_positions or config.moves or heard.any
+        received, message = source.feedback, self._message
+        shows_positions = config.publish_default_positions or config.moves or received.any
         message.position = array("d", positions.tobytes()) if shows_positions else _EMPTY
-        shows_velocities = (
-            config.publish_default_velocities or config.moves or source.moving or heard.any_velocity
-        )
+        moving = config.moves or source.moving or received.any_velocity
+        shows_velocities = config.publish_default_velocities or moving
         message.velocity = array("d", velocities.tobytes()) if shows_velocities else _EMPTY
-        shows_efforts = config.publish_default_efforts or heard.any_effort
+        shows_efforts = config.publish_default_efforts or received.any_effort
         message.effort = array("d", source.efforts().tobytes()) if shows_efforts else _EMPTY
         if shows_positions or shows_velocities or shows_efforts:
             message.header.stamp = now.to_msg()
@@ -431,18 +414,18 @@ class JointStatesOut:
 class JointStatesIn:
     """The topics whose values count more than all motions."""
 
-    def __init__(self, node: Node, heard: Callable[[str, JointState], None]) -> None:
-        """Listen to none so far; ``heard`` gets each topic and message."""
-        self._node, self._heard = node, heard
+    def __init__(self, node: Node, received: Callable[[str, JointState], None]) -> None:
+        """Subscribe to none so far; ``received`` gets each topic and message."""
+        self._node, self._received = node, received
         self._subscriptions: dict[str, Subscription] = {}
 
-    def listen_to(self, topics: Sequence[str]) -> None:
-        """Listen to these topics and no others."""
+    def subscribe(self, topics: Sequence[str]) -> None:
+        """Subscribe to these topics and no others."""
         for topic in set(self._subscriptions).difference(topics):
             self._node.destroy_subscription(self._subscriptions.pop(topic))
         for topic in set(topics).difference(self._subscriptions):
             self._subscriptions[topic] = self._node.create_subscription(
-                JointState, topic, lambda message, t=topic: self._heard(t, message), _ANY_SENDER
+                JointState, topic, lambda message, t=topic: self._received(t, message), _ANY_SENDER
             )
 
 
@@ -465,7 +448,7 @@ class JointStatePublisher(Node):
             OneBotError: the parameters or the description cannot be used.
         """
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
-        self._said: set[Problem] = set()
+        self._reported: set[Problem] = set()
         self._refused: Description | None = None
         self._warn = Throttled(self.get_logger().warning)
         self._settings = JointParameters(self, arguments)
@@ -481,14 +464,14 @@ class JointStatePublisher(Node):
         self._files.watch()
 
     def _start(self, description_file: str | None) -> None:
-        """Take up the description that is already at hand, or wait for one on the topic."""
+        """Apply the description that is already at hand, or wait for one on the topic."""
         text = self._state.values["robot_description"]
         if description_file:
             self._use(load_description(description_file))
         elif text:
             self._use(described_by(text))
         else:
-            self._input.listen_to(self._state.config.source_list)
+            self._input.subscribe(self._state.config.source_list)
             DescriptionTopic(self, self._on_description, lambda: self._state.source is not None)
 
     # Parameters ------------------------------------------------------------------------------
@@ -517,28 +500,28 @@ class JointStatePublisher(Node):
         if self._settings.describing:
             return
         self._settings.describe(parameters)
-        self._take_up(self._next)
+        self._apply(self._next)
         if any(parameter.name == "config_file" for parameter in parameters):
-            # What it says cannot be set from within this callback.
+            # Its parameters cannot be set from within this callback.
             self._settings.live.add(self._state.values.get("config_file", ""))
             self._files.read_soon()
 
-    # Taking up parameters and descriptions ---------------------------------------------------
+    # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Go over to ``description``.
+        """Change to ``description``.
 
         Raises:
             ConfigError: the parameters do not suit it.
         """
         old = self._state
         try:
-            self._take_up(old.describing(description))
+            self._apply(old.describing(description))
         except ConfigError as error:
             raise error.located(self._settings.live.places(old.values)) from None
 
     def _offer(self, description: Description) -> None:
-        """Go over to ``description`` if the parameters suit it, and say why if they do not.
+        """Change to ``description`` if the parameters suit it, and log why if they do not.
 
         Raises:
             ConfigError: they do not, and there is no description so far.
@@ -553,7 +536,7 @@ class JointStatePublisher(Node):
             if self._refused is not None:
                 self._files.keep("the new robot description", error)
 
-    def _take_up(self, state: JointsState) -> None:
+    def _apply(self, state: JointsState) -> None:
         old, self._state = self._state, state
         if state.source is not None:
             if state.plan is not None:
@@ -561,20 +544,20 @@ class JointStatePublisher(Node):
             if state.source is not old.source:
                 self._refused = None
                 moved = listing(state.source.names) if state.source.names else ""
-                said = f"joints: {moved or 'no joint moves, nothing to publish'}"
-                self.get_logger().info(f"robot description taken up; {said}")
+                joints = f"joints: {moved or 'no joint moves, nothing to publish'}"
+                self.get_logger().info(f"robot description applied; {joints}")
             self._report(state)
             self._output.use(state.source, state.config)
-        self._input.listen_to(state.config.source_list)
+        self._input.subscribe(state.config.source_list)
 
     def _report(self, state: JointsState) -> None:
-        """Say once what the parameters ask in excess of limits."""
+        """Log once what the parameters ask in excess of limits."""
         assert state.source is not None
         places = self._settings.live.places(state.values)
         for problem in state.source.reports:
-            if problem not in self._said:
+            if problem not in self._reported:
                 self.get_logger().warning(problem.message(places))
-        self._said = set(state.source.reports)
+        self._reported = set(state.source.reports)
 
     # Messages --------------------------------------------------------------------------------
 

@@ -78,7 +78,7 @@ def _is_up(command: str, output: bytes) -> bool:
     if "onebot replay" in command:
         return "open http://" in text
     shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)
-    moving = "robot description taken up" in text or "driving robot" in text
+    moving = "robot description applied" in text or "driving robot" in text
     return UP in text and moving and shown
 
 

@@ -70,6 +70,7 @@ LIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_quick_run(name, tmp_path, capsys):
     """Every answer is right; there are results, no verdict on times, and no process is left."""
@@ -85,6 +86,7 @@ def test_quick_run(name, tmp_path, capsys):
     assert set(process_tree(os.getpid())) <= before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("complaint", "lie"), LIES.items())
 def test_node_with_wrong_answers_is_refused(complaint, lie, tmp_path):
     """The error says which node it was, and what was wrong."""
@@ -99,6 +101,7 @@ def test_node_with_wrong_answers_is_refused(complaint, lie, tmp_path):
     assert complaint in str(error.value)
 
 
+@pytest.mark.slow
 def test_peer_that_dies_is_an_error():
     """What it said is in the message."""
     nodes = {state_publisher.PEER: f"{sys.executable} -c 'import sys; sys.exit(\"no robot\")'"}
@@ -107,6 +110,7 @@ def test_peer_that_dies_is_an_error():
         state_publisher.measure(10, nodes, effort, Options(quick=True))
 
 
+@pytest.mark.slow
 def test_peer_reads_a_parameter_file(tmp_path):
     """``{urdf}`` in the command of --peer is a file that any node takes its URDF from."""
     node = "onebot_description.robot_state_publisher"
@@ -136,6 +140,7 @@ def test_library_with_wrong_answers_is_refused(task):
         model._check(Liar(chain), task, chain)
 
 
+@pytest.mark.slow
 def test_interrupted_run_leaves_no_process():
     """Ctrl-C ends it and all that it has started, in the background of a shell, too."""
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -10,6 +10,8 @@ import pytest
 
 from tests.support import require_program
 
+pytestmark = pytest.mark.slow
+
 CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGES = ("onebot_description", "onebot_control", "onebot_bringup", "mrm_description")
 

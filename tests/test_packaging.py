@@ -137,6 +137,7 @@ WHERE = (
 )
 
 
+@pytest.mark.slow
 def test_regular_install_registers_the_packages(tmp_path):
     """From a wheel, $(find pkg) and ament_index work with no variable set by the user."""
     python = _fresh_environment(tmp_path)
@@ -147,6 +148,7 @@ def test_regular_install_registers_the_packages(tmp_path):
     assert {"onebot", "mrm_bringup"} <= scripts
 
 
+@pytest.mark.slow
 def test_editable_install_sees_an_edited_xacro_at_once(tmp_path):
     """The checkout's own files come first, not the copies made when it was installed."""
     python = _fresh_environment(tmp_path)

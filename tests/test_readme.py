@@ -59,8 +59,10 @@ def test_first_two_commands_are_what_ci_runs():
     assert "[test]" in second and "pytest" in second
     script = (CHECKOUT / ".ci/run").read_text()
     assert "tests/readme.py until-up 1" in script and "tests/readme.py run 2" in script
+    assert "pytest -m slow" in script
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ALONE)
 def test_command(command, ros_domain, tmp_path):
     """It runs as written, in a folder with the checkout's files, and ends with exit code 0."""
@@ -73,6 +75,7 @@ def test_command(command, ros_domain, tmp_path):
         _run(command, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", IN_TURN.findall(ALL))
 def test_commands_in_turn(block, ros_domain, tmp_path):
     """Each finds what the one before has left."""
@@ -104,6 +107,7 @@ def _run_node(command, name, domain, folder):
         wait_for(lambda: name in peer.node.get_node_names(), name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "block"), BESIDE.findall(ALL))
 def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
     """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
@@ -122,6 +126,7 @@ def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
             assert done.returncode == 0 and done.stdout, command + done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_your_own_robot_drives(ros_domain, tmp_path):
     """The block, pasted into an empty folder, brings up a robot that drives as commanded."""
     [block] = WHOLE.findall(ALL)

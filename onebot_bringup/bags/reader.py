@@ -23,36 +23,9 @@ from mcap.writer import MCAP0_MAGIC
 from onebot_bringup.bags.writer import METADATA
 from onebot_description.errors import OneBotError
 
-# What a recording holds, whatever the format of its files.
-
-
-class BagMessage(NamedTuple):
-    """A recorded message.
-
-    Attributes:
-        topic: its name.
-        type: ``package/msg/Type``.
-        time: when it was received, nanoseconds.
-        data: CDR, as on the wire.
-    """
-
-    topic: str
-    type: str
-    time: int
-    data: bytes
-
-
-@dataclass(frozen=True)
-class Contents:
-    """The topics of a file with their types, and the number of messages (0: not known)."""
-
-    topics: dict[str, str] = field(default_factory=dict)
-    count: int = 0
-
-
-# Reads MCAP files of ROS 2; of damaged ones, what comes before the damage.
-
-# Whatever the library stumbles over in bytes that are no MCAP.
+# rosbag2's own compression, beside that of the chunks in an MCAP file.
+_COMPRESSED = {"file": "files", "message": "messages"}
+# What mcap raises for bytes that are no MCAP.
 _DAMAGE = (
     McapError, OSError, struct.error, zstandard.ZstdError, ValueError, KeyError, EOFError,
     RuntimeError, OverflowError, MemoryError,
@@ -61,19 +34,140 @@ _CDR = "cdr"
 _MOST = 1 << 30  # bytes of a record: more is taken to be damage
 _FOOTER = struct.Struct("<QQI8s")  # start of the summary and of its offsets, checksum, magic
 _CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to here
+# SQLite takes values of any type in any column.
+_TOPICS = """
+    SELECT name, type FROM topics
+    WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
+"""
+_MESSAGES = """
+    SELECT topics.name, topics.type, messages.timestamp, messages.data
+    FROM messages JOIN topics ON messages.topic_id = topics.id
+    WHERE topics.name IN ({})
+        AND typeof(messages.data) = 'blob' AND typeof(messages.timestamp) = 'integer'
+    ORDER BY messages.timestamp, messages.id
+"""
+_Found = Iterator[tuple[Schema | None, Channel, Message]]
 
 
-def topics_of_mcap(path: Path) -> Contents:
-    """Return what is in the file, by its summary; by reading all of it where that is missing.
+class BagMessage(NamedTuple):
+    """A recorded message."""
 
-    Raises:
-        OneBotError: it is no MCAP file, or no messages of ROS 2 are in it.
+    topic: str
+    type: str  # package/msg/Type
+    time: int  # when it was received, nanoseconds
+    data: bytes  # CDR, as on the wire
+
+
+class Bag:
+    """A recording that exists.
+
+    Attributes:
+        source: the file or folder.
+        topics: the type of each topic, ``package/msg/Type``.
+        count: of all messages; 0 where that is not known without reading them.
+        warnings: problems in spite of which it can be read; reading may add some.
     """
+
+    def __init__(self, source: Path) -> None:
+        """Open the recording at ``source``.
+
+        Raises:
+            OneBotError: there is none, or it cannot be read.
+        """
+        self.source = source
+        self.warnings: list[str] = []
+        self._files = self._find()
+        self.topics: dict[str, str] = {}
+        self.count = 0
+        for file in self._files:
+            contents = _FORMATS[file.suffix].contents(file)
+            self.topics |= contents.topics
+            self.count += contents.count
+
+    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        """Return the messages of ``topics``, file by file, in the order of their times.
+
+        Of a damaged file, the messages before the damage are returned, with a warning.
+        """
+        for file in self._files:
+            yield from _FORMATS[file.suffix].read(file, topics, self.warnings.append)
+
+    def _find(self) -> list[Path]:
+        source = self.source
+        if source.is_dir():
+            return self._in_folder()
+        if not source.exists():
+            raise OneBotError(f"there is no recording {source}")
+        if source.suffix not in _FORMATS:
+            raise OneBotError(
+                f"{source} is no recording: its name must end in .mcap, .db3 or .rrd, or be that "
+                "of a folder that ros2 bag has made"
+            )
+        return [source]
+
+    def _in_folder(self) -> list[Path]:
+        """The files that metadata.yaml names, or else those that are there."""
+        there = [path for path in self.source.iterdir() if path.suffix in _FORMATS]
+        information = self._metadata()
+        if information is None:
+            if not there:
+                raise OneBotError(
+                    f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
+                    ".db3 file"
+                )
+            return sorted(there, key=_by_number)
+        mode = str(information.get("compression_mode") or "").lower()
+        if mode in _COMPRESSED:
+            raise OneBotError(
+                f"{self.source} has its {_COMPRESSED[mode]} compressed by rosbag2: "
+                "unpack it by ros2 bag convert"
+            )
+        names = information.get("relative_file_paths") or []
+        files = [self.source / Path(str(name)).name for name in names]
+        missing = [file.name for file in files if not file.is_file()]
+        files = [file for file in files if file.is_file() and file.suffix in _FORMATS]
+        if not files:
+            raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
+        if missing:
+            self.warnings.append(f"{self.source} lacks {', '.join(missing)}; showing the others")
+        return files
+
+    def _metadata(self) -> Mapping[str, Any] | None:
+        path = self.source / METADATA
+        try:
+            found = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]
+            found.get("relative_file_paths")
+        except OSError:
+            self.warnings.append(f"{self.source} has no {METADATA}; showing the files that it has")
+            return None
+        except (yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError):
+            self.warnings.append(f"{path} is damaged; showing the files beside it")
+            return None
+        information: Mapping[str, Any] = found
+        return information
+
+
+def _by_number(path: Path) -> tuple[object, ...]:
+    """A key that puts x_9 before x_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return tuple(int(part) if part.isdigit() else part for part in parts)
+
+
+@dataclass(frozen=True)
+class _Contents:
+    """What is in a file."""
+
+    topics: dict[str, str] = field(default_factory=dict)  # name to type
+    count: int = 0  # of messages; 0: not known
+
+
+def _mcap_contents(path: Path) -> _Contents:
+    """What is in the file by its summary, or else by reading all of it."""
     with _opened(path) as file:
         summary = _summary(file)
         if summary is not None:
             statistics = summary.statistics
-            contents = Contents(
+            contents = _Contents(
                 _topics(summary.channels, summary.schemas),
                 statistics.message_count if statistics else 0,
             )
@@ -111,10 +205,12 @@ def _summary(file: IO[bytes]) -> Summary | None:
 
 
 def _ends_sound(file: IO[bytes]) -> bool:
-    """Whether the summary's checksum, which mcap's reader ignores, is right or is not there."""
+    """Whether the end is there, with the right checksum (which mcap's reader ignores) or none."""
     file.seek(-_FOOTER.size, os.SEEK_END)
     end = file.tell() + _CRC_OFFSET
-    start, _, crc, _ = _FOOTER.unpack(file.read(_FOOTER.size))
+    start, _, crc, magic = _FOOTER.unpack(file.read(_FOOTER.size))
+    if magic != MCAP0_MAGIC:
+        return False
     file.seek(start)
     return not start or not crc or zlib.crc32(file.read(end - start)) == crc
 
@@ -133,26 +229,20 @@ def _full(name: str) -> str:
     return name if "/" in kind else f"{package}/msg/{kind}"
 
 
-def _counted(file: IO[bytes]) -> Contents:
+def _counted(file: IO[bytes]) -> _Contents:
     topics: dict[str, str] = {}
     count = 0
     for schema, channel, _ in _in_order(file, lambda _: None):
         count += 1
         if channel.message_encoding == _CDR and schema is not None:
             topics[channel.topic] = _full(schema.name)
-    return Contents(topics, count)
+    return _Contents(topics, count)
 
 
-def read_mcap(
+def _read_mcap(
     path: Path, topics: Collection[str], warn: Callable[[str], None]
 ) -> Iterator[BagMessage]:
-    """Yield the messages of ``topics`` in the order of their times.
-
-    Args:
-        path: the file.
-        topics: names.
-        warn: told if the file ends early; what comes before is yielded in the file's order.
-    """
+    """Yield messages by time; of a damaged file, those before the damage, in the file's order."""
     with _opened(path) as file:
         if _summary(file) is not None:
             file.seek(0)
@@ -167,9 +257,6 @@ def read_mcap(
                 yield BagMessage(
                     channel.topic, _full(schema.name), message.log_time, bytes(message.data)
                 )
-
-
-_Found = Iterator[tuple[Schema | None, Channel, Message]]
 
 
 def _guarded(found: _Found, path: Path, warn: Callable[[str], None]) -> _Found:
@@ -203,47 +290,20 @@ def _reason(error: BaseException) -> str:
     return str(error) or "it ends too early"
 
 
-# Reads the SQLite files of rosbag2 (.db3), which it wrote by default before Iron.
-
-# SQLite lets anything be in any column.
-_TOPICS = """
-    SELECT name, type FROM topics
-    WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
-"""
-_MESSAGES = """
-    SELECT topics.name, topics.type, messages.timestamp, messages.data
-    FROM messages JOIN topics ON messages.topic_id = topics.id
-    WHERE topics.name IN ({})
-        AND typeof(messages.data) = 'blob' AND typeof(messages.timestamp) = 'integer'
-    ORDER BY messages.timestamp, messages.id
-"""
-
-
-def topics_of_sqlite(path: Path) -> Contents:
-    """Return what is in the file.
-
-    Raises:
-        OneBotError: it is no recording.
-    """
+def _sqlite_contents(path: Path) -> _Contents:
     try:
         with closing(_connect(path)) as database:
             topics = dict(database.execute(_TOPICS))
             (count,) = database.execute("SELECT count(*) FROM messages").fetchone()
     except sqlite3.Error as error:
         raise OneBotError(f"{path} is no recording of rosbag2: {error}") from error
-    return Contents(topics, int(count))
+    return _Contents(topics, int(count))
 
 
-def read_sqlite(
+def _read_sqlite(
     path: Path, topics: Collection[str], warn: Callable[[str], None]
 ) -> Iterator[BagMessage]:
-    """Yield the messages of ``topics`` in the order of their times.
-
-    Args:
-        path: the file.
-        topics: names.
-        warn: told if the file is damaged.
-    """
+    """Yield messages by time; of a damaged file, those before the damage."""
     query = _MESSAGES.format(", ".join("?" * len(topics)))
     try:
         with closing(_connect(path)) as database:
@@ -258,109 +318,12 @@ def _connect(path: Path) -> sqlite3.Connection:
     return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
 
 
-MCAP, SQLITE = ".mcap", ".db3"
-# rosbag2's own compression, beside that of the chunks in an MCAP file.
-_COMPRESSED = {"file": "files", "message": "messages"}
-_Read = Callable[[Path, Collection[str], Callable[[str], None]], Iterator[BagMessage]]
-_READERS: Mapping[str, _Read] = {MCAP: read_mcap, SQLITE: read_sqlite}
-_CONTENTS: Mapping[str, Callable[[Path], Contents]] = {
-    MCAP: topics_of_mcap,
-    SQLITE: topics_of_sqlite,
+class _Format(NamedTuple):
+    contents: Callable[[Path], _Contents]
+    read: Callable[[Path, Collection[str], Callable[[str], None]], Iterator[BagMessage]]
+
+
+_FORMATS: Mapping[str, _Format] = {
+    ".mcap": _Format(_mcap_contents, _read_mcap),
+    ".db3": _Format(_sqlite_contents, _read_sqlite),
 }
-
-
-class Bag:
-    """A recording that exists.
-
-    Attributes:
-        source: the file or folder.
-        topics: the type of each topic, ``package/msg/Type``.
-        count: of all messages; 0 where that is not known without reading them.
-        warnings: what is not as it should be, though it can be read; reading may add to them.
-    """
-
-    def __init__(self, source: Path) -> None:
-        """Look into the recording at ``source``.
-
-        Raises:
-            OneBotError: there is none, or none that can be read.
-        """
-        self.source = source
-        self.warnings: list[str] = []
-        self._files = self._find()
-        self.topics: dict[str, str] = {}
-        self.count = 0
-        for file in self._files:
-            contents = _CONTENTS[file.suffix](file)
-            self.topics |= contents.topics
-            self.count += contents.count
-
-    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Return the messages of ``topics``, by the time they were received.
-
-        What is damaged ends the file it is in, with a warning.
-        """
-        for file in self._files:
-            yield from _READERS[file.suffix](file, topics, self.warnings.append)
-
-    # --- files ----------------------------------------------------------------------------------
-
-    def _find(self) -> list[Path]:
-        source = self.source
-        if source.is_dir():
-            return self._in_folder()
-        if not source.exists():
-            raise OneBotError(f"there is no recording {source}")
-        if source.suffix not in _READERS:
-            raise OneBotError(
-                f"{source} is no recording: its name must end in .mcap, .db3 or .rrd, or be that "
-                "of a folder that ros2 bag has made"
-            )
-        return [source]
-
-    def _in_folder(self) -> list[Path]:
-        """The files that metadata.yaml names, or else those that are there."""
-        there = [path for path in self.source.iterdir() if path.suffix in _READERS]
-        information = self._metadata()
-        if information is None:
-            if not there:
-                raise OneBotError(
-                    f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
-                    ".db3 file"
-                )
-            return sorted(there, key=_by_number)
-        mode = str(information.get("compression_mode") or "").lower()
-        if mode in _COMPRESSED:
-            raise OneBotError(
-                f"{self.source} has its {_COMPRESSED[mode]} compressed by rosbag2: "
-                "unpack it by ros2 bag convert"
-            )
-        names = information.get("relative_file_paths") or []
-        files = [self.source / Path(str(name)).name for name in names]
-        missing = [file.name for file in files if not file.is_file()]
-        files = [file for file in files if file.is_file() and file.suffix in _READERS]
-        if not files:
-            raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
-        if missing:
-            self.warnings.append(f"{self.source} lacks {', '.join(missing)}; showing the others")
-        return files
-
-    def _metadata(self) -> Mapping[str, Any] | None:
-        path = self.source / METADATA
-        try:
-            found = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]
-            found.get("relative_file_paths")
-        except OSError:
-            self.warnings.append(f"{self.source} has no {METADATA}; showing the files that it has")
-            return None
-        except (yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError):
-            self.warnings.append(f"{path} is damaged; showing the files beside it")
-            return None
-        information: Mapping[str, Any] = found
-        return information
-
-
-def _by_number(path: Path) -> tuple[object, ...]:
-    """A key that puts x_9 before x_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return tuple(int(part) if part.isdigit() else part for part in parts)

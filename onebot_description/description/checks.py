@@ -468,7 +468,7 @@ def _check_attributes(
 
 def _check_repeats(findings: Findings, element: Element) -> None:
     """Refuse second elements where only one makes sense; readers differ in which they take."""
-    if element.tag not in _SCHEMA or element.tag == "robot":
+    if len(element) < 2 or element.tag not in _SCHEMA or element.tag == "robot":
         return
     for tag, count in Counter(child.tag for child in element).items():
         if tag in _SINGLE and count > 1:

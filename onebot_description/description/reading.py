@@ -154,17 +154,18 @@ def read_numbers(
     text = element.get(attribute)
     if text is None:
         return None
-    written = f'{attribute}="{_cut(text)}"'
     words = text.split()
+    fault = next(filter(None, map(_fault, words)), None)
+    if fault is None and len(words) == count:
+        return tuple(map(float, words))
+    written = f'{attribute}="{_cut(text)}"'
     if "," in text and len(text.replace(",", " ").split()) == count:
         findings.error(element, f"{written} has commas; separate the numbers by spaces")
-    elif fault := next(filter(None, map(_fault, words)), None):
+    elif fault is not None:
         findings.error(element, f"{written}: {fault}")
-    elif len(words) != count:
+    else:
         noun = "number" if count == 1 else "numbers"
         findings.error(element, f"{written} holds {len(words)}; it takes {count} {noun}")
-    else:
-        return tuple(map(float, words))
     return None
 
 

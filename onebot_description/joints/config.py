@@ -32,9 +32,11 @@ _KEYS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class MotionParameters:
-    """What ``motions.<joint>`` says; None is what it does not say."""
+    """The parameters ``motions.<joint>``; None for those that are not given."""
 
-    type: str | None = parameter(None, "kind of motion; empty: told by the rest", choices=(*_KEYS,))
+    type: str | None = parameter(
+        None, "of the motion; if not given, the rest decides", choices=(*_KEYS,)
+    )
     position: float | None = parameter(None, "constant: position to hold, rad or m")
     amplitude: float | None = parameter(None, "sine: rad or m")
     frequency: float | None = parameter(None, "sine: Hz", at_least=0.0)

@@ -77,7 +77,7 @@ def read_parameters(text: str, name: str, node: str) -> Parameters:
 
 @functools.lru_cache(maxsize=8)
 def _sections(text: str, name: str) -> dict[str, Parameters]:
-    """Return what a file says, by section; it is asked for each of several nodes."""
+    """Return a file's parameters by section; it is read for each of several nodes."""
     return _File(name).read(text)
 
 
@@ -193,7 +193,7 @@ class _File(_Yaml):
                 else "put quotes around its texts"
             )
             self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
-        # rcl cannot tell what kind an empty list is of, and takes it as not given.
+        # rcl cannot know the type of an empty list, and takes it as not given.
         return values or None
 
     def _scalar(self, name: str, node: yaml.ScalarNode) -> bool | int | float | str:
@@ -306,13 +306,13 @@ def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
     return found
 
 
-def silence(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
-    """Return a remark if the files have sections, but none for ``node``."""
+def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
+    """Return a warning if the files have sections, but none for ``node``."""
     sections = parameters.sections
     if not sections or any(section_matches(section, node) for section in sections):
         return None
     names = ", ".join(str(file) for file in files)
-    return f"{names} says nothing to {node}, only to {listing(sections)}"
+    return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
 def read_text(file: Path) -> str:
@@ -365,9 +365,9 @@ class LiveParameters:
         return ", ".join(str(file) for file in self.files)
 
     @property
-    def remark(self) -> str | None:
-        """A warning if the files say nothing to this node."""
-        return silence(self.file, self.files, self._node)
+    def warning(self) -> str | None:
+        """A warning if the files have no section for this node."""
+        return no_section(self.file, self.files, self._node)
 
     def add(self, config_file: str) -> None:
         """Take the file of the parameter ``config_file`` as the last of the files.
@@ -416,7 +416,7 @@ class LiveParameters:
         ]
         return {**changes, **dict.fromkeys(gone)}
 
-    def overruled(self, file: Parameters) -> list[str]:
+    def overridden(self, file: Parameters) -> list[str]:
         """Names that were edited in ``file`` in vain, as the command line decides them."""
         edited = (n for n in self._pinned if file.values.get(n) != self.file.values.get(n))
         return list(edited)

@@ -235,7 +235,7 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
 
 
 class _Unknown(Exception):
-    """A name that is no parameter; the text says what would be right."""
+    """A name that is no parameter; its text is what would be right."""
 
 
 def _locate(shape: _Shape, name: str) -> tuple[tuple[str, ...], _Shape]:
@@ -322,7 +322,7 @@ def values_of(config: Any) -> dict[str, Any]:
 
 
 def _leaves(shape: _Group, prefix: str, value: Any) -> Iterator[tuple[str, ValueType, Any]]:
-    """All parameters with names of their own, with what ``value`` or else the class says."""
+    """All parameters with fixed names, each with its value in ``value`` or else its default."""
     for field in shape.fields:
         default = getattr(value, field.field) if value is not None else field.default
         if isinstance(field.shape, _Group):
@@ -397,7 +397,7 @@ class _Reading:
         return tree
 
     def build(self, shape: _Shape, content: Any, key: str) -> Any:
-        """Return what ``content`` says; REQUIRED if that cannot be known."""
+        """Return ``content`` checked; REQUIRED if it is wrong."""
         if isinstance(shape, ValueType):
             try:
                 return shape.checked(content)
@@ -481,7 +481,7 @@ def declare(
         kind: a dataclass of parameters.
         values: by name, instead of the defaults; also of names that only the user knows, None
             for one that the command line sets.
-        fixed: by name, what counts whatever the command line says.
+        fixed: by name, values that override the command line.
 
     Returns:
         All values in force, by dotted name.
@@ -504,7 +504,7 @@ def _declare(
         return
     empty, unlimited = default == [], ParameterDescriptor(dynamic_typing=True)
     try:
-        # Of an empty list rclpy cannot tell what kind it is: such is set afterwards.
+        # rclpy cannot know the type of an empty list: it is set afterwards.
         first, now = (None, unlimited) if empty else (default, final)
         node.declare_parameter(name, first, now, ignore_override)
     except InvalidParameterValueException:

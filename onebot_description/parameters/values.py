@@ -66,7 +66,11 @@ class ValueType:
     optional: bool = False  # None and an empty list are "not given"
 
     def checked(self, value: Any) -> Any:
-        """Return ``value`` checked; a ValueError says what is wrong and what would be right."""
+        """Return ``value`` checked.
+
+        Raises:
+            ValueError: what is wrong and what would be right.
+        """
         if self.optional and (value is None or _is_list(value) and not len(value)):
             return None
         if value is None:

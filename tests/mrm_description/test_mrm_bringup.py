@@ -128,7 +128,7 @@ def test_a_joints_file_for_another_namespace_is_noticed(start: Start, tmp_path: 
     path.write_text(path.read_text().replace("/**/", ""))
     running = start("namespace:=left", f"joints:={path}")
     running.wait_for_out("starting")
-    assert "says nothing to /left/joint_state_publisher" in running.err
+    assert "has no section for /left/joint_state_publisher" in running.err
     assert "/**/joint_state_publisher:" in running.err
     stop(running)
 

@@ -12,7 +12,7 @@ from tests.support import wait_for
 
 BRINGUPS = {
     "onebot_bringup.launch.onebot_bringup": "driving robot",
-    "mrm_description.launch.mrm_bringup": "robot description taken up",
+    "mrm_description.launch.mrm_bringup": "robot description applied",
 }
 NODES = 4
 

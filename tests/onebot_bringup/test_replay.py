@@ -72,6 +72,7 @@ def to_rrd(folder, path, **options):
     return shown, said
 
 
+@pytest.mark.slow
 def test_shows_the_robot_where_it_was(tmp_path):
     """At the end of its time the recorded arm stands where its last transform says."""
     require_renderer()
@@ -87,6 +88,7 @@ def test_shows_the_robot_where_it_was(tmp_path):
     assert 0.5 < column < 0.9  # +y is to the right; the base, in the middle of it all, is at 0
 
 
+@pytest.mark.slow
 def test_plays_from_the_beginning(tmp_path):
     """The viewer has the whole time on its timeline, and its layout plays it from the start."""
     require_renderer()
@@ -108,6 +110,7 @@ def test_plays_from_the_beginning(tmp_path):
         assert "tip" in str(graph)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stamps_from", [0, 5 * SECOND])
 def test_simulated_stamps(tmp_path, stamps_from):
     """What has no stamp is shown in the time of what has, be that simulated."""
@@ -292,6 +295,7 @@ def replaying(recording, log):
         replay.wait()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bag", "a.rrd"])
 def test_serves_until_interrupted(tmp_path, kind):
     """A viewer that comes later gets the robot; Ctrl-C ends it all with exit code 0."""
@@ -319,6 +323,7 @@ def test_a_rrd_file_with_nothing_in_it_is_warned_of(tmp_path):
         assert f"warning: {tmp_path}/a.rrd holds nothing to draw" in log.read_text()
 
 
+@pytest.mark.slow
 def test_serves_a_rrd_file(tmp_path):
     """What a .rrd file holds comes out of the server it is replayed by."""
     require_renderer()

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 from geometry_msgs.msg import Transform, TransformStamped, Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
@@ -75,6 +76,7 @@ class Driver:
         return self.steps > 31
 
 
+@pytest.mark.slow
 def test_late_viewers_and_the_file_show_trails_and_speeds(ros_domain, tmp_path):
     """A viewer that joins in mid-drive has the way so far; the file has it all."""
     require_renderer()

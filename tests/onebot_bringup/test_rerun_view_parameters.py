@@ -42,6 +42,7 @@ def _value(peer: Peer, name: str) -> object:
     return parameter_value_to_python(future.result().values[0])
 
 
+@pytest.mark.slow
 def test_a_switch_shows_at_once_and_is_saved_with_the_comments(ros_domain, tmp_path):
     """RViz's check boxes: a viewer that is open shows the change; the file takes it."""
     require_renderer()

@@ -83,6 +83,7 @@ def _page(node: NodeProcess) -> str:
     ]
 
 
+@pytest.mark.slow
 def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
     """A viewer joining later, and the file opened after the end, show link by link what moved."""
     require_renderer()

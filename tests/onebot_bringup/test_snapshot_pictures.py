@@ -16,6 +16,8 @@ from tests.onebot_bringup.test_viewer_scene import _record
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.support_rendering import center, colored, pixels, require_renderer
 
+pytestmark = pytest.mark.slow
+
 SIZE = ("--width", "480", "--height", "320")
 
 

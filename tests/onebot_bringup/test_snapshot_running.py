@@ -16,6 +16,8 @@ from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 from tests.support_rendering import colored, pixels, require_renderer
 
+pytestmark = pytest.mark.slow
+
 PUBLISHER = "onebot_description.robot_state_publisher"
 
 

@@ -25,6 +25,8 @@ from tests.support import wait_for
 from tests.support_browser import browser, hosts_reached
 from tests.support_rendering import colored, pixels
 
+pytestmark = pytest.mark.slow
+
 ONEBOT = package_share("onebot_description") / "urdf" / "onebot.urdf.xacro"
 TOPIC = "/velocity_controller/cmd_vel"
 STILL = Twist()

@@ -105,6 +105,7 @@ class _Traffic:
         return self._bytes
 
 
+@pytest.mark.slow
 def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, tmp_path):
     """The robot is seen in its colour, all of it coming through the one guarded port."""
     (tmp_path / "view.yaml").write_text(VIEW)
@@ -128,6 +129,7 @@ def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, t
         assert not [line for line in log if "WebAssembly" in line["message"]], log
 
 
+@pytest.mark.slow
 def test_the_view_comes_through_one_forwarded_port(ros_domain, tmp_path):
     """As by ssh -L: the browser knows another port, and gets page and data there."""
     with _viewer(ros_domain), steering() as node, browser(tmp_path / "profile") as page:

@@ -198,6 +198,7 @@ def _picture(file: Path):
     return pixels(file.with_suffix(".png"))
 
 
+@pytest.mark.slow
 def test_the_ellipse_lies_around_the_pose_as_large_as_it_is_unsure(tmp_path):
     """Two deviations of 0.6 m along x and 0.2 m along y: upright in this picture, 3:1."""
     require_renderer()
@@ -214,6 +215,7 @@ def test_the_ellipse_lies_around_the_pose_as_large_as_it_is_unsure(tmp_path):
     assert inside[1] - outside[1] > 5, "and a thin fill"
 
 
+@pytest.mark.slow
 def test_it_follows_the_covariance_and_goes_when_that_is_unknown(tmp_path):
     """The last one counts; of one unknown in the end nothing is left, and no error."""
     require_renderer()
@@ -259,6 +261,7 @@ def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
     assert chunks(tmp_path / "x.rrd", "/covariance/pose/place") == []
 
 
+@pytest.mark.slow
 def test_a_late_viewer_of_a_full_server_has_the_ellipse(tmp_path, monkeypatch):
     """With the memory limit reached many times over, it is still shown."""
     require_renderer()

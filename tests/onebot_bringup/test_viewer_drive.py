@@ -78,6 +78,7 @@ def _picture(file: Path):
     return pixels(file.with_suffix(".png"))
 
 
+@pytest.mark.slow
 def test_trails_lie_where_the_robot_was(tmp_path):
     """Opened later, the file shows both trails whole, each in its colour and place."""
     require_renderer()
@@ -91,6 +92,7 @@ def test_trails_lie_where_the_robot_was(tmp_path):
     assert columns.size > 0.98 * np.ptp(columns), "without gaps"
 
 
+@pytest.mark.slow
 def test_a_trail_is_as_long_as_asked(tmp_path):
     """Only the way of the last second is drawn: a metre of four; the file has all."""
     require_renderer()
@@ -103,6 +105,7 @@ def test_a_trail_is_as_long_as_asked(tmp_path):
     assert 0.2 < short / long < 0.4, "0 is all of it"
 
 
+@pytest.mark.slow
 def test_speeds_are_plotted(tmp_path):
     """Two plots with both curves each, without an error; the file has every value."""
     require_renderer()
@@ -125,6 +128,7 @@ def test_speeds_are_plotted(tmp_path):
         assert rows.size and rows.min() < 360 < rows.max(), "a level line in either plot"
 
 
+@pytest.mark.slow
 def test_a_late_viewer_of_a_full_server_has_the_end_of_the_trail(tmp_path):
     """With the memory limit reached many times over, the newest part of the trail remains."""
     require_renderer()
@@ -143,6 +147,7 @@ def test_a_late_viewer_of_a_full_server_has_the_end_of_the_trail(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
     """A truth in "world" appears, from its start, once the static transform comes."""
     require_renderer()
@@ -166,6 +171,7 @@ def test_a_trail_in_another_frame_waits_for_it_and_says_so(tmp_path):
         assert colored(pixels(still(client)), MAGENTA).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [11, 501])
 def test_the_camera_keeps_its_distance_to_a_moving_robot(tmp_path, steps):
     """After 1 m and after 50 m the followed link stands in the middle, as large as before."""
@@ -178,6 +184,7 @@ def test_the_camera_keeps_its_distance_to_a_moving_robot(tmp_path, steps):
     np.testing.assert_allclose(center(blue), [0.5, 0.5], atol=0.06)
 
 
+@pytest.mark.slow
 def test_a_followed_link_without_a_visual_is_followed_by_its_axes(tmp_path):
     """And one that does not exist is said."""
     require_renderer()
@@ -205,6 +212,7 @@ def test_a_followed_link_without_a_visual_is_followed_by_its_axes(tmp_path):
     assert (np.ptp(middle, axis=2) > 60).any()
 
 
+@pytest.mark.slow
 def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
     """Without odom the robot stands in its own frame; when odom comes, it drives in that."""
     require_renderer()

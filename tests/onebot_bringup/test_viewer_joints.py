@@ -280,6 +280,7 @@ def _recorded(tmp_path: Path, urdfs, view=VIEW) -> Path:
     return tmp_path / "x.rrd"
 
 
+@pytest.mark.slow
 def test_the_range_is_drawn_in_the_robot_in_the_colour_of_the_curve(tmp_path):
     """And the limits in the plot, without an error; a view that does not ask has none of it."""
     require_renderer()
@@ -300,6 +301,7 @@ def test_the_range_is_drawn_in_the_robot_in_the_colour_of_the_curve(tmp_path):
     assert seen[0][1] > seen[1][1]
 
 
+@pytest.mark.slow
 def test_a_new_description_has_its_own_limits_at_once(tmp_path):
     """The plot's lines move; a joint that has lost its limits loses its marks."""
     require_renderer()

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -48,6 +49,7 @@ def _drive(live: RobotView, start: int, steps: int = 20) -> None:
         live.tick(stamp)
 
 
+@pytest.mark.slow
 def test_another_view_takes_effect_on_what_is_on_show(tmp_path):
     """A trail in another colour, whole; then none at all, without an error; then axes."""
     require_renderer()
@@ -76,6 +78,7 @@ def test_another_view_takes_effect_on_what_is_on_show(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_the_same_view_again_leaves_the_user_s_layout_alone(tmp_path):
     """Nothing is sent unless something changed: what was arranged in the viewer stays."""
     require_renderer()
@@ -93,6 +96,7 @@ def test_the_same_view_again_leaves_the_user_s_layout_alone(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_a_layout_arranged_and_saved_in_the_page_is_shown_again(tmp_path):
     """In Chromium: open the list of views, save the layout, download it, load it: the same."""
     require_renderer()

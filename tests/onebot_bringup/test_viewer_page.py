@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from std_msgs.msg import String
 
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
@@ -9,6 +10,8 @@ from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 from tests.support_browser import browser, hosts_reached
 from tests.support_rendering import colored, pixels
+
+pytestmark = pytest.mark.slow
 
 
 def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):

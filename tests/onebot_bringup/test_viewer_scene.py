@@ -73,6 +73,7 @@ def _wait_until_shown(client, *colors: tuple[int, int, int]) -> None:
     wait_for(shown, f"the colours {colors} in the picture")
 
 
+@pytest.mark.slow
 def test_a_recording_shows_the_robot_solid_in_its_colours_in_its_place(tmp_path, view):
     """Opened later, the file shows a blue box on the left and an orange cylinder on the right."""
     require_renderer()
@@ -90,6 +91,7 @@ def test_a_recording_shows_the_robot_solid_in_its_colours_in_its_place(tmp_path,
     assert (np.abs(image - np.array(ORANGE)).max(axis=2) <= 40).any()
 
 
+@pytest.mark.slow
 def test_the_default_view_shows_everything_without_complaint(tmp_path):
     """Without a saved view the robot fills the view, with frames, curves and no error."""
     require_renderer()
@@ -105,6 +107,7 @@ def test_the_default_view_shows_everything_without_complaint(tmp_path):
     assert colored(image, BLUE).mean() > 0.02 and colored(image, ORANGE).mean() > 0.02
 
 
+@pytest.mark.slow
 def test_collision_shapes_are_shown_when_asked(tmp_path, view):
     """The same file with collision: true is covered by translucent shapes."""
     require_renderer()
@@ -120,6 +123,7 @@ def test_collision_shapes_are_shown_when_asked(tmp_path, view):
     assert background[True] < background[False] - 0.05
 
 
+@pytest.mark.slow
 def test_a_new_description_replaces_the_robot_for_open_and_later_viewers(view):
     """Shapes, frames and colours of the old robot are gone, whoever looks and whenever."""
     require_renderer()
@@ -161,6 +165,7 @@ def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
     """A Collada file in inches with its own colours, an OBJ with and without a material."""
     require_renderer()
@@ -192,6 +197,7 @@ def test_an_unreadable_mesh_is_named_and_the_rest_is_shown(tmp_path):
     assert 'link "base"' in problem and "/nowhere/x.stl" in problem
 
 
+@pytest.mark.slow
 def test_static_transforms_all_survive_in_a_file(tmp_path):
     """Twenty fixed frames, sent in three messages, are all there when it is opened later."""
     require_renderer()
@@ -223,6 +229,7 @@ def test_static_transforms_all_survive_in_a_file(tmp_path):
         assert _reports(client) == []
 
 
+@pytest.mark.slow
 def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatch):
     """With the memory limit reached many times over, layout, shapes and slow frames remain."""
     require_renderer()
@@ -297,6 +304,7 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_frames_carry_the_prefix(tmp_path):
     """With a frame_prefix, links follow the prefixed frames."""
     require_renderer()
@@ -313,6 +321,7 @@ def test_frames_carry_the_prefix(tmp_path):
         assert colored(pixels(still(client)), ORANGE).any()
 
 
+@pytest.mark.slow
 def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
     """A .rbl takes the place of the view, as it was saved."""
     require_renderer()
@@ -328,6 +337,7 @@ def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
         assert [view.name for view in client.get_state().views] == ["My own"]
 
 
+@pytest.mark.slow
 def test_the_camera_follows_a_link(tmp_path, view):
     """A robot that drives 50 m away stays in the picture."""
     require_renderer()

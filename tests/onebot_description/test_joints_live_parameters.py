@@ -37,7 +37,7 @@ def test_the_command_line_comes_first(tmp_path: Path) -> None:
     write(file, "rate: 6, delta: 0.2")
     fresh = live.read()
     assert live.changes(fresh, current) == {"delta": 0.2}
-    assert live.overruled(fresh) == ["rate"]
+    assert live.overridden(fresh) == ["rate"]
 
 
 def test_places_are_only_of_what_the_file_decided(tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ import pytest
 
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.files import (
+    no_section,
     plain_value,
     read_files,
     read_map,
     read_parameters,
     section_matches,
-    silence,
 )
 from onebot_description.parameters.reader import ConfigError
 
@@ -181,9 +181,9 @@ def test_files_that_say_nothing_to_the_node_are_told(tmp_path: Path) -> None:
     file = tmp_path / "one.yaml"
     file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")
     node = "/joint_state_publisher"
-    remark = silence(read_files([file], node, JointsConfig), [file], node)
-    assert remark is not None
-    assert "says nothing to /joint_state_publisher, only to /joint_state_publishr" in remark
+    warning = no_section(read_files([file], node, JointsConfig), [file], node)
+    assert warning is not None
+    assert "has no section for /joint_state_publisher, only for /joint_state_publishr" in warning
 
 
 def test_a_missing_file_is_told(tmp_path: Path) -> None:

@@ -149,6 +149,7 @@ def test_rerun_shows_every_combination_without_complaint(combination):
             assert load_shape(visual.shape).colored
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", ["true", "false"])
 def test_the_picture_shows_the_robot(tmp_path, mesh):
     """Drawn by Rerun, the white shell, the dark tyres and, with meshes, the orange are seen."""

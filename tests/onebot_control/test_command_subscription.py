@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_control.velocity_controller import CommandTopic
+from onebot_control.velocity_controller import CommandSubscription
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -15,7 +15,7 @@ TOPIC = "/driver/cmd_vel"
 
 
 class Driver:
-    """A node with a CommandTopic that looks at its publishers every 20 ms."""
+    """A node with a CommandSubscription that looks at its publishers every 20 ms."""
 
     def __init__(self, domain: int) -> None:
         self.peer = Peer(domain, "driver")
@@ -23,10 +23,10 @@ class Driver:
         self.commands: list[tuple[float, float, int | None]] = []
         self.warnings: list[tuple[str, str]] = []
         self._jobs: SimpleQueue[Callable[[], object]] = SimpleQueue()
-        self.topic: CommandTopic
+        self.topic: CommandSubscription
 
     def start(self, choice: str) -> None:
-        self.topic = CommandTopic(
+        self.topic = CommandSubscription(
             self.peer.node,
             choice,
             lambda *command: self.commands.append(command),
