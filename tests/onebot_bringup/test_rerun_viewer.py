@@ -166,13 +166,16 @@ def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"viewer": "rviz"}, "viewer:=rviz: there is no such viewer"),
+        ({"viewer": "rviz"}, 'viewer: no "rviz" (known: native, none, web)'),
         ({"save": "x.txt", "viewer": "none"}, "must end in .rrd"),
-        ({"view": "/nowhere/view.yaml"}, "/nowhere/view.yaml: No such file"),
+        ({"view": "/nowhere/view.yaml"}, "/nowhere/view.yaml: cannot be read: No such file"),
         ({"view": "/nowhere/view.rbl"}, "/nowhere/view.rbl: there is no such file"),
-        ({"memory_limit": "lots"}, "write a size such as 256MB"),
-        ({"web_port": 100000}, "100000 is no port"),
-        ({"web_port": "many"}, "web_port"),
+        (
+            {"memory_limit": "lots"},
+            'memory_limit: "lots" is not possible; write a size such as 256MB',
+        ),
+        ({"web_port": 100000}, "web_port: 100000 is above 65535; write a number from 0 to 65535"),
+        ({"web_port": "many"}, 'web_port: "many" is a text; write a whole number'),
     ],
 )
 def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, said):
