@@ -22,7 +22,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.cli.main import Parser
+from onebot_bringup.cli.options import Parser
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording

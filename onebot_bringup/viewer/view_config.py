@@ -22,6 +22,7 @@ Example (every key may be left out)::
       lines:
         commanded: {topic: velocity_controller/cmd_vel, type: auto}
         measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
+    paths: {visible: true, topics: [plan, path], width: 0.02}   # of nav_msgs/Path; metres
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 

@@ -2,7 +2,6 @@
 
 import re
 import signal
-import time
 import urllib.request
 from pathlib import Path
 
@@ -107,9 +106,7 @@ def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
             graph = client.get_transform_graph(frame_filter="named")
             assert [(e["parent"], e["child"]) for e in graph["edges"]] == [("base", "tip")]
             assert [view.reports for view in client.get_state().views] == [[]]
-        started = time.monotonic()
         assert node.interrupt() == 0
-        assert time.monotonic() - started < 5.0
     render(file, tmp_path / "run.png", 640, 480)
     image = pixels(tmp_path / "run.png")
     blue, orange = colored(image, BLUE), colored(image, ORANGE)

@@ -1,0 +1,338 @@
+"""The READMEs' tables of topics, services and parameters say what the nodes have on the wire.
+
+An entry such as "each of `source_list`" stands for the topics that the test makes the node use. A
+default in backticks is the value that a parameter has when nobody sets it; one without is of a
+parameter that is declared only when it is given.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from geometry_msgs.msg import Twist
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from std_msgs.msg import String
+
+from onebot_description.description import load_description
+from tests.readme import CHECKOUT
+from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.support import wait_for
+
+JOINTS = ("constant", "sine", "keyframes", "posed_keyframes", "pose", "follower", "free")
+MANY_JOINTS = '<robot name="many"><link name="base"/>{}</robot>'.format(
+    "".join(
+        f'<link name="{name}_link"/><joint name="{name}" type="continuous"><parent link="base"/>'
+        f'<child link="{name}_link"/></joint>'
+        for name in JOINTS
+    )
+)
+ONEBOT = load_description(CHECKOUT / "onebot_description/urdf/onebot.urdf.xacro").urdf
+
+# What every ROS node has.
+COMMON_TOPICS = {"/rosout", "/parameter_events"}
+COMMON_PARAMETERS = ("use_sim_time", "start_type_description_service")
+COMMON_SERVICES = re.compile(r".*/(\w*_parameters?\w*|get_type_description)")
+
+TYPES = {
+    ParameterType.PARAMETER_BOOL: "bool",
+    ParameterType.PARAMETER_INTEGER: "int",
+    ParameterType.PARAMETER_DOUBLE: "double",
+    ParameterType.PARAMETER_STRING: "string",
+    ParameterType.PARAMETER_INTEGER_ARRAY: "int[]",
+    ParameterType.PARAMETER_DOUBLE_ARRAY: "double[]",
+    ParameterType.PARAMETER_STRING_ARRAY: "string[]",
+}
+NUMBERS = {"number": ("int", "double"), "number[]": ("int[]", "double[]")}
+
+
+@dataclass(frozen=True)
+class Documented:
+    """A node as its package's README describes it, and how to start it."""
+
+    module: str
+    # Parameters; "TMP" in a text is the test's folder.
+    least: Mapping[str, Any] = field(default_factory=dict)  # without which it does not start
+    most: Mapping[str, Any] = field(default_factory=dict)  # with which it has all there is to have
+    argument: str = ""
+    description: str = ""  # on the topic robot_description
+    topics: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of entries in words
+
+    @property
+    def name(self) -> str:
+        return self.module.rpartition(".")[2]
+
+    def table(self, heading: str) -> list[list[str]]:
+        """The cells of the table below this heading; none if there is no such heading."""
+        file = CHECKOUT / self.module.partition(".")[0] / "README.md"
+        node = _section(file.read_text(), f"## {self.name}")
+        assert node, f"{file} has no section {self.name}"
+        rows = [line for line in _section(node, f"### {heading}").splitlines() if line[:1] == "|"]
+        return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[2:]]
+
+    def documented(self, heading: str) -> dict[str, list[str]]:
+        """The other cells of a table of topics or services, by full name."""
+        found = {}
+        for entry, *cells in self.table(heading):
+            for name in self.topics.get(entry) or re.findall(r"`([^`]+)`", entry):
+                found[_full(name, self.name)] = cells
+        return found
+
+    @contextmanager
+    def running(self, parameters: Mapping[str, Any], folder: Path) -> Iterator[None]:
+        """The node, with these parameters."""
+        file = folder / "parameters.yaml"
+        file.write_text(
+            yaml.safe_dump({"/**": {"ros__parameters": parameters}}).replace("TMP", str(folder))
+        )
+        arguments = [self.argument] if self.argument else []
+        with NodeProcess(self.module, *arguments, "--ros-args", "--params-file", str(file)):
+            yield
+
+
+def _section(text: str, heading: str) -> str:
+    """What is below a heading, down to the next one of its level or above."""
+    level = heading.index(" ")
+    found = re.search(rf"^{heading}\n(.*?)(?=^#{{2,{level}}} |\Z)", text, re.MULTILINE | re.DOTALL)
+    return found[1] if found else ""
+
+
+def _full(name: str, node: str) -> str:
+    return f"/{node}{name[1:]}" if name[0] == "~" else f"/{name.lstrip('/')}"
+
+
+WHEELS = {"left_wheel_names": ["left_wheel_joint"], "right_wheel_names": ["right_wheel_joint"]}
+NODES = (
+    Documented(
+        "onebot_description.robot_state_publisher",
+        argument=str(CHECKOUT / "mrm_description/urdf/mrm.xacro"),
+    ),
+    Documented(
+        "onebot_description.joint_state_publisher",
+        most={
+            "source_list": ["more"],
+            "zeros": {"free": 0.1},
+            "dependent_joints": {"follower": {"parent": "sine", "factor": 0.1, "offset": 0.2}},
+            "poses": {
+                "low": {"free": 0.1, "pose": 0.1, "posed_keyframes": 0.1},
+                "high": {"free": 0.2, "posed_keyframes": 0.2},
+            },
+            "sequence": {
+                "poses": ["low", "high"],
+                "durations": [1.0, 1.0],
+                "blend": "linear",
+                "loop": True,
+            },
+            "motions": {
+                "constant": {"type": "constant", "position": 0.1},
+                "sine": {"amplitude": 0.1, "frequency": 0.1, "phase": 0.1, "offset": 0.1},
+                "keyframes": {
+                    "times": [0.0, 1.0],
+                    "positions": [0.0, 0.1],
+                    "blend": "linear",
+                    "loop": True,
+                },
+                "posed_keyframes": {"times": [0.0, 1.0], "poses": ["low", "high"]},
+                "pose": {"pose": "low"},
+            },
+        },
+        description=MANY_JOINTS,
+        topics={"each of `source_list`": ("more",)},
+    ),
+    Documented(
+        "onebot_control.velocity_controller",
+        least=WHEELS,
+        most={**WHEELS, "publish_limited_velocity": True, "real_time_factor": 2.0},
+        description=ONEBOT,
+    ),
+    Documented(
+        "onebot_bringup.viewer.rerun_viewer",
+        most={"viewer": "none", "save": "TMP/run.rrd", "view": "TMP/view.yaml"},
+        topics={"topics of the view": ("trail", "commanded")},
+    ),
+    Documented(
+        "onebot_bringup.steering.steering_page",
+        most={"odom_topic": "where"},
+        topics={"`odom_topic` (parameter)": ("where",)},
+    ),
+    Documented(
+        "onebot_bringup.bags.bag_recorder",
+        least={"folder": "TMP/run"},
+        most={"folder": "TMP/run"},
+        topics={"every other topic": ("chatter", "velocity_controller/cmd_vel")},
+    ),
+)
+VIEW = {
+    "axes": {"frames": ["base_link"]},
+    "background": [1, 2, 3],
+    "camera": {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0]},
+    "trails": {"odometry": {"topic": "trail"}},
+    "speeds": {"lines": {"commanded": {"topic": "commanded", "type": "Twist"}}},
+}
+
+
+@pytest.fixture
+def peer(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Peer]:
+    for display in ("DISPLAY", "WAYLAND_DISPLAY"):  # no node opens a page
+        monkeypatch.delenv(display, raising=False)
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+@contextmanager
+def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder: Path) -> Any:
+    (folder / "view.yaml").write_text(yaml.safe_dump(VIEW))
+    peer.node.create_publisher(String, "chatter", 10)
+    peer.node.create_subscription(Twist, "velocity_controller/cmd_vel", lambda _: None, 10)
+    latched = peer.node.create_publisher(String, "robot_description", LATCHED)
+    if node.description:
+        latched.publish(String(data=node.description))
+    with node.running(parameters, folder):
+        wait_for(lambda: node.name in peer.node.get_node_names(), node.name)
+        yield
+
+
+@pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
+def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
+    """The tables hold every topic, service and parameter of the node, and nothing else."""
+    with running(node, node.most, peer, tmp_path):
+        _check_topics(node, peer)
+        _check_parameters(_parameter_rows(node), _parameters(peer, node.name))
+
+
+@pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
+def test_defaults(node: Documented, peer: Peer, tmp_path: Path) -> None:
+    """A parameter that nobody sets has the default that the README gives."""
+    rows = _parameter_rows(node)
+    with running(node, node.least, peer, tmp_path):
+        live = _parameters(peer, node.name)
+    assert {name for name in live if not _row_of(name, rows)} <= set(COMMON_PARAMETERS)
+    for name, (_, default, _) in rows.items():
+        if default.startswith("`"):
+            value = live[name][1]
+            assert _same(value, yaml.safe_load(default.strip("`"))), f"{name}: {value}"
+
+
+def _check_topics(node: Documented, peer: Peer) -> None:
+    graph = peer.node
+    for heading, ask, ends in (
+        (
+            "Published topics",
+            graph.get_publisher_names_and_types_by_node,
+            graph.get_publishers_info_by_topic,
+        ),
+        (
+            "Subscribed topics",
+            graph.get_subscriber_names_and_types_by_node,
+            graph.get_subscriptions_info_by_topic,
+        ),
+        ("Services", graph.get_service_names_and_types_by_node, None),
+    ):
+        documented = node.documented(heading)
+        live = _settled(lambda ask=ask: _live(ask, node.name), set(documented))
+        assert set(live) == set(documented), heading
+        for name, types in live.items():
+            known = re.findall(r"\w+/\w+/\w+", documented[name][0])
+            # "every other topic" is of any type.
+            assert not known or set(types) <= set(known), name
+            if ends is not None:
+                _check_qos(documented[name][1], node.name, ends(name))
+
+
+def _check_parameters(rows: Mapping[str, list[str]], live: Mapping[str, tuple[str, Any]]) -> None:
+    used = set()
+    for name, (kind, _) in live.items():
+        row = _row_of(name, rows)
+        if row:
+            written = rows[row][0]
+            assert kind in ("", *NUMBERS.get(written, (written,))), f"{name}: {kind}"
+            used.add(row)
+        else:
+            assert name in COMMON_PARAMETERS, f"{name} is not in the README"
+    assert used == set(rows)
+
+
+def _live(ask: Any, node: str) -> dict[str, list[str]]:
+    found = dict(ask(node, "/"))
+    return {
+        name: types
+        for name, types in found.items()
+        if name not in COMMON_TOPICS and not COMMON_SERVICES.fullmatch(name)
+    }
+
+
+def _settled(ask: Any, names: set[str]) -> Any:
+    """What there is, as soon as it is what it should be, or after a long time."""
+    with suppress(AssertionError):
+        wait_for(lambda: set(ask()) == names, "the topics", timeout=30)
+    return ask()
+
+
+def _check_qos(documented: str, node: str, ends: Any) -> None:
+    if documented == "as published":
+        return
+    [qos] = {
+        (end.qos_profile.reliability, end.qos_profile.durability)
+        for end in ends
+        if end.node_name == node
+    }
+    assert qos == (
+        ReliabilityPolicy.BEST_EFFORT
+        if "best effort" in documented
+        else ReliabilityPolicy.RELIABLE,
+        DurabilityPolicy.TRANSIENT_LOCAL
+        if "transient local" in documented
+        else DurabilityPolicy.VOLATILE,
+    ), documented
+
+
+def _parameter_rows(node: Documented) -> dict[str, list[str]]:
+    """Type, default and meaning by name."""
+    return {
+        name: cells
+        for entry, *cells in node.table("Parameters")
+        for name in re.findall(r"`([^`]+)`", entry)
+    }
+
+
+def _row_of(name: str, rows: Mapping[str, Any]) -> str:
+    """The row that a parameter is in: its own, or the one that has a word such as <joint>."""
+    patterns = {row: re.sub(r"<\w+>", r"\\w+", row.replace(".", r"\.")) for row in rows}
+    found = [row for row, pattern in patterns.items() if re.fullmatch(pattern, name)]
+    return name if name in rows else next(iter(found), "")
+
+
+def _parameters(peer: Peer, node: str) -> dict[str, tuple[str, Any]]:
+    """Type and value of each; no type where there is no value, or where it is an empty list."""
+    listed = _call(peer, ListParameters, f"/{node}/list_parameters", ListParameters.Request())
+    found = {}
+    for name in listed.result.names:
+        request = GetParameters.Request(names=[name])
+        values = _call(peer, GetParameters, f"/{node}/get_parameters", request).values
+        value = parameter_value_to_python(values[0]) if values else None
+        empty = value is None or (not isinstance(value, str) and value == [])
+        found[name] = ("" if empty else TYPES[values[0].type], value)
+    return found
+
+
+def _call(peer: Peer, kind: Any, name: str, request: Any) -> Any:
+    client = peer.node.create_client(kind, name)
+    assert client.wait_for_service(60.0), name
+    future = client.call_async(request)
+    wait_for(future.done, name)
+    peer.node.destroy_client(client)
+    return future.result()
+
+
+def _same(value: Any, default: Any) -> bool:
+    if isinstance(default, float) and math.isnan(default):
+        return math.isnan(value)
+    return bool(value == default)
