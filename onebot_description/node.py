@@ -1,4 +1,6 @@
-"""What every node's ``main`` shares: start, spin, stop cleanly, and say one clear error."""
+"""Run a node: its arguments, signals and errors, its QoS and description, its repeated warnings."""
+
+from __future__ import annotations
 
 import argparse
 import math
@@ -27,23 +29,18 @@ from onebot_description.description.packages import package_share, use_environme
 from onebot_description.errors import OneBotError
 from onebot_description.signals import StopSignals
 
+# For those who subscribe later than it was published: the description, a page's address.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# To subscribe to static transforms: of many publishers, each with a last message of its own.
+STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# To subscribe to any publisher, and never to make one wait.
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
-_A_YEAR = 365.0 * 24 * 3600
+_A_YEAR = 365.0 * 24 * 3600  # seconds
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-
-
-def use_quick_discovery() -> None:
-    """Announce this process often; call it before rclpy is initialised.
-
-    Fast DDS 2.14 announces a participant before it listens, so that about every other first answer
-    is lost, and the next announcement is 3 s away. On this host alone, five small packets a second
-    cost nothing. A wider discovery range, and a profile of the user's own, are left as they are.
-    """
-    if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") != "LOCALHOST":
-        return
-    if not any(os.environ.get(name) for name in _PROFILES):
-        profile = package_share("onebot_description") / "config/quick_discovery.xml"
-        os.environ[_PROFILES[0]] = str(profile)
+_DESCRIPTION = "robot_description"  # name of the topic and of the parameter
+_PATIENCE = 2.0  # seconds without a description before a warning
 
 
 def run_node(
@@ -67,7 +64,7 @@ def run_node(
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy raises several kinds, none of them public
-            return complain(f"bad ROS arguments: {_first_line(error)}")
+            return _fail(f"bad ROS arguments: {_first_line(error)}")
         try:
             return _spin(make_node, stop, signals, events)
         finally:
@@ -86,11 +83,11 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except OneBotError as error:
-        return complain(str(error))
+        return _fail(str(error))
     except InvalidParameterTypeException as error:
-        return complain(_wrong_type(error))
+        return _fail(_wrong_type(error))
     except ParameterUninitializedException as error:
-        return complain(f"{error}; set it with -p name:=value or --params-file")
+        return _fail(f"{error}; set it with -p name:=value or --params-file")
     finally:
         if executor is not None and node is not None:
             executor.remove_node(node)
@@ -125,7 +122,7 @@ def _finish(stop: Future) -> None:
 
 
 def _wrong_type(error: InvalidParameterTypeException) -> str:
-    """Say what to write, because ROS parameters are strictly typed (10 is no double)."""
+    """Return what to write instead: ROS parameters are strictly typed (10 is no double)."""
     text = str(error)
     remedy = "write the number with a decimal point, as in 10.0" if "DOUBLE" in text else ""
     return f"{text}; {remedy}" if remedy else text
@@ -136,27 +133,81 @@ def _first_line(error: BaseException) -> str:
     return lines[0] if lines else type(error).__name__
 
 
-def complain(message: str) -> int:
+def run_described_node(
+    name: str,
+    explanation: str | None,
+    make_node: Callable[[str | None, RosArguments], Node],
+    check_files: Callable[[Sequence[Path]], object],
+    args: Sequence[str] | None,
+    *,
+    default_file: Callable[[], Path] | None = None,
+    events: bool = False,
+) -> int:
+    """Run a node whose command line is ``[FILE] [--ros-args ...]``.
+
+    Args:
+        name: of the program, for its help.
+        explanation: its help; the module's docstring.
+        make_node: called with FILE, or None, and the command line's parameter files and names.
+        check_files: called with the parameter files before rcl sees them. rcl would refuse a
+            broken one too, but without saying where or what to write.
+        args: arguments as in sys.argv; None for sys.argv itself.
+        default_file: gives the parameter file to use where the command line names none.
+        events: as ``run_node``'s.
+
+    Returns:
+        The exit code.
+    """
+    arguments = list(sys.argv if args is None else args)
+    chosen = _parser(name, explanation).parse_args(ros_arguments(arguments).others)
+    try:
+        if default_file is not None and not ros_arguments(arguments).files:
+            # First, for whatever is on the command line to come first.
+            file = ["--ros-args", "--params-file", str(default_file()), "--"]
+            arguments = [*arguments[:1], *file, *arguments[1:]]
+        ros = ros_arguments(arguments)
+        check_files(ros.files)
+    except OneBotError as error:
+        return _fail(str(error))
+    return run_node(lambda: make_node(chosen.description, ros), arguments, events=events)
+
+
+def _parser(name: str, explanation: str | None) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=name,
+        description=explanation,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("description", nargs="?", metavar="FILE", help="URDF or xacro file")
+    return parser
+
+
+def _fail(message: str) -> int:
     """Print a user's mistake as one error; return the exit code for it."""
     print(f"error: {message}", file=sys.stderr, flush=True)
     return 1
 
 
-# What the command line says that rcl does not tell: the parameter files, the names set with -p.
+def use_quick_discovery() -> None:
+    """Announce this process often; call it before rclpy is initialised.
+
+    Fast DDS 2.14 announces a participant before it listens, so that about every other first answer
+    is lost, and the next announcement is 3 s away. On this host alone, five small packets a second
+    cost nothing. A wider discovery range, and a profile of the user's own, are left as they are.
+    """
+    if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") != "LOCALHOST":
+        return
+    if not any(os.environ.get(name) for name in _PROFILES):
+        profile = package_share("onebot_description") / "config/quick_discovery.xml"
+        os.environ[_PROFILES[0]] = str(profile)
 
 
 class RosArguments(NamedTuple):
-    """The parts of a command line that are about parameters.
+    """What rcl does not report of a command line: its parameter files and who is set by -p."""
 
-    Attributes:
-        files: of ``--params-file``, in order.
-        names: of the parameters set by ``-p``, as (node or "", parameter).
-        others: the arguments that are not for ROS, without the program's name.
-    """
-
-    files: tuple[Path, ...] = ()
-    names: tuple[tuple[str, str], ...] = ()
-    others: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()  # of --params-file, in order
+    names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
+    others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 
 
 def ros_arguments(arguments: Sequence[str]) -> RosArguments:
@@ -182,74 +233,6 @@ def ros_arguments(arguments: Sequence[str]) -> RosArguments:
     return RosArguments(tuple(files), tuple(names), tuple(others))
 
 
-# ``main`` of the nodes that take a description as FILE and check their parameter files first.
-
-
-def run_described_node(
-    name: str,
-    explanation: str | None,
-    make_node: Callable[[str | None, RosArguments], Node],
-    check_files: Callable[[Sequence[Path]], object],
-    args: Sequence[str] | None,
-    *,
-    default_file: Callable[[], Path] | None = None,
-    events: bool = False,
-) -> int:
-    """Run a node whose command line is ``[FILE] [--ros-args ...]``.
-
-    Args:
-        name: of the program, for its help.
-        explanation: its help; the module's docstring.
-        make_node: called with FILE, or None, and the command line's parameter files and names.
-        check_files: called with the parameter files before rcl sees them. rcl would refuse a
-            broken one too, but say neither where nor what to write.
-        args: arguments as in sys.argv; None for sys.argv itself.
-        default_file: gives the parameter file to use where the command line names none.
-        events: as ``run_node``'s.
-
-    Returns:
-        The exit code.
-    """
-    arguments = list(sys.argv if args is None else args)
-    chosen = _parser(name, explanation).parse_args(ros_arguments(arguments).others)
-    try:
-        if default_file is not None and not ros_arguments(arguments).files:
-            # First, for whatever is on the command line to come first.
-            file = ["--ros-args", "--params-file", str(default_file()), "--"]
-            arguments = [*arguments[:1], *file, *arguments[1:]]
-        ros = ros_arguments(arguments)
-        check_files(ros.files)
-    except OneBotError as error:
-        return complain(str(error))
-    return run_node(lambda: make_node(chosen.description, ros), arguments, events=events)
-
-
-def _parser(name: str, explanation: str | None) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=name,
-        description=explanation,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("description", nargs="?", metavar="FILE", help="URDF or xacro file")
-    return parser
-
-
-# How topics are heard and offered (quality of service), where ROS's default is not what is meant.
-
-# Late comers get the last message: the description, a page's address, static transforms.
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# Static transforms as they are heard: of many publishers, each with a last message of its own.
-STATIC_TF = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# Best effort matches every publisher, and never makes one wait for us.
-SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-# The robot's description as nodes get it: by parameter, or by topic.
-
-NAME = "robot_description"  # of the topic and of the parameter
-_PATIENCE = 2.0  # seconds without a description before saying so
-
-
 def is_path(text: str) -> bool:
     """Return whether a parameter robot_description is the path of a file, and not the URDF."""
     return bool(text) and "<" not in text
@@ -261,58 +244,57 @@ def described_by(text: str) -> Description:
     Raises:
         DescriptionError: the description cannot be used.
     """
-    return load_description(text) if is_path(text) else parse_description(text, NAME)
+    return load_description(text) if is_path(text) else parse_description(text, _DESCRIPTION)
 
 
 class DescriptionTopic:
-    """Listens to the topic robot_description, and says so while nothing comes."""
+    """A subscription to robot_description, with a warning when nothing is published."""
 
     def __init__(
-        self, node: Node, heard: Callable[[str], None], content: Callable[[], bool]
+        self, node: Node, received: Callable[[str], None], has_one: Callable[[], bool]
     ) -> None:
         """Subscribe.
 
         Args:
-            node: that listens.
-            heard: called with each URDF that comes.
-            content: whether the node has a description it can use.
+            node: the subscriber.
+            received: called with each URDF.
+            has_one: whether the node has a description it can use.
         """
-        self._node, self._content = node, content
-        node.create_subscription(String, NAME, lambda message: heard(message.data), LATCHED)
+        self._node, self._has_one = node, has_one
+        node.create_subscription(
+            String, _DESCRIPTION, lambda message: received(message.data), LATCHED
+        )
         # Not ROS time: it may stand still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._impatience = node.create_timer(_PATIENCE, self._say_waiting, clock=steady)
+        self._timer = node.create_timer(_PATIENCE, self._warn_once, clock=steady)
 
-    def _say_waiting(self) -> None:
-        self._impatience.cancel()
-        if not self._content():
-            topic = self._node.resolve_topic_name(NAME)
+    def _warn_once(self) -> None:
+        self._timer.cancel()
+        if not self._has_one():
+            topic = self._node.resolve_topic_name(_DESCRIPTION)
             self._node.get_logger().warning(
                 f"waiting for the robot description on {topic}; is robot_state_publisher running?"
             )
 
 
-# Saying the same thing only so often.
-
-
 class Throttled:
-    """Passes on what it is told, but what is of one kind only so often."""
+    """Logs what is of one kind only so often."""
 
-    def __init__(self, say: Callable[[str], object], every: float = 5.0) -> None:
-        """Pass on to ``say``, such as a logger's ``warning``, at most once in ``every`` seconds."""
-        self._say, self._every = say, every
-        self._said: dict[str, float] = {}
+    def __init__(self, log: Callable[[str], object], every: float = 5.0) -> None:
+        """Log with ``log``, such as a logger's ``warning``, at most once in ``every`` seconds."""
+        self._log, self._every = log, every
+        self._logged_at: dict[str, float] = {}
 
     def __call__(self, kind: str, text: str, *, every: float | None = None) -> None:
-        """Say ``text``, unless something of its kind was said just before.
+        """Log ``text``, unless something of its kind was logged just before.
 
         Args:
             kind: what counts as the same thing.
-            text: what to say.
-            every: seconds, in place of the constructor's; infinite to say it once.
+            text: what to log.
+            every: seconds, in place of the constructor's; infinite to log it once.
         """
         now = time.monotonic()
         wait = self._every if every is None else every
-        if now - self._said.get(kind, -math.inf) >= wait:
-            self._said[kind] = now
-            self._say(text)
+        if now - self._logged_at.get(kind, -math.inf) >= wait:
+            self._logged_at[kind] = now
+            self._log(text)

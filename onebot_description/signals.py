@@ -7,7 +7,7 @@ A node calls a function on them (``StopSignals``), a command of the console rais
 import signal
 import socket
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,15 +16,16 @@ _STOP = (signal.SIGINT, signal.SIGTERM)
 
 
 def stop_signals() -> tuple[signal.Signals, ...]:
-    """Return those that ask a command to stop; not SIGHUP where it is ignored, as under nohup."""
+    """Return those that ask a command to stop: SIGHUP too, unless it is ignored as under nohup."""
     nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     return _STOP if nohup else (*_STOP, signal.SIGHUP)
 
 
 @contextmanager
-def keyboard_interrupts(numbers: Sequence[signal.Signals] = _STOP) -> Iterator[None]:
-    """Within this context each of ``numbers`` raises KeyboardInterrupt in the main thread."""
-    old = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
+def keyboard_interrupts() -> Iterator[None]:
+    """Within this context each of ``stop_signals`` raises KeyboardInterrupt in the main thread."""
+    handler = signal.default_int_handler
+    old = {number: signal.signal(number, handler) for number in stop_signals()}
     try:
         yield
     finally:

@@ -6,16 +6,15 @@ second. What a command looks for is awaited; lists are made once nothing new tur
 
 import argparse
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from types import FrameType
 from typing import Any, NoReturn
 
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean, nearest
+from onebot_description.signals import keyboard_interrupts
 
 _QUIET = 0.5  # s without any news, over two announcements: discovery is taken to be complete
 _LEAST = 0.5  # s
@@ -53,12 +52,8 @@ class Session:
         from onebot_description.node import use_quick_discovery  # brings rclpy, which takes a while
 
         use_quick_discovery()
-        # SIGINT too: a shell starts what it puts in the background with SIGINT ignored.
-        self._old_handlers = {
-            number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)
-        }
-        if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:  # else it runs under nohup
-            self._old_handlers[signal.SIGHUP] = signal.signal(signal.SIGHUP, _interrupt)
+        self._interrupts = keyboard_interrupts()
+        self._interrupts.__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
             sys.stdout.reconfigure(line_buffering=True)  # whoever reads a pipe reads it live
         self._start()
@@ -83,8 +78,7 @@ class Session:
     def __exit__(self, *_: object) -> None:
         import rclpy
 
-        for number, handler in self._old_handlers.items():
-            signal.signal(number, handler)
+        self._interrupts.__exit__(None, None, None)
         self._executor.shutdown(0.0)
         self.node.destroy_node()
         rclpy.try_shutdown()
@@ -212,10 +206,6 @@ def _visible(found: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple
 def is_hidden(name: str) -> bool:
     """Say if a topic or service is hidden, as ROS has it: a part of its name begins with ``_``."""
     return any(part.startswith("_") for part in name.split("/"))
-
-
-def _interrupt(_: int, __: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 def add_spin_time(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""Brings up a robot's description: joint states, transforms and the viewer, a process each."""
+"""Brings up a robot from a command line: checks the arguments, then starts a process a node."""
 
 import os
 import sys
@@ -163,14 +163,14 @@ def _divide(
     ours = {argument.name for argument in declared}
     known = [*ours, *(argument.name for argument in of_model.arguments)]
     problems = [unknown(name, known) for name in given if name not in known]
-    if problems and of_model.complete:  # else expanding it tells whether they exist
+    if problems and of_model.complete:  # else expanding it shows whether they exist
         raise UsageError("\n".join(problems))
     own = {name: value for name, value in given.items() if name in ours}
     return own, {name: value for name, value in given.items() if name not in ours}
 
 
 def _check_files(values: Mapping[str, str], given: Mapping[str, str]) -> None:
-    """Complain about files that do not exist, or are wrong, before anything starts.
+    """Refuse files that do not exist, or are wrong, before anything starts.
 
     Args:
         values: of the launch arguments.
@@ -190,7 +190,7 @@ def _check_files(values: Mapping[str, str], given: Mapping[str, str]) -> None:
 
 
 def _check_outputs(values: Mapping[str, str]) -> None:
-    """Complain about recordings that could not be written."""
+    """Refuse recordings that could not be written."""
     for name in ("save", "record"):
         path = output_path(values[name])
         if values[name] and not path.parent.is_dir():
@@ -260,7 +260,7 @@ def help_text(
 
 
 def summary_text(description: "Description", values: Mapping[str, str]) -> str:
-    """Return what is running, where to look for it and how to stop it."""
+    """Return what is running, where to find it and how to stop it."""
     moving = [joint for joint in description.joints if joint.kind != "fixed"]
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
     lines = [

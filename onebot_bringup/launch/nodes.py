@@ -1,4 +1,7 @@
-"""The nodes of a description bringup, as processes to start."""
+"""The nodes of a launch, as processes to start: their arguments and parameters.
+
+What is too long, or too delicate, for a command line comes from ROS parameter files.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,192 @@ if TYPE_CHECKING:
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import Description, Joint
 
-# ROS parameter files for nodes: what is too long, or too delicate, for a command line.
+# Where processors are short, the robot comes before what shows it (see nice(2)).
+NICE_VIEWER, NICE_WATCHER = 5, 10
+_RATE = 30.0  # Hz, at which the joint states of a swinging robot are published
+_PERIOD = 8.0  # seconds for one swing, unless the joint's speed limit asks for more
+_SHARE_OF_RANGE = 0.9
+_SHARE_OF_SPEED = 0.5
+_FREE_SWING = math.pi / 2  # rad; a continuous joint has no limits
+
+
+@dataclass(frozen=True)
+class NodeFactory:
+    """Makes the nodes of a bringup from the values of its launch arguments."""
+
+    folder: Path  # where the nodes' parameter files are written
+    values: Mapping[str, str]  # of the launch arguments
+    description: Description  # of the robot
+    xacro_arguments: Mapping[str, str]  # with which it was read
+    ros_args: Sequence[str]  # for every node, after its own
+    known: Known  # the files that the description was read from
+
+    @property
+    def steered(self) -> bool:
+        """There is to be a page to steer from."""
+        return self.values.get("steer") == "true"
+
+    def robot_state_publisher(self) -> NodeProcess:
+        """Return the node that publishes the robot's transforms; nothing works without it."""
+        parameters = {
+            "robot_description": self.description.urdf,
+            "frame_prefix": self.values["frame_prefix"],
+            "publish_frequency": float(self.values["publish_frequency"]),
+            "ignore_timestamp": self._flag("ignore_timestamp"),
+        }
+        module = "onebot_description.robot_state_publisher"
+        return self._node("robot_state_publisher", module, parameters)
+
+    def joint_state_publisher(self) -> NodeProcess:
+        """Return the node that moves the joints, by the YAML file or else within their limits."""
+        module = "onebot_description.joint_state_publisher"
+        file = self.values["joints"]
+        parameters = {"config_file": file} if file else sweep_parameters(self.description)
+        return self._node("joint_state_publisher", module, parameters)
+
+    def velocity_controller(self) -> NodeProcess:
+        """Return the simulation with its controller, which drives the robot."""
+        parameters: dict[str, object] = {
+            name: float(self.values[name]) for name in ("x", "y", "yaw")
+        }
+        # All nodes of the robot name its frames alike, in a namespace too.
+        prefix = self.values["frame_prefix"]
+        # It would come on the topic, too, but only when robot_state_publisher is up.
+        parameters["robot_description"] = self.description.urdf
+        parameters |= {"tf_frame_prefix_enable": bool(prefix), "tf_frame_prefix": prefix}
+        if self.values["rate"]:
+            parameters["update_rate"] = int(self.values["rate"])
+        module = "onebot_control.velocity_controller"
+        files = [Path(self.values["params_file"]).absolute()]
+        return self._node("velocity_controller", module, parameters, files=files)
+
+    def rerun_viewer(self) -> NodeProcess:
+        """Return the viewer, whose end stops nothing else."""
+        parameters = {
+            "viewer": self.values["viewer"],
+            "save": self.values["save"],
+            "view": self.values["view"],
+            "fixed_frame": self._fixed_frame(),
+            "frame_prefix": self.values["frame_prefix"],
+            "open_browser": not self.steered,  # the steering page holds the view
+        }
+        module = "onebot_bringup.viewer.rerun_viewer"
+        return self._node("rerun_viewer", module, parameters, on_exit="ignore", nice=NICE_VIEWER)
+
+    def steering_page(self) -> NodeProcess:
+        """Return the page to steer from; its crash does not affect the robot.
+
+        Its port and its token are chosen here, so that open pages find it again after a crash.
+
+        Raises:
+            OneBotError: the page cannot be served where it should be.
+        """
+        from onebot_bringup.steering.access import choose_place  # few need it
+
+        place = choose_place(self.values["host"], int(self.values["port"]), self.values["token"])
+        if place.warning:
+            print(f"warning: {place.warning}", file=sys.stderr)
+        module = "onebot_bringup.steering.steering_page"
+        return self._node("steering_page", module, place.parameters, on_exit="restart")
+
+    def bag_recorder(self) -> NodeProcess:
+        """Return the recorder, whose end stops nothing else."""
+        parameters = {"folder": str(output_path(self.values["record"]))}
+        module = "onebot_bringup.bags.bag_recorder"
+        return self._node("bag_recorder", module, parameters, on_exit="ignore")
+
+    def description_watcher(self) -> NodeProcess:
+        """Return the node that applies edits of the model; it only serves those who edit."""
+        words = ["--known", self.known.to_json(), self.values["model"]]
+        words += [f"{name}:={value}" for name, value in self.xacro_arguments.items()]
+        module = "onebot_bringup.launch.description_watcher"
+        return self._node(
+            "description_watcher", module, {}, words, on_exit="ignore", nice=NICE_WATCHER
+        )
+
+    def _node(
+        self,
+        name: str,
+        module: str,
+        parameters: Mapping[str, object],
+        words: Sequence[str] = (),
+        on_exit: OnExit = "shutdown",
+        files: Sequence[Path] = (),
+        nice: int = 0,
+    ) -> NodeProcess:
+        make = RosNodes(
+            self.folder, self.values["namespace"], self.ros_args, self.values["log_level"]
+        )
+        return make.node(
+            name,
+            module,
+            {**parameters, "use_sim_time": self._flag("use_sim_time")},
+            words=words,
+            on_exit=on_exit,
+            files=files,
+            nice=nice,
+        )
+
+    def _fixed_frame(self) -> str:
+        """The frame asked for; a robot that is not simulated, but could be, has no odom."""
+        if not self.values["fixed_frame"] and self.values.get("sim") == "false":
+            return self.values["frame_prefix"] + self.description.root_link
+        return self.values["fixed_frame"]
+
+    def _flag(self, name: str) -> bool:
+        return self.values[name] == "true"
+
+
+def output_path(text: str) -> Path:
+    """Return the path of a file or folder to write; shells leave the ~ of ``name:=~/x`` to us."""
+    return Path(text).expanduser().absolute()
+
+
+@dataclass(frozen=True)
+class RosNodes:
+    """What the nodes of one launch share."""
+
+    folder: Path  # where the nodes' parameter files are written
+    namespace: str  # of all nodes; outer slashes do not matter
+    ros_args: Sequence[str] = ()  # for every node, after its own
+    log_level: str = ""  # the least severe messages shown; empty for the node's default
+
+    def node(
+        self,
+        name: str,
+        module: str,
+        parameters: Mapping[str, object],
+        *,
+        words: Sequence[str] = (),
+        on_exit: OnExit = "shutdown",
+        files: Sequence[Path] = (),
+        renamed: bool = False,
+        nice: int = 0,
+    ) -> NodeProcess:
+        """Return a node to start, and write its parameters.
+
+        Args:
+            name: of the node.
+            module: that it is run from.
+            parameters: of its own; as for ``write_parameters``.
+            words: before its ROS arguments.
+            on_exit: what happens when it ends although nobody asked it to.
+            files: further parameter files; ``parameters`` override them.
+            renamed: its module calls it otherwise. Not for a module with several nodes, which
+                would all get the name.
+            nice: as ``NodeProcess.nice``.
+        """
+        namespace = self.namespace.strip("/")
+        file = write_parameters(self.folder, name, parameters, namespace)
+        ros_args = ["--log-level", self.log_level] if self.log_level else []
+        for each in (*files, file):  # the later one overrides
+            ros_args += ["--params-file", str(each)]
+        if renamed:
+            ros_args += ["-r", f"__node:={name}"]
+        if namespace:
+            ros_args += ["-r", f"__ns:=/{namespace}"]
+        arguments = [*words, "--ros-args", *ros_args, *self.ros_args]
+        return python_node(name, module, arguments, on_exit=on_exit, nice=nice)
 
 
 def write_parameters(
@@ -73,77 +261,6 @@ def _character(character: str) -> str:
     return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
 
 
-# ROS nodes of one launch, as processes: what they share, and parameters of their own in files.
-
-# Where processors are short, the robot comes before what shows it (see nice(2)).
-NICE_VIEWER, NICE_WATCHER = 5, 10
-
-
-@dataclass(frozen=True)
-class RosNodes:
-    """Makes the nodes of one launch.
-
-    Attributes:
-        folder: where the nodes' parameter files are written.
-        namespace: of all nodes; outer slashes do not matter.
-        ros_args: for every node, after its own.
-        log_level: the least severe messages shown; empty for the node's default.
-    """
-
-    folder: Path
-    namespace: str
-    ros_args: Sequence[str] = ()
-    log_level: str = ""
-
-    def node(
-        self,
-        name: str,
-        module: str,
-        parameters: Mapping[str, object],
-        *,
-        words: Sequence[str] = (),
-        on_exit: OnExit = "shutdown",
-        files: Sequence[Path] = (),
-        renamed: bool = False,
-        nice: int = 0,
-    ) -> NodeProcess:
-        """Return a node to start, and write its parameters.
-
-        Args:
-            name: of the node.
-            module: that it is run from.
-            parameters: of its own; as for ``write_parameters``.
-            words: before its ROS arguments.
-            on_exit: what happens when it ends although nobody asked it to.
-            files: further parameter files; ``parameters`` go before them.
-            renamed: its module calls it otherwise. Not for a module with several nodes, which
-                would all get the name.
-            nice: as ``NodeProcess.nice``.
-        """
-        namespace = self.namespace.strip("/")
-        file = write_parameters(self.folder, name, parameters, namespace)
-        ros_args = ["--log-level", self.log_level] if self.log_level else []
-        for each in (*files, file):  # the later one goes before
-            ros_args += ["--params-file", str(each)]
-        if renamed:
-            ros_args += ["-r", f"__node:={name}"]
-        if namespace:
-            ros_args += ["-r", f"__ns:=/{namespace}"]
-        arguments = [*words, "--ros-args", *ros_args, *self.ros_args]
-        return python_node(name, module, arguments, on_exit=on_exit, nice=nice)
-
-
-# A motion for a robot that nobody wrote one for: every joint swings slowly within its limits.
-
-RATE = 30.0
-"""Hz, at which the joint states are published."""
-PERIOD = 8.0
-"""Seconds for one swing, unless the joint's speed limit asks for more."""
-_SHARE_OF_RANGE = 0.9
-_SHARE_OF_SPEED = 0.5
-_FREE_SWING = math.pi / 2  # rad; a continuous joint has no limits
-
-
 def sweep_parameters(description: Description) -> dict[str, object]:
     """Return parameters of joint_state_publisher that move each joint; mimic joints follow.
 
@@ -153,12 +270,12 @@ def sweep_parameters(description: Description) -> dict[str, object]:
     """
     joints = [joint for joint in description.moving_joints if joint.mimic is None]
     motions = {joint.name: _swing(joint, i / len(joints)) for i, joint in enumerate(joints)}
-    return {"rate": RATE, **({"motions": motions} if motions else {})}
+    return {"rate": _RATE, **({"motions": motions} if motions else {})}
 
 
 def _swing(joint: Joint, turn: float) -> dict[str, object]:
     middle, amplitude = _range(joint)
-    frequency = 1.0 / PERIOD
+    frequency = 1.0 / _PERIOD
     if joint.velocity and amplitude > 0.0:
         frequency = min(frequency, _SHARE_OF_SPEED * joint.velocity / (math.tau * amplitude))
     return {
@@ -178,144 +295,3 @@ def _range(joint: Joint) -> tuple[float, float]:
         return 0.0, _FREE_SWING
     half = (joint.upper - joint.lower) / 2
     return joint.lower + half, _SHARE_OF_RANGE * half
-
-
-def output_path(text: str) -> Path:
-    """Return the path of a file or folder to write; shells leave the ~ of ``name:=~/x`` to us."""
-    return Path(text).expanduser().absolute()
-
-
-@dataclass(frozen=True)
-class NodeFactory:
-    """Makes nodes out of the values of the launch arguments.
-
-    Attributes:
-        folder: where the nodes' parameter files are written.
-        values: of the launch arguments.
-        description: of the robot.
-        xacro_arguments: with which it was read.
-        ros_args: for every node, after its own.
-        known: the files that the description was read from.
-    """
-
-    folder: Path
-    values: Mapping[str, str]
-    description: Description
-    xacro_arguments: Mapping[str, str]
-    ros_args: Sequence[str]
-    known: Known
-
-    @property
-    def steered(self) -> bool:
-        """There is to be a page to steer from."""
-        return self.values.get("steer") == "true"
-
-    def robot_state_publisher(self) -> NodeProcess:
-        """Return the node that publishes the robot's transforms; nothing works without it."""
-        parameters = {
-            "robot_description": self.description.urdf,
-            "frame_prefix": self.values["frame_prefix"],
-            "publish_frequency": float(self.values["publish_frequency"]),
-            "ignore_timestamp": self._flag("ignore_timestamp"),
-        }
-        module = "onebot_description.robot_state_publisher"
-        return self._node("robot_state_publisher", module, parameters)
-
-    def joint_state_publisher(self) -> NodeProcess:
-        """Return the node that moves the joints, by the YAML file or else within their limits."""
-        module = "onebot_description.joint_state_publisher"
-        file = self.values["joints"]
-        parameters = {"config_file": file} if file else sweep_parameters(self.description)
-        return self._node("joint_state_publisher", module, parameters)
-
-    def velocity_controller(self) -> NodeProcess:
-        """Return the simulation with its controller, which drives the robot."""
-        parameters: dict[str, object] = {
-            name: float(self.values[name]) for name in ("x", "y", "yaw")
-        }
-        # All nodes of the robot name its frames alike, in a namespace too.
-        prefix = self.values["frame_prefix"]
-        # It would come on the topic, too, but only when robot_state_publisher is up.
-        parameters["robot_description"] = self.description.urdf
-        parameters |= {"tf_frame_prefix_enable": bool(prefix), "tf_frame_prefix": prefix}
-        if self.values["rate"]:
-            parameters["update_rate"] = int(self.values["rate"])
-        module = "onebot_control.velocity_controller"
-        files = [Path(self.values["params_file"]).absolute()]
-        return self._node("velocity_controller", module, parameters, files=files)
-
-    def rerun_viewer(self) -> NodeProcess:
-        """Return the viewer, whose end stops nothing else."""
-        parameters = {
-            "viewer": self.values["viewer"],
-            "save": self.values["save"],
-            "view": self.values["view"],
-            "fixed_frame": self._fixed_frame(),
-            "frame_prefix": self.values["frame_prefix"],
-            "open_browser": not self.steered,  # the steering page holds the view
-        }
-        module = "onebot_bringup.viewer.rerun_viewer"
-        return self._node("rerun_viewer", module, parameters, on_exit="ignore", nice=NICE_VIEWER)
-
-    def steering_page(self) -> NodeProcess:
-        """Return the page to steer from; it may crash without the robot's noticing.
-
-        Its port and its token are settled here, so that open pages find it again after a crash.
-
-        Raises:
-            OneBotError: the page cannot be served where it should be.
-        """
-        from onebot_bringup.steering.access import choose_place  # few need it
-
-        place = choose_place(self.values["host"], int(self.values["port"]), self.values["token"])
-        if place.warning:
-            print(f"warning: {place.warning}", file=sys.stderr)
-        module = "onebot_bringup.steering.steering_page"
-        return self._node("steering_page", module, place.parameters, on_exit="restart")
-
-    def bag_recorder(self) -> NodeProcess:
-        """Return the recorder, whose end stops nothing else."""
-        parameters = {"folder": str(output_path(self.values["record"]))}
-        module = "onebot_bringup.bags.bag_recorder"
-        return self._node("bag_recorder", module, parameters, on_exit="ignore")
-
-    def description_watcher(self) -> NodeProcess:
-        """Return the node that takes up edits of the model; it only serves those who edit."""
-        words = ["--known", self.known.to_json(), self.values["model"]]
-        words += [f"{name}:={value}" for name, value in self.xacro_arguments.items()]
-        module = "onebot_bringup.launch.description_watcher"
-        return self._node(
-            "description_watcher", module, {}, words, on_exit="ignore", nice=NICE_WATCHER
-        )
-
-    def _node(
-        self,
-        name: str,
-        module: str,
-        parameters: Mapping[str, object],
-        words: Sequence[str] = (),
-        on_exit: OnExit = "shutdown",
-        files: Sequence[Path] = (),
-        nice: int = 0,
-    ) -> NodeProcess:
-        make = RosNodes(
-            self.folder, self.values["namespace"], self.ros_args, self.values["log_level"]
-        )
-        return make.node(
-            name,
-            module,
-            {**parameters, "use_sim_time": self._flag("use_sim_time")},
-            words=words,
-            on_exit=on_exit,
-            files=files,
-            nice=nice,
-        )
-
-    def _fixed_frame(self) -> str:
-        """The frame asked for; a robot that is not simulated, but could be, has no odom."""
-        if not self.values["fixed_frame"] and self.values.get("sim") == "false":
-            return self.values["frame_prefix"] + self.description.root_link
-        return self.values["fixed_frame"]
-
-    def _flag(self, name: str) -> bool:
-        return self.values[name] == "true"

@@ -15,7 +15,7 @@ try:
     from onebot_description.cad.caster import make_caster_wheel, make_fork
     from onebot_description.cad.collada import to_collada
     from onebot_description.cad.dimensions import Dimensions, read_dimensions
-    from onebot_description.cad.solids import Inertial, Part
+    from onebot_description.cad.solids import MassProperties, Part
     from onebot_description.cad.wheel import make_wheel
 except ModuleNotFoundError as error:
     if error.name != "manifold3d":
@@ -75,7 +75,7 @@ def inertials_yaml(parts: Iterable[Part]) -> str:
     )
 
 
-def _as_mapping(inertial: Inertial) -> dict[str, object]:
+def _as_mapping(inertial: MassProperties) -> dict[str, object]:
     axes = {"x": 0, "y": 1, "z": 2}
     moments = {
         f"i{a}{b}": _rounded(inertial.inertia[axes[a], axes[b]])

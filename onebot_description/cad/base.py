@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from onebot_description.cad.dimensions import Base, Dimensions
 from onebot_description.cad.solids import (
-    Inertial,
+    MassProperties,
     Part,
     box,
     cylinder_y,
@@ -113,7 +113,7 @@ def _section() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 _DENSEST = 7850.0  # kg/m3, steel
 
 
-def solve_ballast(dimensions: Dimensions, rest: Inertial, room: Manifold) -> Inertial:
+def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) -> MassProperties:
     """Return the ballast that, with ``rest``, has the wanted mass and centre of mass.
 
     Args:

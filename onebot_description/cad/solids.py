@@ -125,18 +125,12 @@ def tube(path: NDArray[np.float64], across: Vector, width: float, height: float)
 
 
 @dataclass(frozen=True)
-class Inertial:
-    """Mass properties.
+class MassProperties:
+    """Mass, centre of mass and inertia of a part, in the part's frame."""
 
-    Attributes:
-        mass: kg.
-        center: centre of mass in the part's frame, metres.
-        inertia: (3, 3) about the centre of mass, along the frame's axes, kg m2.
-    """
-
-    mass: float
-    center: NDArray[np.float64]
-    inertia: NDArray[np.float64]
+    mass: float  # kg
+    center: NDArray[np.float64]  # (3,), m
+    inertia: NDArray[np.float64]  # (3, 3) about the centre, along the frame's axes, kg m2
 
 
 @dataclass(frozen=True)
@@ -152,7 +146,7 @@ class Part:
 
     name: str
     seen: tuple[tuple[str, Manifold], ...]
-    inertial: Inertial
+    inertial: MassProperties
     hidden: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None
 
 
@@ -163,22 +157,22 @@ def to_mesh(solid: Manifold) -> trimesh.Trimesh:
     return trimesh.Trimesh(points, np.array(mesh.tri_verts, np.int64), process=False)
 
 
-def weigh(solid: Manifold, density: float) -> Inertial:
+def weigh(solid: Manifold, density: float) -> MassProperties:
     """Return the mass properties of a homogeneous solid; density in kg/m3."""
     mesh = to_mesh(solid)
     mesh.density = density
     properties = mesh.mass_properties
     center = np.asarray(properties.center_mass, float)
-    return Inertial(float(properties.mass), center, np.asarray(properties.inertia, float))
+    return MassProperties(float(properties.mass), center, np.asarray(properties.inertia, float))
 
 
-def weigh_box(mass: float, center: NDArray[np.float64], size: Vector) -> Inertial:
+def weigh_box(mass: float, center: NDArray[np.float64], size: Vector) -> MassProperties:
     """Return the mass properties of a homogeneous box along the axes."""
     squares = np.square(size)
-    return Inertial(mass, center, np.diag(mass * (squares.sum() - squares) / 12))
+    return MassProperties(mass, center, np.diag(mass * (squares.sum() - squares) / 12))
 
 
-def total(bodies: Sequence[Inertial]) -> Inertial:
+def total(bodies: Sequence[MassProperties]) -> MassProperties:
     """Return the mass properties of bodies fixed to each other (parallel axis theorem)."""
     mass = sum(body.mass for body in bodies)
     moments = np.array([body.mass * body.center for body in bodies])
@@ -187,9 +181,11 @@ def total(bodies: Sequence[Inertial]) -> Inertial:
     for body in bodies:
         arm = body.center - center
         inertia += body.inertia + body.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return Inertial(mass, center, inertia)
+    return MassProperties(mass, center, inertia)
 
 
-def weigh_all(solids: Sequence[tuple[str, Manifold]], densities: dict[str, float]) -> Inertial:
+def weigh_all(
+    solids: Sequence[tuple[str, Manifold]], densities: dict[str, float]
+) -> MassProperties:
     """Return the mass properties of solids, each of its material's density."""
     return total([weigh(solid, densities[material]) for material, solid in solids])

@@ -14,6 +14,7 @@ from onebot_description.description.description import (
     MOVING_KINDS,
     Inertial,
     Joint,
+    Material,
     Moments,
 )
 from onebot_description.description.packages import is_relative, resolve
@@ -21,7 +22,6 @@ from onebot_description.description.reading import (
     Element,
     Findings,
     local_name,
-    read_numbers,
 )
 from onebot_description.description.xml import XACRO_NAMESPACES, missing_file
 from onebot_description.errors import OneBotError, did_you_mean, listing
@@ -292,84 +292,67 @@ def is_ascii_stl(path: Path) -> bool:
     return path.stat().st_size != 84 + 50 * triangles
 
 
-# Materials: colours in range, and names that are defined, once.
-
-_Look = tuple[tuple[float, ...] | None, str | None]
+# Materials: names that are defined, once, and textures that are there.
 
 
-def check_materials(findings: Findings) -> None:
-    """Check the robot's materials and those of its visuals."""
-    shared: dict[str, _Look] = {}
-    root = findings.document.root
-    for material in root.findall("material"):
-        name, look = material.get("name"), _read_look(findings, material)
-        if not name:
-            findings.error(material, 'has no name; write <material name="...">')
-        elif look == (None, None):
-            findings.warning(material, "defines neither <color> nor <texture>")
-        elif shared.setdefault(name, look) != look:
+def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
+    """Check the names and textures of the robot's materials and of those of its visuals."""
+    shared: dict[str, Material] = {}
+    top = dict.fromkeys(findings.document.root.iterfind("material"))
+    for element in top:
+        material = materials[element]
+        _check_texture(findings, element, material)
+        if not material.name:
+            findings.error(element, 'has no name; write <material name="...">')
+        elif material.is_reference:
+            findings.warning(element, "defines neither <color> nor <texture>")
+        elif shared.setdefault(material.name, material) != material:
             findings.error(
-                material, "there is another material of that name that looks different; rename one"
+                element, "there is another material of that name that looks different; rename one"
             )
-    visuals = [visual for link in root.findall("link") for visual in link.findall("visual")]
-    inline = [element for visual in visuals for element in visual.findall("material")]
-    looks = [(material, _read_look(findings, material)) for material in inline]
-    local: dict[str, _Look] = {}
-    for material, look in looks:
-        _note_inline(findings, material, look, shared, local)
-    for material, look in looks:
-        name = material.get("name")
-        if look == (None, None) and name and name not in shared and name not in local:
+    inline = {key: value for key, value in materials.items() if key not in top}
+    local: dict[str, Material] = {}
+    for element, material in inline.items():
+        _check_texture(findings, element, material)
+        _check_inline(findings, element, material, shared, local)
+    for element, material in inline.items():
+        name = material.name
+        if material.is_reference and name and name not in shared and name not in local:
             hint = did_you_mean(name, [*shared, *local], "materials")
-            findings.warning(material, f"no material of that name is defined{hint}")
+            findings.warning(element, f"no material of that name is defined{hint}")
 
 
-def _note_inline(
+def _check_inline(
     findings: Findings,
-    material: Element,
-    look: _Look,
-    shared: dict[str, _Look],
-    local: dict[str, _Look],
+    element: Element,
+    material: Material,
+    shared: Mapping[str, Material],
+    local: dict[str, Material],
 ) -> None:
-    """Add a material defined inside a visual, which other visuals may use too, to ``local``."""
-    name = material.get("name")
+    """Check a material inside a visual; add it to ``local``, as other visuals may use it too."""
+    name = material.name
     if name is None:
-        findings.error(material, 'has no name; write <material name="...">, if need be name=""')
-    elif look == (None, None):
+        findings.error(element, 'has no name; write <material name="...">, if need be name=""')
+    elif material.is_reference:
         if not name:
-            findings.warning(material, "has neither a name nor a <color>, so it does nothing")
-    elif name and shared.get(name, local.get(name, look)) != look:
-        findings.warning(material, "a material of that name looks different elsewhere; rename one")
+            findings.warning(element, "has neither a name nor a <color>, so it does nothing")
+    elif name and shared.get(name, local.get(name, material)) != material:
+        findings.warning(element, "a material of that name looks different elsewhere; rename one")
     elif name:
-        local[name] = look
+        local[name] = material
 
 
-def _read_look(findings: Findings, material: Element) -> _Look:
-    """Return the colour (red, green, blue, alpha, each 0 to 1) and the texture's file."""
-    color, texture = material.find("color"), material.find("texture")
-    rgba = None
-    if color is not None:
-        if color.get("rgba") is None:
-            findings.error(color, 'has no rgba; write <color rgba="red green blue alpha"/>')
-        rgba = read_numbers(findings, color, "rgba", 4)
-        if rgba is not None and not all(0 <= value <= 1 for value in rgba):
-            findings.error(
-                color, f'rgba="{color.get("rgba")}" leaves 0 to 1; divide values of 0 to 255 by 255'
-            )
-    filename = None if texture is None else texture.get("filename", "")
-    if texture is not None and filename is not None:
-        _check_texture(findings, texture, filename)
-    return rgba, filename
-
-
-def _check_texture(findings: Findings, texture: Element, filename: str) -> None:
+def _check_texture(findings: Findings, element: Element, material: Material) -> None:
+    texture = element.find("texture")
+    if texture is None or material.texture is None:
+        return
     try:
-        there = filename and resolve(filename, findings.document.folder).is_file()
+        there = material.texture and resolve(material.texture, findings.document.folder).is_file()
     except (OneBotError, OSError) as error:
         findings.warning(texture, str(error))
     else:
         if not there:
-            findings.warning(texture, f'there is no file "{filename}"')
+            findings.warning(texture, f'there is no file "{material.texture}"')
 
 
 # What URDF does not know: probable typos, and leftovers of xacro.

@@ -69,6 +69,20 @@ Shape = Box | Cylinder | Sphere | Capsule | Mesh
 
 
 @dataclass(frozen=True)
+class Material:
+    """How visuals look; one with neither colour nor texture refers by its name to another."""
+
+    name: str | None
+    color: Rgba | None = None  # 0 to 1
+    texture: str | None = None  # its file, as written
+
+    @property
+    def is_reference(self) -> bool:
+        """Whether it defines nothing itself."""
+        return self.color is None and self.texture is None
+
+
+@dataclass(frozen=True)
 class Geometry:
     """One <visual> or <collision> of a link."""
 

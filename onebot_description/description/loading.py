@@ -23,6 +23,7 @@ from onebot_description.description.reading import (
     read_ends,
     read_joint,
     read_links,
+    read_materials,
 )
 from onebot_description.errors import DescriptionError, OneBotError
 
@@ -95,7 +96,7 @@ def read_description(urdf: str, name: str) -> Description:
         raise DescriptionError([f"{name} starts with <{root.tag}>, not <robot>"])
     findings, ignored = Findings(document), Findings(document)
     elements, links = named(ignored, "joint"), named(ignored, "link")
-    read = read_links(findings, (*SHAPES, "capsule"))
+    read = read_links(findings, read_materials(ignored), (*SHAPES, "capsule"))
     ends = read_ends(ignored, elements, links)
     children = {child for _, child in ends.values()}
     roots = [link for link in links if link not in children]
@@ -170,11 +171,12 @@ def _check(
     }
     check_mimics(findings, joints, elements)
     check_meshes(findings)
-    read = read_links(findings)
+    materials = read_materials(findings)
+    read = read_links(findings, materials)
     for element, link in read.items():
         if link.inertial is not None:
             check_inertial(findings, element, link.inertial)
-    check_materials(findings)
+    check_materials(findings, materials)
     check_schema(findings)
     findings.raise_errors()
     return Description(

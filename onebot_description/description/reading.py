@@ -22,6 +22,7 @@ from onebot_description.description.description import (
     Inertial,
     Joint,
     Link,
+    Material,
     Mesh,
     Mimic,
     Moments,
@@ -232,15 +233,18 @@ def _read_origin(findings: Findings, element: Element) -> Origin:
 # Links: mass and inertia, and one shape in each visual and collision.
 
 
-def read_links(findings: Findings, shapes: Collection[str] = SHAPES) -> dict[Element, Link]:
+def read_links(
+    findings: Findings, materials: Mapping[Element, Material], shapes: Collection[str] = SHAPES
+) -> dict[Element, Link]:
     """Read every link, those without a name or with a repeated one among them.
 
     Args:
         findings: takes what is wrong.
+        materials: of the document, see ``read_materials``.
         shapes: the shapes that are allowed in a geometry.
     """
     root = findings.document.root
-    colors = _named_colors(root)
+    colors = _colors(root, materials)
     links = {}
     for element in root.iterfind("link"):
         visuals: list[Geometry] = []
@@ -296,7 +300,7 @@ def _read_inertia(findings: Findings, inertial: Element) -> Moments | None:
 
 
 def _read_geometry(
-    findings: Findings, part: Element, colors: Mapping[str, Rgba], shapes: Collection[str]
+    findings: Findings, part: Element, colors: Mapping[Element, Rgba], shapes: Collection[str]
 ) -> Geometry | None:
     """Read a <visual> or <collision>; None if it has no one shape."""
     origin = _read_origin(findings, part)
@@ -307,8 +311,7 @@ def _read_geometry(
         return None
     found = [_read_shape(findings, element, shapes) for element in geometry]
     if len(found) == 1 and found[0] is not None:
-        color = _color(part.find("material"), colors)
-        return Geometry(found[0], origin, color, findings.where(part))
+        return Geometry(found[0], origin, colors.get(part), findings.where(part))
     if not found:
         findings.error(geometry, f"is empty; it takes {known}")
     elif len(found) > 1:
@@ -370,29 +373,50 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
     return Mesh(uri, scale) if uri and scale else None
 
 
-def _named_colors(root: Element) -> dict[str, Rgba]:
-    """The colour of every material by name; one defined at the top overrides one in a link."""
-    found = {}
-    for material in [*root.iter("material"), *root.iterfind("material")]:
-        color, name = _own_color(material), material.get("name")
-        if color is not None and name:
-            found[name] = color
-    return found
+def _colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:
+    """Return the colour of each visual that has one: its material's own, or one of that name.
+
+    A material of the robot overrides one of the same name in a visual.
+    """
+    named = {material.name: material.color for material in materials.values() if material.color}
+    colors = {}
+    for visual in root.iterfind("link/visual"):
+        element = visual.find("material")
+        if element is not None:
+            material = materials[element]
+            color = material.color or (named.get(material.name) if material.name else None)
+            if color is not None:
+                colors[visual] = color
+    return colors
 
 
-def _color(material: Element | None, colors: Mapping[str, Rgba]) -> Rgba | None:
-    if material is None:
+def read_materials(findings: Findings) -> dict[Element, Material]:
+    """Read the materials of the visuals, then those of the robot."""
+    root = findings.document.root
+    elements = [*root.iterfind("link/visual/material"), *root.iterfind("material")]
+    return {element: _read_material(findings, element) for element in elements}
+
+
+def _read_material(findings: Findings, element: Element) -> Material:
+    color, texture = element.find("color"), element.find("texture")
+    return Material(
+        element.get("name"),
+        None if color is None else _read_color(findings, color),
+        None if texture is None else texture.get("filename", ""),
+    )
+
+
+def _read_color(findings: Findings, color: Element) -> Rgba | None:
+    if color.get("rgba") is None:
+        findings.error(color, 'has no rgba; write <color rgba="red green blue alpha"/>')
+    rgba = read_numbers(findings, color, "rgba", 4)
+    if rgba is None:
         return None
-    return _own_color(material) or colors.get(material.get("name", ""))
-
-
-def _own_color(material: Element) -> Rgba | None:
-    """The colour in ``material``; the check of materials reports what is wrong with it."""
-    color = material.find("color")
-    words = [] if color is None else color.get("rgba", "").split()
-    if len(words) != 4 or any(map(_fault, words)):
-        return None
-    red, green, blue, alpha = map(float, words)
+    if not all(0 <= value <= 1 for value in rgba):
+        findings.error(
+            color, f'rgba="{color.get("rgba")}" leaves 0 to 1; divide values of 0 to 255 by 255'
+        )
+    red, green, blue, alpha = rgba
     return red, green, blue, alpha
 
 

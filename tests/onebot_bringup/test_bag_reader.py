@@ -50,7 +50,7 @@ def test_compressed_by_rosbag2(tmp_path, mode, what):
 
 
 def test_reads_a_file_alone(tmp_path):
-    """A .mcap file needs no metadata.yaml; in a folder without one it is found, and that said."""
+    """A .mcap file needs no metadata.yaml; in a folder without one it is found, with a warning."""
     words = write_words(tmp_path / "bag")
     assert words_of(Bag(tmp_path / "bag/bag_0.mcap")) == words
     (tmp_path / "bag/metadata.yaml").unlink()

@@ -118,11 +118,11 @@ def test_killed(tmp_path, ros_domain):
 
 
 def test_suits_every_publisher(tmp_path, ros_domain):
-    """Best effort is heard too; what is latched is recorded though it was said before."""
+    """Best effort is recorded too, and what was latched before the recorder started."""
     folder = tmp_path / "run"
     with Peer(ros_domain) as peer:
         early = peer.node.create_publisher(String, "/early", LATCHED)
-        early.publish(String(data="said before"))
+        early.publish(String(data="published before"))
         with record(folder):
             best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
             publisher = peer.publisher(JointState, "/joint_states", best_effort)
@@ -149,11 +149,11 @@ def test_relaxed_topic_is_listed_once(tmp_path, ros_domain):
         best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         sensor = peer.publisher(String, "/words", best_effort)
 
-        def heard():
+        def received():
             send(sensor, "best effort")
             return any(b"best effort" in data for _, _, data in read_all(folder)[0])
 
-        wait_for(heard, "a message of the other publisher")
+        wait_for(received, "a message of the other publisher")
     with Reader(folder) as reader:
         assert [one.topic for one in reader.connections] == ["/words"]
 

@@ -98,16 +98,16 @@ while True:
 @pytest.mark.parametrize("attempt", range(5))
 def test_killed_at_any_moment(tmp_path, attempt):
     """SIGKILL leaves a folder that rosbags reads, with all up to the last checkpoint."""
-    told = tmp_path / "told"
-    with told.open("w") as output:
+    output = tmp_path / "output"
+    with output.open("w") as file:
         writer = subprocess.Popen(
-            [sys.executable, "-c", _WRITE_WITHOUT_END, str(tmp_path / "bag")], stdout=output
+            [sys.executable, "-c", _WRITE_WITHOUT_END, str(tmp_path / "bag")], stdout=file
         )
     goal = random.Random(attempt).randint(100, 4000)
-    wait_for(lambda: int((told.read_text().split() or ["0"])[-1]) > goal, "messages")
+    wait_for(lambda: int((output.read_text().split() or ["0"])[-1]) > goal, "messages")
     writer.send_signal(signal.SIGKILL)
     writer.wait()
-    reached = int(told.read_text().rpartition("\n")[0].split()[-1])
+    reached = int(output.read_text().rpartition("\n")[0].split()[-1])
     bag = Bag(tmp_path / "bag")
     stamps = [message.time for message in bag.messages(bag.topics)]
     assert stamps == list(range(1, len(stamps) + 1))
@@ -179,7 +179,7 @@ def test_full_disk(tmp_path):
 
 
 def test_vanished_folder(tmp_path):
-    """A recording that is deleted while it grows is said to be, at once."""
+    """A recording that is deleted while it grows is reported at once."""
     bag = BagWriter(tmp_path / "bag")
     for path in (tmp_path / "bag").iterdir():
         path.unlink()

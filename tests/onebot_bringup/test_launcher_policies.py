@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.launcher.launcher import Launcher, Restarts
 from onebot_bringup.launcher.process import NodeProcess, Restart, describe_exit
 from tests.onebot_bringup.launcher_support import RunningLauncher, alive, number_in
 from tests.support import wait_for
@@ -155,3 +157,34 @@ def test_a_nice_node_stands_back(start: Start, tmp_path: Path) -> None:
     assert os.getpriority(os.PRIO_PROCESS, launcher.process.pid) == mine
     launcher.send(signal.SIGINT)
     assert launcher.wait() == 0
+
+
+@given(
+    limit=st.integers(0, 8),
+    first=st.floats(0.01, 10.0),
+    longest=st.floats(0.01, 100.0),
+)
+def test_the_waits_grow_up_to_the_limit(limit: int, first: float, longest: float) -> None:
+    """Exactly ``limit`` starts, each after twice the last wait or the longest one; then None."""
+    restarts = Restarts(Restart(limit, first, longest, healthy_after=30.0))
+    waits = [restarts.next_wait(lived=0.0) for _ in range(limit + 2)]
+    assert waits[:limit] == pytest.approx([min(first * 2**i, longest) for i in range(limit)])
+    assert waits[limit:] == [None, None]
+    assert restarts.count == limit
+
+
+def test_a_node_that_lived_long_starts_counting_from_zero() -> None:
+    """The count and the wait begin again, also when the limit was reached before."""
+    restarts = Restarts(Restart(limit=2, first_wait=1.0, longest_wait=99.0, healthy_after=30.0))
+    assert [restarts.next_wait(29.9) for _ in range(3)] == [1.0, 2.0, None]
+    assert restarts.next_wait(30.1) == 1.0
+    assert restarts.count == 1
+    assert [restarts.next_wait(0.0) for _ in range(2)] == [2.0, None]
+
+
+def test_the_policy_unless_a_node_has_another() -> None:
+    """Five starts after 1, 2, 4, 8 and 10 s; half a minute counts as healthy."""
+    restarts = Restarts(Restart())
+    assert [restarts.next_wait(0.0) for _ in range(6)] == [1.0, 2.0, 4.0, 8.0, 10.0, None]
+    assert restarts.next_wait(29.0) is None
+    assert restarts.next_wait(31.0) == 1.0

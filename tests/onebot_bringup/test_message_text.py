@@ -219,9 +219,9 @@ def test_services_are_filled_alike() -> None:
 )  # fmt: skip
 def test_mistakes(kind: type, text: str, parts: list[str]) -> None:
     """What does not fit is refused in one line that names the field and what would be right."""
-    said = refusal(kind(), text)
+    error = refusal(kind(), text)
     for part in parts:
-        assert part in said
+        assert part in error
 
 
 def test_non_finite_on_request() -> None:

@@ -82,8 +82,8 @@ def test_messages_at_the_same_moment_have_an_interval_of_zero() -> None:
     meter = Intervals(None)
     for moment in (1.0, 1.0, 1.0):
         meter.arrived(moment)
-    said = meter.report() or ""
-    assert said.startswith("average rate: 0.000\n") and said.endswith("window: 2")
+    text = meter.report() or ""
+    assert text.startswith("average rate: 0.000\n") and text.endswith("window: 2")
     meter.arrived(2.0)
     assert (meter.report() or "").startswith("average rate: 3.000\n")
 

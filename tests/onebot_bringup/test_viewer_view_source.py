@@ -217,7 +217,7 @@ def test_a_layout_keeps_the_robot_s_own_trails_and_curves(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "said"),
+    ("name", "value", "message"),
     [
         ("axes", True, '"axes" is more than one setting'),
         ("axes.visibel", True, 'no setting "axes.visibel"'),
@@ -227,8 +227,8 @@ def test_a_layout_keeps_the_robot_s_own_trails_and_curves(tmp_path):
         ("camera.eye", [1.0], "camera.eye must be three metres"),
     ],
 )
-def test_a_setting_that_cannot_be_is_refused(name, value, said):
+def test_a_setting_that_cannot_be_is_refused(name, value, message):
     """As in the file."""
     with pytest.raises(ValueError, match="setting|must be") as caught:
         with_setting(ViewConfig(), name, value)
-    assert said in str(caught.value)
+    assert message in str(caught.value)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.description import DescriptionError, Mimic, parse_description
+from onebot_description.description.checks import is_ascii_stl
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 CUBE = ROBOTS / "meshes" / "cube.stl"
@@ -929,3 +930,12 @@ def test_nesting_ends_at_a_hundred(depth, good):
         assert warnings(text) == []
     else:
         assert problems(text) == ["1: elements are nested deeper than 100"]
+
+
+def test_text_and_binary_stl_are_told_apart(tmp_path: Path) -> None:
+    """A binary STL stays one when its header begins with "solid"."""
+    assert is_ascii_stl(ROBOTS / "meshes" / "ascii.stl")
+    assert not is_ascii_stl(CUBE)
+    disguised = tmp_path / "solid.stl"
+    disguised.write_bytes(b"solid" + CUBE.read_bytes()[5:])
+    assert not is_ascii_stl(disguised)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 import xacro
@@ -23,10 +24,12 @@ from onebot_description.description.description import (
     Geometry,
     Inertial,
     Link,
+    Mesh,
     Origin,
 )
 
 ROBOTS = Path(__file__).parents[1] / "robots"
+CUBE = ROBOTS / "meshes" / "cube.stl"
 
 
 def joints(name: str, **arguments: str) -> dict[str, Joint]:
@@ -366,3 +369,19 @@ def test_every_argument_that_is_not_declared_is_a_problem() -> None:
         'no argument "sids"',
         'no argument "b"',
     ]
+
+
+def test_relative_paths_become_absolute_and_nothing_else_is_changed(tmp_path: Path) -> None:
+    """The text on robot_description has no folder that a relative path could start from."""
+    shutil.copy(CUBE, tmp_path / "cube.stl")
+    uris = ["cube.stl", str(CUBE), CUBE.as_uri(), "package://onebot_description/meshes/wheel.dae"]
+    visuals = "".join(
+        f'<visual><geometry><mesh filename="{uri}"/></geometry></visual>' for uri in uris
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="a">{visuals}</link></robot>')
+    description = load_description(tmp_path / "r.urdf")
+    expected = [str(tmp_path / "cube.stl"), *uris[1:]]
+    meshes = ElementTree.fromstring(description.urdf).iter("mesh")
+    assert [mesh.get("filename") for mesh in meshes] == expected
+    [link] = description.links
+    assert [visual.shape for visual in link.visuals] == [Mesh(uri, (1, 1, 1)) for uri in expected]

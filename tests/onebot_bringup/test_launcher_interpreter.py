@@ -1,9 +1,10 @@
-"""Preloaded interpreters: they run the node that comes, with its arguments, or end."""
+"""How a module of a node is run: it ends as by itself, and may be preloaded."""
 
 import asyncio
 import json
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,35 @@ from onebot_description.errors import UsageError
 from tests.onebot_bringup.bringup_support import MARK, marked
 from tests.onebot_bringup.launcher_support import RunningCommand, alive
 from tests.support import wait_for
+
+BEGIN = """
+import atexit, sys, threading, time
+atexit.register(lambda: print("at exit", end=""))
+threading.Thread(target=lambda: (time.sleep(0.1), print("thread"))).start()
+"""
+
+
+@pytest.mark.parametrize(
+    ("end", "code", "complaint"),
+    [
+        ("", 0, ""),
+        ("sys.exit()", 0, ""),
+        ("sys.exit(3)", 3, ""),
+        ("sys.exit('no such file')", 1, "no such file\n"),
+        ("raise ValueError('a fault')", 1, "ValueError: a fault\n"),
+    ],
+)
+def test_a_module_ends_as_by_itself(tmp_path: Path, end: str, code: int, complaint: str) -> None:
+    """Its threads are awaited, its exit functions called and its output is whole."""
+    (tmp_path / "ending.py").write_text(BEGIN + end)
+    for runner in ([], ["onebot_bringup.launcher.interpreter"]):
+        ended = subprocess.run(
+            [sys.executable, "-m", *runner, "ending"], cwd=tmp_path, capture_output=True, text=True
+        )
+        assert ended.returncode == code
+        assert ended.stdout == "thread\nat exit"
+        assert ended.stderr.endswith(complaint) and bool(ended.stderr) == bool(complaint)
+
 
 # Records when and as what it was imported, and how it is run.
 MODULE = """

@@ -1,13 +1,25 @@
-"""The shapes of a robot that somebody has published, and the box around them."""
+"""What others publish of a robot is read as far as it can be: shapes, colours, what is left out."""
 
-import numpy as np
 import pytest
 
-from onebot_bringup.viewer.blueprint import corners, fitting_eye, robot_bounds
 from onebot_description.description import Description, read_description
 from onebot_description.description.description import Box, Capsule, Cylinder, Mesh, Sphere
 from onebot_description.errors import DescriptionError
-from tests.onebot_bringup.viewer_support import ARM
+
+ARM = """<robot name="arm">
+  <material name="blue"><color rgba=".1 .3 .9 1"/></material>
+  <link name="base">
+    <visual><geometry><box size=".6 .6 .6"/></geometry><material name="blue"/></visual>
+    <collision><geometry><box size=".8 .8 .8"/></geometry></collision>
+  </link>
+  <link name="tip">
+    <visual><origin xyz="0 0 .1"/><geometry><cylinder radius=".3" length=".6"/></geometry>
+      <material name="orange"><color rgba="1 .42 .04 1"/></material></visual>
+    <collision><geometry><sphere radius=".5"/></geometry></collision>
+  </link>
+  <joint name="slide" type="prismatic"><parent link="base"/><child link="tip"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
 
 
 def _read(urdf: str) -> Description:
@@ -83,26 +95,3 @@ def test_what_is_no_urdf_is_refused(text, words):
     with pytest.raises(DescriptionError, match="robot_description") as caught:
         _read(text)
     assert words in str(caught.value)
-
-
-def test_bounds_enclose_every_visual_but_no_collision_and_the_eye_lies_outside():
-    """The box around the robot follows the links' poses."""
-    robot = _read(ARM)
-    tip = np.eye(4)
-    tip[:3, 3] = (0, 1, 0)
-    bounds = robot_bounds(robot, {"base": np.eye(4), "tip": tip})
-    np.testing.assert_allclose(bounds, [[-0.3, -0.3, -0.3], [0.3, 1.3, 0.4]])
-    eye, target = fitting_eye(bounds)
-    np.testing.assert_allclose(target, bounds.mean(axis=0))
-    assert np.linalg.norm(np.subtract(eye, target)) > np.linalg.norm(bounds[1] - bounds[0])
-    assert robot_bounds(robot, {}) is None
-
-
-def test_corners_turn_with_the_origin():
-    """A long box turned by a quarter about z is long in y."""
-    robot = _robot(
-        '<visual><origin rpy="0 0 1.5707963267948966"/>'
-        '<geometry><box size="4 2 2"/></geometry></visual>'
-    )
-    points = corners(robot.links[0].visuals[0])
-    np.testing.assert_allclose(np.ptp(points, axis=0), [2, 4, 2], atol=1e-12)

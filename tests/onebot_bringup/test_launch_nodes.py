@@ -1,0 +1,112 @@
+"""Nodes of a launch: their ROS arguments, their parameter files, and a motion for any robot."""
+
+import math
+from pathlib import Path
+
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from onebot_bringup.launch.nodes import RosNodes, sweep_parameters, write_parameters
+from onebot_description.description import load_description
+from onebot_description.joints.config import JointsConfig
+
+
+def test_a_nodes_own_parameters_go_before_its_files(tmp_path):
+    """ROS takes the later one; the user's arguments come last of all."""
+    make = RosNodes(tmp_path, "/left/", ["-p", "a:=1"], "warn")
+    node = make.node("wheel", "some.module", {"b": 2}, words=["x"], files=[tmp_path / "f.yaml"])
+    start = node.command.index("some.module")
+    own = tmp_path / "wheel.yaml"
+    files = ["--params-file", str(tmp_path / "f.yaml"), "--params-file", str(own)]
+    assert list(node.command[start + 1 :]) == [
+        *["x", "--ros-args", "--log-level", "warn", *files],
+        *["-r", "__ns:=/left", "-p", "a:=1"],
+    ]
+    assert own.read_text().startswith('"/left/wheel":')
+    assert node.on_exit == "shutdown"
+
+
+def test_nothing_is_said_that_need_not_be(tmp_path):
+    """Only a node that its module calls otherwise is renamed."""
+    make = RosNodes(tmp_path, "")
+    plain = make.node("viewer", "some.module", {}, on_exit="ignore")
+    assert plain.on_exit == "ignore"
+    assert not {"-r", "--log-level"} & set(plain.command)
+    assert "__node:=viewer" in make.node("viewer", "some.module", {}, renamed=True).command
+
+
+Text = st.text(st.characters(blacklist_categories=("Cs",)))
+Name = st.text(st.characters(blacklist_categories=("Cs",)), max_size=50)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.dictionaries(Name, Text | st.booleans() | st.integers(-(2**31), 2**31), max_size=5))
+def test_values_come_back_with_their_type(tmp_path: Path, values: dict[str, object]) -> None:
+    """Any text (emoji, quotes, "1.0", "true"), boolean or whole number is read back unchanged."""
+    path = write_parameters(tmp_path, "node", values)
+    loaded = yaml.safe_load(path.read_text())["/node"]["ros__parameters"] or {}
+    assert loaded == values
+    assert {name: type(value) for name, value in loaded.items()} == {
+        name: type(value) for name, value in values.items()
+    }
+
+
+def test_doubles_keep_their_point(tmp_path: Path) -> None:
+    """ROS would take 10 for an integer, and 1e-05 for a text."""
+    path = write_parameters(tmp_path, "node", {"rate": 10.0, "small": 1e-5})
+    assert "10.000" in path.read_text() and "0.00001" in path.read_text()
+
+
+def test_namespace_and_nesting(tmp_path: Path) -> None:
+    """The key is the node's full name, and maps nest."""
+    path = write_parameters(tmp_path, "node", {"a": {"b.c": {"d": 1}}}, "left/arm")
+    loaded = yaml.safe_load(path.read_text())
+    assert loaded == {"/left/arm/node": {"ros__parameters": {"a": {"b.c": {"d": 1}}}}}
+
+
+ROBOT = """<robot name="r">
+  <link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+  <link name="d"/><link name="e"/>
+  <joint name="elbow.1" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+    <limit lower="-0.5" upper="2.5" effort="1" velocity="0.2"/></joint>
+  <joint name="wheel" type="continuous"><parent link="a"/><child link="b"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="0.1" effort="1" velocity="10"/></joint>
+  <joint name="twin" type="revolute"><parent link="c"/><child link="d"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/><mimic joint="elbow.1"/></joint>
+  <joint name="weld" type="fixed"><parent link="d"/><child link="e"/></joint>
+</robot>"""
+
+
+def test_every_joint_swings_within_its_limits(tmp_path: Path) -> None:
+    """Position and speed stay within the limits; fixed and mimic joints are left alone."""
+    (tmp_path / "r.urdf").write_text(ROBOT)
+    description = load_description(tmp_path / "r.urdf")
+    parameters = sweep_parameters(description)
+    motions = parameters["motions"]
+    assert isinstance(motions, dict) and set(motions) == {"elbow.1", "wheel", "slide"}
+    for joint in description.joints:
+        if joint.name in motions and joint.kind != "continuous":
+            swing = motions[joint.name]
+            assert joint.lower is not None and joint.upper is not None and joint.velocity
+            assert joint.lower <= swing["offset"] - swing["amplitude"]
+            assert swing["offset"] + swing["amplitude"] <= joint.upper
+            assert math.tau * swing["frequency"] * swing["amplitude"] <= joint.velocity
+            assert swing["amplitude"] > 0.0
+    assert len({swing["phase"] for swing in motions.values()}) == 3
+
+
+def test_the_publisher_accepts_it(tmp_path: Path) -> None:
+    """The parameters are right for joint_state_publisher, without a remark."""
+    (tmp_path / "r.urdf").write_text(ROBOT)
+    parameters = sweep_parameters(load_description(tmp_path / "r.urdf"))
+    config = JointsConfig.from_parameters(parameters)
+    assert set(config.motions) == {"elbow.1", "wheel", "slide"} and not config.notes
+
+
+def test_a_robot_without_joints_needs_no_motion(tmp_path: Path) -> None:
+    """A single link is a robot too."""
+    (tmp_path / "r.urdf").write_text('<robot name="r"><link name="base"/></robot>')
+    assert "motions" not in sweep_parameters(load_description(tmp_path / "r.urdf"))

@@ -1,0 +1,31 @@
+"""The box around a robot's visuals, and the eye that sees all of it."""
+
+import numpy as np
+
+from onebot_bringup.viewer.blueprint import corners, fitting_eye, robot_bounds
+from onebot_description.description import read_description
+from tests.onebot_bringup.viewer_support import ARM
+
+
+def test_bounds_enclose_every_visual_but_no_collision_and_the_eye_lies_outside():
+    """The box around the robot follows the links' poses."""
+    robot = read_description(ARM, "robot_description")
+    tip = np.eye(4)
+    tip[:3, 3] = (0, 1, 0)
+    bounds = robot_bounds(robot, {"base": np.eye(4), "tip": tip})
+    np.testing.assert_allclose(bounds, [[-0.3, -0.3, -0.3], [0.3, 1.3, 0.4]])
+    eye, target = fitting_eye(bounds)
+    np.testing.assert_allclose(target, bounds.mean(axis=0))
+    assert np.linalg.norm(np.subtract(eye, target)) > np.linalg.norm(bounds[1] - bounds[0])
+    assert robot_bounds(robot, {}) is None
+
+
+def test_corners_turn_with_the_origin():
+    """A long box turned by a quarter about z is long in y."""
+    robot = read_description(
+        '<robot name="r"><link name="a"><visual><origin rpy="0 0 1.5707963267948966"/>'
+        '<geometry><box size="4 2 2"/></geometry></visual></link></robot>',
+        "robot_description",
+    )
+    points = corners(robot.links[0].visuals[0])
+    np.testing.assert_allclose(np.ptp(points, axis=0), [2, 4, 2], atol=1e-12)
