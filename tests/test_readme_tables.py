@@ -214,6 +214,7 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
         yield
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
 def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
     """The tables hold every topic, service and parameter of the node, and nothing else."""
@@ -222,6 +223,7 @@ def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
         _check_parameters(_parameter_rows(node), _parameters(peer, node.name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
 def test_defaults(node: Documented, peer: Peer, tmp_path: Path) -> None:
     """A parameter that nobody sets has the default that the README gives."""
