@@ -1,6 +1,5 @@
 """Errors that a user can cause and can mend: each message is complete in itself."""
 
-import difflib
 from collections.abc import Iterable
 
 # Words for error messages: what was probably meant, and what does exist.
@@ -13,10 +12,12 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
     A difference in case only always counts as alike; otherwise about six letters in ten must agree.
     """
+    from difflib import get_close_matches  # slow to import, and commands start with this module
+
     known = sorted(set(candidates))
     # Compared without case, but answered as it is written.
     lowered = {candidate.lower(): candidate for candidate in reversed(known)}
-    found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
+    found = get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
     return lowered[found[0]] if found else None
 
 
@@ -46,7 +47,9 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     rest = len(set(known)) - _MOST_LISTED
     if rest > 0:
         # The likeliest first: an alphabet's beginning would help nobody.
-        alike = difflib.get_close_matches(name, set(known), n=_MOST_LISTED, cutoff=0.0)
+        from difflib import get_close_matches
+
+        alike = get_close_matches(name, set(known), n=_MOST_LISTED, cutoff=0.0)
         return f" ({question}{what}: {', '.join(alike)}, and {rest} more)"
     return f" ({question}{what}: {listing(known)})"
 

@@ -1,7 +1,7 @@
 """Signals that ask a process to stop: Ctrl-C, SIGTERM, and a terminal that is closed.
 
 A node calls a function on them (``StopSignals``), a command of the console raises KeyboardInterrupt
-(``keyboard_interrupts``), and the launcher gives ``stop_signals`` to its event loop.
+(``KeyboardInterrupts``), and the launcher gives ``stop_signals`` to its event loop.
 """
 
 import signal
@@ -21,15 +21,30 @@ def stop_signals() -> tuple[signal.Signals, ...]:
     return _STOP if nohup else (*_STOP, signal.SIGHUP)
 
 
-@contextmanager
-def keyboard_interrupts() -> Iterator[None]:
-    """Within this context each of ``stop_signals`` raises KeyboardInterrupt in the main thread."""
-    handler = signal.default_int_handler
-    old = {number: signal.signal(number, handler) for number in stop_signals()}
-    try:
-        yield
-    finally:
-        _restore(old)
+class KeyboardInterrupts:
+    """A context in which each of ``stop_signals`` raises KeyboardInterrupt in the main thread."""
+
+    def __init__(self) -> None:
+        """Nothing is changed until it is entered, in the main thread."""
+        self._arrived = False
+
+    def __enter__(self) -> "KeyboardInterrupts":
+        """Install the handlers."""
+        self._old = {number: signal.signal(number, self._handle) for number in stop_signals()}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Put the former handlers back."""
+        _restore(self._old)
+
+    def check(self) -> None:
+        """Raise it again if a library has swallowed it."""
+        if self._arrived:
+            raise KeyboardInterrupt
+
+    def _handle(self, *_: object) -> None:
+        self._arrived = True
+        raise KeyboardInterrupt
 
 
 class StopSignals:

@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
+from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.parameters import default_control_file
 from onebot_control.velocity_controller import VelocityController
 from onebot_description.description import load_description
@@ -113,3 +114,17 @@ def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:
     found = described(start(BagRecorder, folder=tmp_path / "run"))
     assert set(found) == {"folder", "topics", "compression"}
     assert all(one.read_only for one in found.values())
+
+
+def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
+    """Its own are read at the start, the view's settings can be changed."""
+    node = start(RerunViewer, viewer="none", save=tmp_path / "x.rrd", **{"axes.length": 2})
+    found = described(node)
+    own = {"viewer", "save", "view", "frame_prefix", "grpc_port", "web_port", "open_browser"}
+    assert {name for name, one in found.items() if one.read_only} == {*own, "memory_limit"}
+    assert float_range(found["axes.length"])[0] == 0.0
+    assert "one of hidden" in found["panels.top"].additional_constraints
+    assert node.get_parameter("camera.eye").value == []
+    changed = [rclpy.parameter.Parameter("camera.eye", value=[1, 2, 3])]
+    assert node.set_parameters(changed)[0].successful
+    assert described(node)["camera.eye"].description

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from onebot_bringup.cli.main import Parser, Subcommand, dispatch
+from onebot_bringup.cli.options import Parser, Subcommand, dispatch
 from onebot_bringup.introspection.interfaces import definition, full_name, installed
 from onebot_description.errors import OneBotError, did_you_mean
 

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterable, Sequence
 
-from onebot_bringup.cli.main import Parser, Subcommand, dispatch
+from onebot_bringup.cli.options import Parser, Subcommand, dispatch
 from onebot_bringup.cli.session import Session, add_spin_time, is_hidden
 from onebot_description.errors import OneBotError
 

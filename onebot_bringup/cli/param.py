@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from onebot_bringup.cli.main import Parser, Subcommand, dispatch
+from onebot_bringup.cli.options import Parser, Subcommand, dispatch
 from onebot_bringup.cli.session import Session, add_spin_time, call
 from onebot_bringup.introspection import parameter_values
 from onebot_bringup.introspection.parameter_values import NOT_SET, parse_value

@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.main import not_negative
+from onebot_bringup.cli.options import not_negative
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile

@@ -1,17 +1,16 @@
 """``onebot replay``: show a recording, all of its time, until Ctrl-C."""
 
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from onebot_bringup.launch.arguments import Argument, UsageError, complete, port, split, table
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError
+from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.display_server import Display
@@ -58,7 +57,7 @@ def run(argv: Sequence[str]) -> int:
     values = _values(given.given)
     source = Path(given.positional[0]).expanduser()
     use_environment_prefix()  # where meshes and views are found
-    with _Interrupts() as interrupts:
+    with KeyboardInterrupts() as interrupts:
         return _replay(source, values, interrupts)
 
 
@@ -69,7 +68,7 @@ def _values(given: Mapping[str, str]) -> dict[str, str]:
     return values
 
 
-def _replay(source: Path, values: Mapping[str, str], interrupts: "_Interrupts") -> int:
+def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts) -> int:
     rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder
     view = _view(values["view"])
     if rrd:
@@ -93,7 +92,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: "_Interrupts") 
                 fixed_frame=values["fixed_frame"],
                 frame_prefix=values["frame_prefix"],
                 namespace=values["namespace"],
-                progress=interrupts.checked(_Log().info),
+                progress=_checked(interrupts, _Log().info),
                 warn=_Log().warning,
             )
             robot = f' of "{shown.robot}"' if shown.robot else ""
@@ -158,35 +157,11 @@ def _display(values: Mapping[str, str]) -> "Iterator[Display]":
         display.close()
 
 
-class _Interrupts:
-    """Ends by SIGTERM as by Ctrl-C, also where a shell has SIGINT ignored in the background.
+def _checked(
+    interrupts: KeyboardInterrupts, report: Callable[[str], None]
+) -> Callable[[str], None]:
+    def both(text: str) -> None:
+        interrupts.check()
+        report(text)
 
-    Some library may swallow the exception that a signal raises; ``check`` raises it again.
-    """
-
-    def __init__(self) -> None:
-        self._arrived = False
-
-    def __enter__(self) -> "_Interrupts":
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        self._old = {number: signal.signal(number, self._on_signal) for number in numbers}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
-
-    def _on_signal(self, _: int, __: FrameType | None) -> None:
-        self._arrived = True
-        raise KeyboardInterrupt
-
-    def check(self) -> None:
-        if self._arrived:
-            raise KeyboardInterrupt
-
-    def checked(self, report: Callable[[str], None]) -> Callable[[str], None]:
-        def both(text: str) -> None:
-            self.check()
-            report(text)
-
-        return both
+    return both

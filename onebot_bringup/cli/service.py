@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from onebot_bringup.cli.main import Parser, Subcommand, dispatch, positive
+from onebot_bringup.cli.options import Parser, Subcommand, dispatch, positive
 from onebot_bringup.cli.session import Session, add_spin_time
 from onebot_description.errors import OneBotError, did_you_mean, nearest
 

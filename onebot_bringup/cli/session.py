@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean, nearest
-from onebot_description.signals import keyboard_interrupts
+from onebot_description.signals import KeyboardInterrupts
 
 _QUIET = 0.5  # s without any news, over two announcements: discovery is taken to be complete
 _LEAST = 0.5  # s
@@ -52,8 +52,7 @@ class Session:
         from onebot_description.node import use_quick_discovery  # brings rclpy, which takes a while
 
         use_quick_discovery()
-        self._interrupts = keyboard_interrupts()
-        self._interrupts.__enter__()
+        self._interrupts = KeyboardInterrupts().__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
             sys.stdout.reconfigure(line_buffering=True)  # whoever reads a pipe reads it live
         self._start()
@@ -78,7 +77,7 @@ class Session:
     def __exit__(self, *_: object) -> None:
         import rclpy
 
-        self._interrupts.__exit__(None, None, None)
+        self._interrupts.__exit__()
         self._executor.shutdown(0.0)
         self.node.destroy_node()
         rclpy.try_shutdown()
@@ -210,7 +209,7 @@ def is_hidden(name: str) -> bool:
 
 def add_spin_time(parser: argparse.ArgumentParser) -> None:
     """Add the option for how long to look around."""
-    from onebot_bringup.cli.main import not_negative
+    from onebot_bringup.cli.options import not_negative
 
     parser.add_argument(
         "--spin-time",

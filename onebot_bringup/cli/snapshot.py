@@ -3,16 +3,14 @@
 import argparse
 import math
 import re
-import signal
 import sys
 import tempfile
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -22,7 +20,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.cli.main import Parser
+from onebot_bringup.cli.options import Parser
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
@@ -39,6 +37,7 @@ from onebot_description.joints.limits import zero_position
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED
+from onebot_description.signals import KeyboardInterrupts
 from onebot_description.wire.messages import (
     BAD_MESSAGE,
     deserialize_message,
@@ -60,7 +59,7 @@ def run(argv: Sequence[str]) -> int:
     from onebot_bringup.viewer.pictures import check_picture  # slower to import
 
     check_picture(args.file)
-    with _interruptible(), tempfile.TemporaryDirectory(prefix="onebot-") as folder:
+    with KeyboardInterrupts(), tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         _draw(args, Path(folder) / "scene.rrd")
     print(f"wrote {args.file} ({args.width} x {args.height})")
     return 0
@@ -120,24 +119,6 @@ def _warn(message: str) -> None:
 def _warn_of(messages: Sequence[str]) -> None:
     for message in messages:
         _warn(message)
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """End by SIGTERM as by Ctrl-C: with the viewer ended and nothing left behind."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    old: Mapping[signal.Signals, object] = {
-        number: signal.signal(number, _interrupt) for number in numbers
-    }
-    try:
-        yield
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
-
-
-def _interrupt(_: int, __: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 # --- the command line -----------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_bringup.cli.main import Parser, not_negative, positive
+from onebot_bringup.cli.options import Parser, not_negative, positive
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from onebot_bringup.cli import qos
-from onebot_bringup.cli.main import (
+from onebot_bringup.cli.options import (
     Parser,
     Subcommand,
     count,

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import FileState, FileWatch, file_states
-from onebot_description.signals import keyboard_interrupts
+from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -142,7 +142,7 @@ def main(args: Sequence[str] | None = None) -> int:
         known = Known.from_json(arguments[2])
         del arguments[1:3]
     try:
-        with keyboard_interrupts():
+        with KeyboardInterrupts():
             if known is not None:
                 known.wait_for_edit()
             return _run(arguments, known.digest if known is not None else "")

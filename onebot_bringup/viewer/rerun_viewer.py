@@ -34,10 +34,11 @@ Parameters:
 import re
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -47,90 +48,82 @@ from std_srvs.srv import Trigger
 
 from onebot_bringup.viewer.display_server import Display
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.settings import values, with_setting
 from onebot_bringup.viewer.topics import TopicSubscriptions
+from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError
 from onebot_description.node import LATCHED, Throttled, run_node
+from onebot_description.parameters.reader import (
+    ConfigError,
+    Problem,
+    declare,
+    is_parameter,
+    parameter,
+    read,
+    replaced,
+    ros_parameter,
+    values_of,
+)
+from onebot_description.parameters.values import MAX_PORT, plain
 
-# The parameters of the viewer's node that hold from its start to its end.
+# The parameters of the viewer's node: its own, and the settings of its view ---------------------
 
 VIEWERS = ("web", "native", "none")
-
-_PARAMETERS: dict[str, tuple[str | int | bool, str]] = {
-    "viewer": ("web", "web, native or none"),
-    "save": ("", "a .rrd file to write the recording to"),
-    "view": ("", 'a saved view, .yaml or .rbl; "" for the robot\'s own, "none" for none'),
-    "frame_prefix": ("", "put before link names, as robot_state_publisher does"),
-    "grpc_port": (9876, "port on 127.0.0.1 for viewers; 0 for any"),
-    "web_port": (9090, "port on 127.0.0.1 for the page; 0 for any"),
-    "open_browser": (True, "open the page, if there is a display"),
-    "memory_limit": ("256MB", "what is kept for viewers that join later"),
-}
+_SAVE_TO = "save_view_to"
+_FIXED_FRAME = "fixed_frame"
 
 
+def _port(default: int, description: str) -> Any:
+    return parameter(default, description, at_least=0, at_most=MAX_PORT, read_only=True)
+
+
+@dataclass(frozen=True)
 class ViewerParameters:
-    """Reads and checks them."""
+    """The node's own parameters."""
 
-    def __init__(self, node: Node) -> None:
-        """Declare them on ``node``."""
-        self._node = node
-        for name, (default, meaning) in _PARAMETERS.items():
-            descriptor = ParameterDescriptor(description=meaning, read_only=True)
-            node.declare_parameter(name, default, descriptor)
-
-    def text(self, name: str) -> str:
-        """Return a parameter's text."""
-        return str(self._node.get_parameter(name).value)
+    viewer: str = parameter("web", "where to see it", choices=VIEWERS, read_only=True)
+    save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
+    view: str = parameter(
+        "", "a saved view, .yaml or .rbl; empty: the robot's own; none: none", read_only=True
+    )
+    frame_prefix: str = parameter(
+        "", "prepended to link names, as robot_state_publisher does", read_only=True
+    )
+    grpc_port: int = _port(9876, "port on 127.0.0.1 for viewers; 0: any")
+    web_port: int = _port(9090, "port on 127.0.0.1 for the page; 0: any")
+    open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
+    memory_limit: str = parameter(
+        "256MB",
+        "what is kept for viewers that join later",
+        pattern=re.compile(r"\d+(\.\d+)?\s*(%|[kMGT]i?B|B)"),
+        write="a size such as 256MB, 1GiB or 10%",
+        read_only=True,
+    )
+    save_view_to: str = parameter(
+        "", "the file that ~/save_view writes; empty: the one that the view is from"
+    )
 
     @property
-    def viewer(self) -> str:
-        """One of ``VIEWERS``; another is an OneBotError."""
-        value = self.text("viewer")
-        if value not in VIEWERS:
-            known = did_you_mean(value, VIEWERS, "choices")
-            raise OneBotError(f"viewer:={value}: there is no such viewer{known}")
-        return value
-
-    @property
-    def save(self) -> Path | None:
+    def recording(self) -> Path | None:
         """The file to write, if any."""
-        text = self.text("save")
-        return Path(text).expanduser().absolute() if text else None
+        return Path(self.save).expanduser().absolute() if self.save else None
 
-    @property
-    def memory_limit(self) -> str:
-        """As Rerun reads it; what it would not is an OneBotError."""
-        text = self.text("memory_limit")
-        if not re.fullmatch(r"\d+(\.\d+)?\s*(%|[kMGT]i?B|B)", text):
-            raise OneBotError(f"memory_limit:={text}: write a size such as 256MB, 1GiB or 10%")
-        return text
-
-    def open_display(self) -> Display:
+    def open_display(self, log: Any) -> Display:
         """Open the recording and the viewer.
 
         Raises:
-            OneBotError: a parameter is wrong, or it cannot be opened.
+            OneBotError: it cannot be opened.
         """
         return Display(
             self.viewer,
-            self.save,
-            grpc_port=self._number("grpc_port"),
-            web_port=self._number("web_port"),
+            self.recording,
+            grpc_port=self.grpc_port,
+            web_port=self.web_port,
             memory_limit=self.memory_limit,
-            open_browser=bool(self._node.get_parameter("open_browser").value),
-            log=self._node.get_logger(),
+            open_browser=self.open_browser,
+            log=log,
         )
-
-    def _number(self, name: str) -> int:
-        return int(self._node.get_parameter(name).value)
-
-
-# The settings of the viewer's view as ROS parameters, changed and saved while it runs.
-
-_FIXED_FRAME = "fixed_frame"
-_SAVE_TO = "save_view_to"
 
 
 class ViewParameters:
@@ -151,33 +144,33 @@ class ViewParameters:
         self._source = source
         self._changed = changed
         self._mirroring = False
-        self._names = frozenset(values(source.view))
-        for name, value in values(source.view).items():
-            self._declare(name, value)
-        meaning = 'the file that ~/save_view writes; "" for the one that the view is from'
-        node.declare_parameter(_SAVE_TO, "", ParameterDescriptor(description=meaning))
+        self._declare()
         self.mirror()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
         node.create_service(Trigger, "~/save_view", self._save)
 
-    def _declare(self, name: str, value: Any) -> None:
-        descriptor = ParameterDescriptor(description="as in the view file", dynamic_typing=True)
-        given = _plain(self._node.declare_parameter(name, value, descriptor).value)
-        if given == value or (name == _FIXED_FRAME and given == ""):
-            return
-        try:
-            self._source.change(name, given)
-        except ValueError as error:
-            raise OneBotError(str(error)) from error
+    def _declare(self) -> None:
+        usual = values_of(self._source.view)
+        given = declare(self._node, ViewConfig, usual)
+        problems: list[Problem] = []
+        for name, value in given.items():
+            if value == usual[name] or (name == _FIXED_FRAME and value == ""):
+                continue
+            try:
+                self._source.change(name, value)
+            except ConfigError as error:
+                problems += error.problems
+        if problems:
+            raise ConfigError(problems)
 
     def mirror(self) -> None:
         """Set the parameters to what the view says now."""
-        wanted = values(self._source.view)
+        wanted = values_of(self._source.view)
         stale = [
-            Parameter(name, value=value)
+            ros_parameter(name, value)
             for name, value in wanted.items()
-            if _plain(self._node.get_parameter(name).value) != value
+            if plain(self._node.get_parameter(name).value) != value
         ]
         self._mirroring = True
         try:
@@ -186,21 +179,23 @@ class ViewParameters:
             self._mirroring = False
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        view = self._source.view
-        for parameter in parameters:
-            if parameter.name in self._names:
-                try:
-                    view = with_setting(view, parameter.name, _plain(parameter.value))
-                except ValueError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
+        view, own = self._source.view, ViewerParameters()
+        try:
+            for one in parameters:
+                if one.name == _SAVE_TO:
+                    replaced(own, one.name, one.value)
+                elif is_parameter(ViewConfig, one.name):
+                    view = replaced(view, one.name, plain(one.value))
+        except ConfigError as error:
+            return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _take(self, parameters: Sequence[Parameter]) -> None:
-        ours = [parameter for parameter in parameters if parameter.name in self._names]
+        ours = [one for one in parameters if is_parameter(ViewConfig, one.name)]
         if self._mirroring or not ours:
             return
-        for parameter in ours:
-            self._source.change(parameter.name, _plain(parameter.value))
+        for one in ours:
+            self._source.change(one.name, plain(one.value))
         self._changed()
 
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -214,11 +209,6 @@ class ViewParameters:
         response.success, response.message = True, f"saved as {path}"
         self._node.get_logger().info(f"the view was saved as {path}")
         return response
-
-
-def _plain(value: Any) -> Any:
-    """A parameter's value as a view file has it: arrays as lists."""
-    return value if value is None or isinstance(value, (bool, int, float, str)) else list(value)
 
 
 class ViewUpdates:
@@ -299,20 +289,20 @@ class RerunViewer(Node):
             OneBotError: a parameter is wrong.
         """
         super().__init__("rerun_viewer")
-        parameters = ViewerParameters(self)
+        parameters = read(ViewerParameters, declare(self, ViewerParameters))
         self._warn = Throttled(self.get_logger().warning)
         self._display: Display | None = None
-        if parameters.viewer == "none" and parameters.save is None:
+        if parameters.viewer == "none" and parameters.recording is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
-        source = ViewSource(parameters.text("view"))
+        source = ViewSource(parameters.view)
         settings = ViewParameters(self, source, lambda: self._updates.apply())
-        self._display = parameters.open_display()
+        self._display = parameters.open_display(self.get_logger())
         self._view = RobotView(
             self._display.stream,
             source.view,
             blueprint=source.layout,
-            frame_prefix=parameters.text("frame_prefix"),
+            frame_prefix=parameters.frame_prefix,
             resolve=self.resolve_topic_name,
             report=self._report,
         )

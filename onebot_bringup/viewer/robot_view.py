@@ -200,7 +200,8 @@ class RobotView:
             try:
                 topics[name] = _merged(replace(topic, name=name), topics.get(name))
             except ValueError as error:
-                problems.append(str(error))
+                if not topic.optional:
+                    problems.append(str(error))
                 continue
             for kind in topic.types:
                 queue = queues.setdefault((name, kind.name), _Queue())
@@ -427,7 +428,8 @@ def _merged(topic: Topic, other: Topic | None) -> Topic:
             f"something else is shown of it, as {other.types[0].name}"
         )
     reliable, latched = topic.reliable or other.reliable, topic.latched or other.latched
-    return Topic(topic.name, both, reliable, latched)
+    optional = topic.optional and other.optional
+    return Topic(topic.name, both, reliable, latched, optional)
 
 
 def _raise(_: str, error: Exception) -> None:

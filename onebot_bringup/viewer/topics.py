@@ -85,7 +85,7 @@ class TopicSubscriptions:
         if not ours and now is not None:
             latched = now.latched
         if len(known) == 1:
-            return known[0], latched
+            return known[0] if ours or now or not topic.optional else None, latched
         for ends in (ours, self._node.get_subscriptions_info_by_topic(name)):
             there = {end.topic_type for end in ends if end.topic_type in known}
             if now is not None and now.kind in there:

@@ -22,23 +22,26 @@ Example (every key may be left out)::
       lines:
         commanded: {topic: velocity_controller/cmd_vel, type: auto}
         measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
+    paths: {visible: true, topics: [plan, path], width: 0.02}   # of nav_msgs/Path; metres
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
 import re
-from dataclasses import dataclass, make_dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
-from onebot_bringup.viewer import settings
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import Display
-from onebot_bringup.viewer.settings import Color, Value, group, named, one_of, setting
+from onebot_bringup.viewer.settings import Color, color, height, one_of, setting, vector
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.files import read_map, read_text
+from onebot_description.parameters.reader import as_map, group, read, values_of
 
 _PANEL = one_of("hidden", "collapsed", "expanded")
 S = TypeVar("S")
@@ -51,15 +54,15 @@ class GridSettings:
 
     visible: bool = setting(True, "draw the grid on the ground")
     spacing: float = setting(0.0, "metres; 0 to choose it by the robot's size")
-    height: float = setting(0.0, "metres above the fixed frame's origin", settings.height)
+    height: float = setting(0.0, "metres above the fixed frame's origin", height)
 
 
 @dataclass(frozen=True)
 class CameraSettings:
     """Where to look from, and at."""
 
-    eye: Triple | None = setting(None, "metres, in the fixed frame", settings.vector)
-    target: Triple | None = setting(None, "metres, in the fixed frame", settings.vector)
+    eye: Triple | None = setting(None, "metres, in the fixed frame", vector)
+    target: Triple | None = setting(None, "metres, in the fixed frame", vector)
     follow: str = setting("", "the link that the camera moves with")
 
 
@@ -75,8 +78,10 @@ class PanelsSettings:
 
 def _with_displays(kind: type[T]) -> type[T]:
     """Add a field for the settings of each display."""
-    entries = [
-        (display.key, Any, named(display.Settings) if display.named else group(display.Settings))
+    entries: list[tuple[str, Any, Any]] = [
+        (display.key, Mapping[str, display.Settings], field(default_factory=dict))  # type: ignore[name-defined]
+        if display.named
+        else (display.key, display.Settings, group(display.Settings))
         for display in DISPLAYS
     ]
     made = make_dataclass(kind.__name__, entries, bases=(kind,), frozen=True)
@@ -95,7 +100,7 @@ class ViewConfig:
     fixed_frame: str = setting("", 'the frame that stands still; "" for the root of the TF tree')
     grid: GridSettings = group(GridSettings)
     collision: bool = setting(False, "show collision shapes")
-    background: Color | None = setting(None, "sRGB bytes", settings.color)
+    background: Color | None = setting(None, "sRGB bytes", color)
     camera: CameraSettings = group(CameraSettings)
     panels: PanelsSettings = group(PanelsSettings)
 
@@ -109,42 +114,31 @@ def load_view(path: Path) -> ViewConfig:
     """Read the saved view at ``path``.
 
     Raises:
-        OneBotError: there is no such file, or an entry is wrong; the message names it and says what
-            would be right.
+        ConfigError: there is no such file, or an entry is wrong; names it, its line and what would
+            be right.
     """
-    try:
-        return parse_view(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise OneBotError(f"view {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise OneBotError(f"view {path}: not YAML: {error}") from error
-    except ValueError as error:
-        raise OneBotError(f"view {path}: {error}") from error
+    return parse_view(read_text(path), str(path))
 
 
-def parse_view(text: str) -> ViewConfig:
-    """Read a saved view from YAML text.
+def parse_view(text: str, name: str = "view") -> ViewConfig:
+    """Read a saved view from YAML text; ``name`` is the file's, for errors.
 
     Raises:
-        ValueError: an entry is wrong.
+        ConfigError: an entry is wrong.
     """
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ValueError(f"not YAML: {' '.join(str(error).split())}") from error
-    return settings.read(ViewConfig, {} if content is None else content)
+    found = read_map(text, name)
+    return read(ViewConfig, found.values, found.places)
 
 
 def view_text(view: ViewConfig) -> str:
     """Return ``view`` as YAML text that ``parse_view`` reads, without what is as by default."""
-    different = settings.different(view, ViewConfig())
-    return str(yaml.safe_dump(different, sort_keys=False, default_flow_style=None))
+    return str(yaml.safe_dump(as_map(view), sort_keys=False, default_flow_style=None))
 
 
-def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Value]:
+def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Any]:
     """Return the settings of ``after`` that differ from those of ``before``, by dotted names."""
-    old = settings.values(before)
-    return {name: value for name, value in settings.values(after).items() if old[name] != value}
+    old = values_of(before)
+    return {name: value for name, value in values_of(after).items() if old[name] != value}
 
 
 # --- the view that belongs to a robot: the one saved in the config/ of its description ----------

@@ -14,7 +14,6 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.representer import RoundTripRepresenter
 from ruamel.yaml.scalarstring import SingleQuotedScalarString
 
-from onebot_bringup.viewer.settings import with_setting
 from onebot_bringup.viewer.view_config import (
     ViewConfig,
     changed_settings,
@@ -25,6 +24,7 @@ from onebot_bringup.viewer.view_config import (
 )
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import FileWatch
+from onebot_description.parameters.reader import ConfigError, replaced
 
 NO_VIEW = "none"
 _ANY_WIDTH = 2**30  # of a line, which is never wrapped
@@ -111,16 +111,16 @@ class ViewSource:
         view = base
         for name, value in changed_settings(self._base, self.view).items():
             if name not in edited:
-                view = with_setting(view, name, value)
+                view = replaced(view, name, value)
         self._base, self.view = base, view
 
     def change(self, name: str, value: Any) -> None:
         """Change a setting until its file is read anew.
 
         Raises:
-            ValueError: it cannot have that value.
+            ConfigError: it cannot have that value.
         """
-        self.view = with_setting(self.view, name, value)
+        self.view = replaced(self.view, name, value)
 
     def save(self, to: Path | None = None) -> Path:
         """Write the view into its file, whose comments stay, or into another one.
@@ -149,7 +149,7 @@ class ViewSource:
             text = edit_yaml(text, changed_settings(parse_view(text), self.view))
             if parse_view(text) == self.view:
                 return text
-        except (OSError, ValueError):
+        except (OSError, ValueError, ConfigError):
             pass  # its form is not one that single values can be changed in
         if target == self._file:
             raise OneBotError(

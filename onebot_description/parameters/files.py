@@ -115,7 +115,8 @@ class _Yaml:
 
     def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
         if not isinstance(node, yaml.MappingNode):
-            self._fail(node, f'"{node.value}" stands where a map belongs')
+            what = f'"{node.value}"' if isinstance(node, yaml.ScalarNode) else "a list"
+            self._fail(node, f"{what} stands where a map belongs")
         seen: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):

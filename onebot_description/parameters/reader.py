@@ -321,6 +321,44 @@ def values_of(config: Any) -> dict[str, Any]:
     return {name: _as_ros(leaf, value) for name, leaf, value in _leaves(shape, "", config)}
 
 
+def as_map(config: Any) -> dict[str, Any]:
+    """Return ``config``, a dataclass, as nested maps for ``read``, without what has its default."""
+    found: dict[str, Any] = {}
+    for field in _group(type(config)).fields:
+        value = getattr(config, field.field)
+        if isinstance(field.shape, ValueType):
+            if value != field.default:
+                found[field.name] = _as_ros(field.shape, value)
+        elif isinstance(field.shape, _Named):
+            items = {name: as_map(item) for name, item in value.items()}
+            found |= {field.name: items} if items else {}
+        elif inner := as_map(value):
+            found[field.name] = inner
+    return found
+
+
+def replaced(config: T, name: str, value: Any) -> T:
+    """Return ``config``, a dataclass, with another value of the parameter ``name``.
+
+    Raises:
+        ConfigError: it has no such parameter, or that cannot have this value.
+    """
+    kind = type(config)
+    try:
+        path, shape = _locate_field(_group(kind), name)
+        if name not in defaults(kind) or not isinstance(shape, ValueType):
+            raise _Unknown("is more than one parameter")
+        return typing.cast(T, _replaced(config, path, shape.checked(value)))
+    except (_Unknown, ValueError) as error:
+        raise ConfigError([Problem(name, str(error))]) from None
+
+
+def _replaced(config: Any, path: Sequence[str], value: Any) -> Any:
+    field, *rest = path
+    new = _replaced(getattr(config, field), rest, value) if rest else value
+    return dataclasses.replace(config, **{field: new})
+
+
 def _leaves(shape: _Group, prefix: str, value: Any) -> Iterator[tuple[str, ValueType, Any]]:
     """All parameters with fixed names, each with its value in ``value`` or else its default."""
     for field in shape.fields:

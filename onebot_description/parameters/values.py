@@ -82,8 +82,10 @@ class ValueType:
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
         items = tuple(self._one(item) for item in value)
         if self.length is not None and len(items) != self.length:
-            what = f": {self.rule.description}" if self.rule.description else ""
-            raise ValueError(f"{len(items)} {_PLURAL[self.base]}; write {self.length}{what}")
+            what = self.rule.write
+            if not what:
+                what = ": ".join(filter(None, (str(self.length), self.rule.description)))
+            raise ValueError(f"{len(items)} {_PLURAL[self.base]}; write {what}")
         if self.rule.not_empty and not items:
             raise ValueError(f"is empty; write {self.wanted(value)}")
         twice = [item for item in dict.fromkeys(items) if items.count(item) > 1]

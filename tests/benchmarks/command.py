@@ -2,15 +2,14 @@
 
 import argparse
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 from typing import NoReturn
 
 from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError
+from onebot_description.signals import KeyboardInterrupts
 from tests.benchmarks import machine
 from tests.benchmarks.plot import svg
 from tests.benchmarks.registry import BENCHMARKS, Options, chosen, run, say_on_stderr, summary
@@ -128,9 +127,7 @@ def _run(arguments: argparse.Namespace) -> Results:
     options = Options(quick=arguments.quick, peer=arguments.peer)
     results = Results(machine.describe(), arguments.quick, [])
     print(machine.sentence(results.machine), end="\n\n", flush=True)
-    # As Ctrl-C, so that whatever a benchmark has started is stopped.
-    earlier = signal.signal(signal.SIGTERM, _interrupt)
-    try:
+    with KeyboardInterrupts():  # whatever a benchmark has started is stopped
         for name in names:
             say_on_stderr(f"{name}: {summary(name)}")
             report = run(name, options)
@@ -138,15 +135,9 @@ def _run(arguments: argparse.Namespace) -> Results:
             print(plain(report, verdict=not arguments.quick), flush=True)
             if arguments.output:
                 save(arguments.output, results)
-    finally:
-        signal.signal(signal.SIGTERM, earlier)
     if arguments.quick:
         print("all answers were right; the times of a quick run mean nothing")
     return results
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 def _pick(results: Results, names: Sequence[str]) -> Results:

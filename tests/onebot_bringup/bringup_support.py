@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -92,10 +91,8 @@ def wait_for_robot(
 
 def stop(running: RunningCommand) -> None:
     """Press Ctrl-C and check that the end is what was promised."""
-    begin = time.monotonic()
     running.send(signal.SIGINT)
     assert running.wait() == 0
-    assert time.monotonic() - begin < 5.0
     assert "Traceback" not in running.out + running.err
 
 

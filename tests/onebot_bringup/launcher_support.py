@@ -8,17 +8,25 @@ from pathlib import Path
 
 from tests.support import wait_for
 
-DRIVER = """
+_DRIVER = """
 import sys
-from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.launcher.launcher import Grace, Launcher
 from onebot_bringup.launcher.process import NodeProcess, Restart, python_node
 
 def script(name, path, on_exit="shutdown", **more):
     return NodeProcess(name, (sys.executable, "-u", path), on_exit, **more)
 
-with Launcher("test") as launcher:
+with Launcher("test", {grace}) as launcher:
     sys.exit(launcher.run({nodes}))
 """
+
+# Beyond any deadline of the tests: on a slow machine, too, a node has the time to stop by itself.
+PATIENT = "Grace(terminate=300.0, kill=300.0, give_up=300.0)"
+
+
+def command_of(nodes: str, grace: str = PATIENT) -> list[str]:
+    """A command that launches the nodes that the Python expression ``nodes`` lists."""
+    return [sys.executable, "-c", _DRIVER.format(nodes=nodes, grace=grace)]
 
 
 class RunningCommand:
@@ -78,9 +86,9 @@ class RunningCommand:
 class RunningLauncher(RunningCommand):
     """A launcher in a process of its own."""
 
-    def __init__(self, folder: Path, nodes: str) -> None:
-        """Run the nodes that the Python expression ``nodes`` lists."""
-        super().__init__(folder, [sys.executable, "-c", DRIVER.format(nodes=nodes)])
+    def __init__(self, folder: Path, nodes: str, grace: str = PATIENT) -> None:
+        """Run ``command_of`` them in ``folder``."""
+        super().__init__(folder, command_of(nodes, grace))
 
 
 def alive(pid: int) -> bool:

@@ -49,7 +49,7 @@ def test_hardly_anything_is_imported_before_ctrl_c_is_answered(module):
         ("onebot", ["check", "a.urdf"], 130),
         ("onebot", ["snapshot", "a.png"], 130),
         ("onebot", ["steer"], 0),
-        ("onebot", [], 130),
+        ("onebot", ["help", "topic"], 130),
         ("onebot_bringup", ["--show-args"], 0),
         ("mrm_bringup", [], 0),
     ],

@@ -5,13 +5,12 @@ import pty
 import re
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.onebot_bringup.launcher_support import DRIVER, RunningLauncher, alive, number_in
+from tests.onebot_bringup.launcher_support import RunningLauncher, alive, command_of, number_in
 from tests.support import wait_for
 
 Start = Callable[[str], RunningLauncher]
@@ -83,7 +82,7 @@ def _on_terminal(folder: Path, environment: dict[str, str]) -> str:
     """Run a launcher on a pseudo-terminal, interrupt it, and return what the terminal showed."""
     master, slave = pty.openpty()
     process = subprocess.Popen(
-        [sys.executable, "-c", DRIVER.format(nodes="[script('a', 'once.py')]")],
+        command_of("[script('a', 'once.py')]"),
         stdin=slave,
         stdout=slave,
         stderr=slave,
@@ -102,7 +101,7 @@ def _on_terminal(folder: Path, environment: dict[str, str]) -> str:
             break
         shown += data
     os.close(master)
-    assert process.wait(20) == 0
+    assert process.wait(60.0) == 0
     return shown.decode()
 
 
@@ -123,7 +122,7 @@ def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Pat
     """With nobody reading the pipe, a node can go on printing, and Ctrl-C still works."""
     read, write = os.pipe()
     process = subprocess.Popen(
-        [sys.executable, "-c", DRIVER.format(nodes="[script('t', 'ticker.py')]")],
+        command_of("[script('t', 'ticker.py')]"),
         stdout=write,
         cwd=tmp_path,
     )
@@ -132,7 +131,7 @@ def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Pat
     # Far more than pipe and buffer hold.
     wait_for(lambda: count.is_file() and number_in(count) > 5000, "5000 lines")
     process.send_signal(signal.SIGINT)
-    assert process.wait(5.0) == 0
+    assert process.wait(60.0) == 0
     os.close(read)
     assert not alive(number_in(tmp_path / "ticker.pid"))
 
@@ -141,7 +140,7 @@ def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Pat
 def test_a_reader_that_leaves_stops_everything_quietly(tmp_path: Path) -> None:
     """As in ``mrm_bringup | head -3``: an orderly end, exit code 0, nothing on standard error."""
     process = subprocess.Popen(
-        [sys.executable, "-c", DRIVER.format(nodes="[script('t', 'ticker.py')]")],
+        command_of("[script('t', 'ticker.py')]"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=tmp_path,
@@ -150,7 +149,7 @@ def test_a_reader_that_leaves_stops_everything_quietly(tmp_path: Path) -> None:
     wait_for(lambda: (tmp_path / "ticker.pid").is_file(), "the node")
     process.stdout.readline()
     process.stdout.close()
-    assert process.wait(10.0) == 0
+    assert process.wait(60.0) == 0
     assert process.stderr.read() == b""
     process.stderr.close()
     assert not alive(number_in(tmp_path / "ticker.pid"))

@@ -58,7 +58,9 @@ def test_a_switch_shows_at_once_and_is_saved_with_the_comments(ros_domain, tmp_p
             assert done.successful
             wait_for(lambda: colored(pixels(still(client)), BLUE).any(), "the base")
         [refused] = peer.set_parameters(NODE, **{"camera.eye": [1.0]})
-        assert not refused.successful and "camera.eye must be three metres" in refused.reason
+        assert (
+            not refused.successful and "camera.eye: 1 numbers; write three metres" in refused.reason
+        )
         [integers] = peer.set_parameters(NODE, **{"camera.eye": [4, 0, 0]})
         assert integers.successful
         answer = _saved_view(peer)
@@ -121,9 +123,9 @@ def test_a_parameter_given_at_the_start_goes_before_the_file(ros_domain, tmp_pat
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"axes.length": -1.0}, "axes.length must be a number of at least 0"),
-        ({"camera.eye": "[1.0]"}, "camera.eye must be three metres"),
-        ({"panels.top": "open"}, "panels.top must be one of hidden, collapsed, expanded"),
+        ({"axes.length": -1.0}, "axes.length: -1 is below 0; write a number from 0"),
+        ({"camera.eye": "[1.0]"}, "camera.eye: 1 numbers; write three metres"),
+        ({"panels.top": "open"}, 'panels.top: no "open" (known: collapsed, expanded, hidden)'),
     ],
 )
 def test_a_wrong_setting_is_one_clear_error(ros_domain, tmp_path, parameters, said):

@@ -2,7 +2,6 @@
 
 import re
 import signal
-import time
 import urllib.request
 from pathlib import Path
 
@@ -107,9 +106,7 @@ def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
             graph = client.get_transform_graph(frame_filter="named")
             assert [(e["parent"], e["child"]) for e in graph["edges"]] == [("base", "tip")]
             assert [view.reports for view in client.get_state().views] == [[]]
-        started = time.monotonic()
         assert node.interrupt() == 0
-        assert time.monotonic() - started < 5.0
     render(file, tmp_path / "run.png", 640, 480)
     image = pixels(tmp_path / "run.png")
     blue, orange = colored(image, BLUE), colored(image, ORANGE)
@@ -166,13 +163,16 @@ def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"viewer": "rviz"}, "viewer:=rviz: there is no such viewer"),
+        ({"viewer": "rviz"}, 'viewer: no "rviz" (known: native, none, web)'),
         ({"save": "x.txt", "viewer": "none"}, "must end in .rrd"),
-        ({"view": "/nowhere/view.yaml"}, "/nowhere/view.yaml: No such file"),
+        ({"view": "/nowhere/view.yaml"}, "/nowhere/view.yaml: cannot be read: No such file"),
         ({"view": "/nowhere/view.rbl"}, "/nowhere/view.rbl: there is no such file"),
-        ({"memory_limit": "lots"}, "write a size such as 256MB"),
-        ({"web_port": 100000}, "100000 is no port"),
-        ({"web_port": "many"}, "web_port"),
+        (
+            {"memory_limit": "lots"},
+            'memory_limit: "lots" is not possible; write a size such as 256MB',
+        ),
+        ({"web_port": 100000}, "web_port: 100000 is above 65535; write a number from 0 to 65535"),
+        ({"web_port": "many"}, 'web_port: "many" is a text; write a whole number'),
     ],
 )
 def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, said):

@@ -162,7 +162,7 @@ def test_odd_joint_states_are_taken_as_they_are(tmp_path, names):
 def test_each_topic_is_wanted_once_as_what_all_its_displays_take(tmp_path, text, topics):
     """A trail's topic is an Odometry; a type that is named counts more than "auto"."""
     shown = Shown(tmp_path, text)
-    known = {"robot_description", "/tf", "/tf_static", "joint_states"}
+    known = set(Shown(tmp_path).view.topics)
     found = {
         name: {kind.name.rpartition("/")[2] for kind in topic.types}
         for name, topic in shown.view.topics.items()

@@ -99,36 +99,45 @@ def test_the_view_of_mrm_is_valid():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("fixed_fram: odom", 'unknown key "fixed_fram" (did you mean "fixed_frame"?'),
-        ("camera: {eyes: [1, 2, 3]}", 'unknown key "camera.eyes" (did you mean "eye"?'),
-        ("camera: {eye: [1, 2]}", "camera.eye must be three metres, such as [3.0, -3.0, 2.0]"),
-        ("camera: {eye: [1, 2, .inf]}", "camera.eye must be three metres"),
-        ("axes: {length: long}", "axes.length must be a number of at least 0"),
-        ("axes: {length: -1}", "axes.length must be a number of at least 0"),
-        ("axes: {visible: 1}", "axes.visible must be true or false"),
-        ("axes: 3", 'axes must be "key: value" lines, with visible, length, names, frames'),
-        ("axes: {frames: odom}", "axes.frames must be a list of names"),
-        ("grid: {height: high}", "grid.height must be metres, such as -0.05"),
-        ("trails: [odom]", 'trails must be "name: {topic: ...}" lines'),
-        ("trails: {a: odom}", 'trails.a must be "key: value" lines, with topic'),
-        ("trails: {a: {length: 3}}", "trails.a has no topic"),
-        ("trails: {a: {topic: a b}}", "trails.a.topic must be a topic, such as"),
-        ("trails: {a: {topic: b, colour: [0, 0, 0]}}", 'unknown key "trails.a.colour" (did you'),
-        ("covariance: {a: {topic: b, sigma: -1}}", "covariance.a.sigma must be a number of at"),
-        ("covariance: {a: {}}", "covariance.a has no topic"),
-        ("joint_plot: {limits: 1}", "joint_plot.limits must be true or false"),
-        ("trails: {1: {topic: b}}", "trails.1: a name must be text"),
-        ("speeds: {a: {topic: b}}", 'unknown key "speeds.a" (known: lines, window)'),
+        ("fixed_fram: odom", ':1: fixed_fram: no such parameter (did you mean "fixed_frame"?'),
+        ("camera: {eyes: [1, 2, 3]}", 'camera.eyes: no such parameter (did you mean "eye"?'),
+        (
+            "camera: {eye: [1, 2]}",
+            "camera.eye: 2 numbers; write three metres, such as [3.0, -3.0, 2.0]",
+        ),
+        ("camera: {eye: [1, 2, .inf]}", "camera.eye: inf is not finite; write three metres"),
+        ("axes: {length: long}", 'axes.length: "long" is a text; write a number from 0'),
+        ("axes: {length: -1}", "axes.length: -1 is below 0; write a number from 0"),
+        ("axes: {visible: 1}", "axes.visible: 1 is a number; write true or false"),
+        ("axes: 3", "axes: 3 is a number; write a map with visible, length, names, frames"),
+        ("axes: {frames: odom}", 'axes.frames: "odom" is a text; write a list of names'),
+        ("grid: {height: high}", 'grid.height: "high" is a text; write a number'),
+        ("trails: [odom]", "write a map of names, each a map with topic, color"),
+        ("trails: {a: odom}", 'trails.a: "odom" is a text; write a map with topic'),
+        ("trails: {a: {length: 3}}", "trails.a: has no topic"),
+        (
+            "trails: {a: {topic: a b}}",
+            'trails.a.topic: "a b" is not possible; write a topic, such as',
+        ),
+        (
+            "trails: {a: {topic: b, colour: [0, 0, 0]}}",
+            "trails.a.colour: no such parameter (did you",
+        ),
+        ("covariance: {a: {topic: b, sigma: -1}}", "covariance.a.sigma: -1 is below 0"),
+        ("covariance: {a: {}}", "covariance.a: has no topic"),
+        ("joint_plot: {limits: 1}", "joint_plot.limits: 1 is a number; write true or false"),
+        ("trails: {1: {topic: b}}", ':1: a name must be a text; write "1" in quotes'),
+        ("speeds: {a: {topic: b}}", "speeds.a.topic: no such parameter (known: lines, window)"),
         (
             "speeds: {lines: {a: {topic: b, type: twist}}}",
-            "speeds.lines.a.type must be one of auto, Twist, TwistStamped, Odometry",
+            'speeds.lines.a.type: no "twist" (did you mean "Twist"? known: Odometry, Twist',
         ),
-        ("collision: maybe", "collision must be true or false"),
-        ("background: [1, 2, 300]", "background must be three bytes"),
-        ("panels: {time: open}", "panels.time must be one of hidden, collapsed, expanded"),
-        ("fixed_frame: 3", "fixed_frame must be a name"),
-        ("- a list", 'the file must be "key: value" lines'),
-        ("a: [", "not YAML"),
+        ("collision: maybe", 'collision: "maybe" is a text; write true or false'),
+        ("background: [1, 2, 300]", "background: 300 is above 255; write a number from 0 to 255"),
+        ("panels: {time: open}", 'panels.time: no "open" (known: collapsed, expanded, hidden)'),
+        ("fixed_frame: 3", 'fixed_frame: 3 is a number; write a text, such as "3"'),
+        ("- a list", ":1: a list stands where a map belongs"),
+        ("a: [", "no YAML"),
     ],
 )
 def test_a_mistake_is_named_with_what_would_be_right(tmp_path, text, said):
@@ -140,5 +149,5 @@ def test_a_mistake_is_named_with_what_would_be_right(tmp_path, text, said):
 
 def test_a_missing_file_is_named(tmp_path):
     """No traceback for a wrong path."""
-    with pytest.raises(OneBotError, match=r"none\.yaml: No such file"):
+    with pytest.raises(OneBotError, match=r"none\.yaml: cannot be read: No such file"):
         load_view(tmp_path / "none.yaml")

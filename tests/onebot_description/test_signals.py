@@ -1,11 +1,11 @@
-"""SIGINT and SIGTERM as a call, from whatever the main thread is in."""
+"""Signals that ask to stop: as a call from another thread, and as KeyboardInterrupt."""
 
 import signal
 import threading
 
 import pytest
 
-from onebot_description.signals import StopSignals
+from onebot_description.signals import KeyboardInterrupts, StopSignals, stop_signals
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -35,3 +35,29 @@ def test_the_former_handlers_come_back() -> None:
     with StopSignals(lambda: None):
         assert signal.getsignal(signal.SIGINT) != before[0]
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_command_is_interrupted(number: signal.Signals) -> None:
+    """By each of them, also when a library swallows the exception; then all is as it was."""
+    before = signal.getsignal(number)
+    with KeyboardInterrupts() as interrupts:
+        interrupts.check()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+        with pytest.raises(KeyboardInterrupt):
+            interrupts.check()
+    assert signal.getsignal(number) == before
+
+
+def test_nohup_is_respected() -> None:
+    """A SIGHUP that is ignored from the start stays ignored; SIGINT counts all the same."""
+    numbers = (signal.SIGHUP, signal.SIGINT)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    try:
+        assert set(stop_signals()) == {signal.SIGINT, signal.SIGTERM}
+        with KeyboardInterrupts():
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -23,6 +23,7 @@ from onebot_bringup.viewer.displays.display import (
     LayoutPart,
 )
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
+from onebot_description.parameters.reader import REQUIRED
 from onebot_description.wire.messages import OdometrySample
 
 COVARIANCE_ENTITY = "covariance"
@@ -42,7 +43,7 @@ Floats = NDArray[np.float64]
 class CovarianceSettings:
     """An ellipse and a sector that show the covariance of the poses of an Odometry topic."""
 
-    topic: str = setting("", "an Odometry topic", topic)
+    topic: str = setting(REQUIRED, "an Odometry topic", topic)
     color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
     width: float = setting(0.006, "of the lines, metres")
     height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)

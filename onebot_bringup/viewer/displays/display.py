@@ -89,6 +89,7 @@ class Topic:
     types: tuple[MessageType[Any], ...]  # the topic may have any of them
     reliable: bool = False  # else best effort, which matches every publisher
     latched: bool = False  # durability transient_local, which implies reliable
+    optional: bool = False  # subscribed only once it is published, if nothing else is shown of it
 
 
 # --- part of the layout -------------------------------------------------------------------------
@@ -264,6 +265,7 @@ class ItemsDisplay(Display[S], Generic[S, I]):
 
     noun: ClassVar[str]  # one of them, in warnings
     types: ClassVar[tuple[MessageType[Any], ...]]
+    optional: ClassVar[bool] = False  # as of ``Topic``
 
     def __init__(self, context: Context) -> None:
         """Draw nothing yet."""
@@ -295,7 +297,7 @@ class ItemsDisplay(Display[S], Generic[S, I]):
             made_of[name] = (of, color)
             same = self._made_of.get(name) == made_of[name]
             items[name] = self.items[name] if same else self.make(name, of, color)
-            self._topics[name] = Topic(topic, self.types_of(of))
+            self._topics[name] = Topic(topic, self.types_of(of), optional=self.optional)
         self._made_of, self.items = made_of, items
 
     def topics(self) -> Sequence[Topic]:

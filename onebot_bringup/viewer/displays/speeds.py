@@ -18,7 +18,8 @@ from onebot_bringup.viewer.displays.display import (
     Plot,
     one_by_one,
 )
-from onebot_bringup.viewer.settings import Color, color, named, one_of, setting, topic
+from onebot_bringup.viewer.settings import Color, color, one_of, setting, topic
+from onebot_description.parameters.reader import REQUIRED
 from onebot_description.wire.messages import (
     OdometrySample,
     TwistSample,
@@ -53,7 +54,7 @@ _AUTO = "auto"
 class SpeedSettings:
     """A curve in each plot of speeds."""
 
-    topic: str = setting("", "a topic of velocities", topic)
+    topic: str = setting(REQUIRED, "a topic of velocities", topic)
     type: str = setting(_AUTO, f"{', '.join(_TYPES)}, or auto", one_of(_AUTO, *_TYPES))
     color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
 
@@ -63,7 +64,7 @@ class SpeedsSettings:
     """The curves of linear.x and angular.z."""
 
     window: float = setting(20.0, "how many seconds are shown; 0 for all")
-    lines: Mapping[str, SpeedSettings] = named(SpeedSettings)
+    lines: Mapping[str, SpeedSettings] = setting({}, "the curves, by names of your own")
 
 
 class SpeedsDisplay(ItemsDisplay[SpeedsSettings, "SpeedStream"]):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import ODOMETRY, SELDOM, ItemsDisplay, LayoutPart
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
+from onebot_description.parameters.reader import REQUIRED
 from onebot_description.wire.messages import OdometrySample
 
 TRAILS_ENTITY = "trails"
@@ -34,7 +35,7 @@ Floats = NDArray[np.float64]
 class TrailSettings:
     """A line along the poses of an Odometry topic."""
 
-    topic: str = setting("", "an Odometry topic", topic)
+    topic: str = setting(REQUIRED, "an Odometry topic", topic)
     color: Color | None = setting(None, "sRGB bytes; by default one of ours", color)
     width: float = setting(0.01, "of the line, metres")
     height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)

@@ -1,0 +1,116 @@
+"""The options of commands, and of those in two words such as ``onebot topic pub``."""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+from onebot_description.errors import UsageError, did_you_mean
+
+
+@dataclass(frozen=True)
+class Subcommand:
+    """The second word of a command, such as ``pub`` in ``onebot topic pub``."""
+
+    summary: str  # one line for the group's ``--help``
+    # Adds its options to the parser, reads the words that follow, and returns the exit code.
+    run: "Callable[[Parser, Sequence[str]], int]"
+
+
+def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
+    """Run the subcommand that the first word of ``argv`` names.
+
+    Args:
+        group: the first word of the command, such as ``topic``.
+        table: the second words.
+        argv: what follows the first word.
+
+    Raises:
+        UsageError: there is no such subcommand, or none is named.
+    """
+    if argv and argv[0] in ("-h", "--help", "help"):
+        print(_usage(group, table))
+        return 0
+    if not argv or argv[0] not in table:
+        names = ", ".join(table)
+        if not argv:
+            raise UsageError(f"onebot {group} what? ({names})")
+        raise UsageError(
+            f'onebot {group} has no command "{argv[0]}"{did_you_mean(argv[0], table, "commands")}'
+        )
+    subcommand = table[argv[0]]
+    return subcommand.run(Parser(f"onebot {group} {argv[0]}", subcommand.summary), argv[1:])
+
+
+def _usage(group: str, table: Mapping[str, Subcommand]) -> str:
+    width = max(map(len, table))
+    rows = "\n".join(f"  {name:{width}}  {entry.summary}" for name, entry in table.items())
+    return (
+        f"usage: onebot {group} COMMAND ...\n\nCommands:\n{rows}\n\n"
+        f"onebot {group} COMMAND --help says more on each."
+    )
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse's parser, whose errors are ``UsageError``."""
+
+    def __init__(self, program: str, summary: str) -> None:
+        """Make a parser without arguments.
+
+        Args:
+            program: the command, such as ``onebot topic pub``.
+            summary: what it does, for ``--help``.
+        """
+        super().__init__(
+            prog=program,
+            description=f"{summary[:1].upper()}{summary[1:]}.",
+            epilog="--ros-args and what follows goes to ROS, as with every node.",
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Raise a UsageError."""
+        raise UsageError(f"{self.prog}: {message}")
+
+    def parse(self, argv: Sequence[str]) -> argparse.Namespace:
+        """Return the options, and what follows ``--ros-args`` as ``ros_args``.
+
+        Raises:
+            UsageError: the command line is not understood.
+        """
+        words = list(argv)
+        start = words.index("--ros-args") if "--ros-args" in words else len(words)
+        parsed = self.parse_args(words[:start])
+        parsed.ros_args = words[start:]
+        return parsed
+
+
+def positive(text: str) -> float:
+    """Read a number above zero, for ``type=``."""
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """Read a number that is zero or more, for ``type=``."""
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is less than zero, or no number")
+    return value
+
+
+def count(text: str) -> int:
+    """Read a whole number above zero, for ``type=``."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return value
+
+
+def natural(text: str) -> int:
+    """Read a whole number that is zero or more, for ``type=``."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is less than zero")
+    return value
