@@ -351,10 +351,10 @@ def test_a_thousand_joints_are_cheap() -> None:
     joints = [joint(f"j{number}") for number in range(1000)]
     motions = {j.name: {"amplitude": 0.5, "frequency": 0.1} for j in joints}
     source = JointStateSource(joints, JointsConfig.from_parameters({"motions": motions}))
-    begin = time.perf_counter()
+    begin = time.process_time()
     for number in range(100):
         source.sample(number * 0.01)
-    assert time.perf_counter() - begin < 0.5
+    assert time.process_time() - begin < 0.5
 
 
 def test_a_motion_begins_when_it_is_asked_for() -> None:
