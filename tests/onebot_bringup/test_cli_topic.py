@@ -50,9 +50,9 @@ def test_pub_at_a_rate(ros_domain: int) -> None:
 
 
 def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
-    """Without a number it goes on, also without a subscriber, which it reports; Ctrl-C ends it with 0.
+    """Without a number it publishes until Ctrl-C (exit code 0); it reports a missing subscriber.
 
-    Its own TFMessage stands in for tf2_msgs.
+    Its own TFMessage replaces tf2_msgs.
     """
     with running(
         tmp_path, "topic", "pub", "-r", "10", "/tf", "tf2_msgs/msg/TFMessage",
