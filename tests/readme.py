@@ -64,7 +64,8 @@ def run_until_up(command: str, cwd: Path = CHECKOUT, timeout: float = 900.0) -> 
                 output += piece or b""
                 sys.stdout.write((piece or b"").decode(errors="replace"))
                 sys.stdout.flush()
-            if not interrupted and _is_up(command, output) and _has_recorded(command, cwd):
+            text = output.decode(errors="replace")
+            if not interrupted and is_up(command, text) and _has_recorded(command, cwd):
                 interrupted = True
                 os.killpg(process.pid, signal.SIGINT)
             if time.monotonic() > deadline:
@@ -73,8 +74,8 @@ def run_until_up(command: str, cwd: Path = CHECKOUT, timeout: float = 900.0) -> 
     return process.wait(30), output.decode(errors="replace")
 
 
-def _is_up(command: str, output: bytes) -> bool:
-    text = output.decode(errors="replace")
+def is_up(command: str, text: str) -> bool:
+    """Whether the robot that a command brings up is up, by what it has printed."""
     if "onebot replay" in command:
         return "open http://" in text
     shown = "showing " in text or not re.search(r"starting .*rerun_viewer", text)

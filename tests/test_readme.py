@@ -113,7 +113,7 @@ def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
     """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
     _lay_out_checkout(tmp_path)
     with RunningCommand(f"exec {robot}", tmp_path) as running:
-        wait_for(lambda: "driving robot" in running.output, "the robot")
+        wait_for(lambda: readme.is_up(robot, running.output), "the robot", timeout=120)
         for command in block.splitlines():
             [printed] = [text for kind, text in ENDLESS.items() if re.search(kind, command)] or [""]
             if printed:

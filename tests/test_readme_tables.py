@@ -1,12 +1,15 @@
-"""The READMEs' tables of topics, services and parameters say what the nodes have on the wire.
+"""The tables in the READMEs are compared with the nodes on the wire, and with the commands.
 
 An entry such as "each of `source_list`" stands for the topics that the test makes the node use. A
 default in backticks is the value that a parameter has when nobody sets it; one without is of a
 parameter that is declared only when it is given.
 """
 
+import importlib
 import math
 import re
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -22,7 +25,9 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.cli.main import VERBS
 from onebot_description.description import load_description
+from tests.benchmarks.registry import BENCHMARKS
 from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import wait_for
@@ -75,14 +80,13 @@ class Documented:
         file = CHECKOUT / self.module.partition(".")[0] / "README.md"
         node = _section(file.read_text(), f"## {self.name}")
         assert node, f"{file} has no section {self.name}"
-        rows = [line for line in _section(node, f"### {heading}").splitlines() if line[:1] == "|"]
-        return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[2:]]
+        return _rows(_section(node, f"### {heading}"))
 
     def documented(self, heading: str) -> dict[str, list[str]]:
         """The other cells of a table of topics or services, by full name."""
         found = {}
         for entry, *cells in self.table(heading):
-            for name in self.topics.get(entry) or re.findall(r"`([^`]+)`", entry):
+            for name in self.topics.get(entry) or _names(entry):
                 found[_full(name, self.name)] = cells
         return found
 
@@ -103,6 +107,17 @@ def _section(text: str, heading: str) -> str:
     level = heading.index(" ")
     found = re.search(rf"^{heading}\n(.*?)(?=^#{{2,{level}}} |\Z)", text, re.MULTILINE | re.DOTALL)
     return found[1] if found else ""
+
+
+def _rows(text: str) -> list[list[str]]:
+    """The cells of all tables, without their heads."""
+    tables = re.findall(r"^\|---.*\n((?:\|.*\n)+)", text, re.MULTILINE)
+    lines = "".join(tables).replace(r"\|", "/").splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def _names(cell: str) -> list[str]:
+    return re.findall(r"`([^`]+)`", cell)
 
 
 def _full(name: str, node: str) -> str:
@@ -200,6 +215,7 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
         yield
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
 def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
     """The tables hold every topic, service and parameter of the node, and nothing else."""
@@ -208,6 +224,7 @@ def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
         _check_parameters(_parameter_rows(node), _parameters(peer, node.name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
 def test_defaults(node: Documented, peer: Peer, tmp_path: Path) -> None:
     """A parameter that nobody sets has the default that the README gives."""
@@ -296,11 +313,7 @@ def _check_qos(documented: str, node: str, ends: Any) -> None:
 
 def _parameter_rows(node: Documented) -> dict[str, list[str]]:
     """Type, default and meaning by name."""
-    return {
-        name: cells
-        for entry, *cells in node.table("Parameters")
-        for name in re.findall(r"`([^`]+)`", entry)
-    }
+    return {name: cells for entry, *cells in node.table("Parameters") for name in _names(entry)}
 
 
 def _row_of(name: str, rows: Mapping[str, Any]) -> str:
@@ -336,3 +349,42 @@ def _same(value: Any, default: Any) -> bool:
     if isinstance(default, float) and math.isnan(default):
         return math.isnan(value)
     return bool(value == default)
+
+
+def test_launch_arguments() -> None:
+    """Those that --show-args prints are in the README, with their defaults, and no others."""
+    text = (CHECKOUT / "onebot_bringup/README.md").read_text()
+    rows = _rows(_section(text, "## mrm_bringup, onebot_bringup and onebot view"))
+    documented = {name: default for entry, default, _ in rows for name in _names(entry)}
+    done = subprocess.run(
+        [sys.executable, "-m", "onebot_bringup.launch.onebot_bringup", "--show-args"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    live = dict(re.findall(r"^  (\w+):=(\S*)", done.stdout, re.MULTILINE))
+    of_the_model = {"robot_namespace", "prefix"}
+    assert set(documented) == set(live) - of_the_model
+    files = {"model", "joints", "view", "params_file"}  # in words: they depend on the command
+    for name in set(documented) - files:
+        assert live[name] == documented[name].strip("`").replace("empty", ""), name
+
+
+def test_commands() -> None:
+    """Every command of onebot is in its table, and no other."""
+    text = (CHECKOUT / "onebot_bringup/README.md").read_text()
+    entries = [entry for entry, _ in _rows(_section(text, "## onebot"))]
+    assert {_names(entry)[0].split()[1] for entry in entries} == set(VERBS)
+    for name in VERBS:
+        words = " ".join(entry for entry in entries if f"`onebot {name} " in entry)
+        module = importlib.import_module(f"onebot_bringup.cli.{name}")
+        for command in getattr(module, "COMMANDS", ()):  # the second words, of some
+            assert re.search(rf"\b{command}\b", words), f"onebot {name} {command}"
+
+
+def test_benchmarks() -> None:
+    """Every benchmark is in the benchmarks' README, and no other."""
+    text = (CHECKOUT / "tests/benchmarks/README.md").read_text()
+    assert [_names(row[0]) for row in _rows(_section(text, "## Benchmarks"))] == [
+        [name] for name in BENCHMARKS
+    ]

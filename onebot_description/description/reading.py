@@ -222,12 +222,14 @@ def _cut(text: str) -> str:
     return flat if len(flat) <= 60 else flat[:57] + "..."
 
 
-def _read_origin(findings: Findings, element: Element) -> Origin:
+def _read_origin(findings: Findings, element: Element) -> Origin | None:
+    """Return the <origin> of ``element``; None if a number in it is wrong."""
     origin = element.find("origin")
     if origin is None:
         return Origin()
-    xyz, rpy = read_triple(findings, origin, "xyz"), read_triple(findings, origin, "rpy")
-    return Origin(xyz or ZERO, rpy or ZERO)
+    xyz = ZERO if origin.get("xyz") is None else read_triple(findings, origin, "xyz")
+    rpy = ZERO if origin.get("rpy") is None else read_triple(findings, origin, "rpy")
+    return None if xyz is None or rpy is None else Origin(xyz, rpy)
 
 
 # Links: mass and inertia, and one shape in each visual and collision.
@@ -273,7 +275,9 @@ def _read_inertial(findings: Findings, link: Element) -> Inertial | None:
     origin = _read_origin(findings, element)
     mass = _read_mass(findings, element)
     inertia = _read_inertia(findings, element)
-    return None if mass is None or inertia is None else Inertial(origin, mass, inertia)
+    if origin is None or mass is None or inertia is None:
+        return None
+    return Inertial(origin, mass, inertia)
 
 
 def _read_mass(findings: Findings, inertial: Element) -> float | None:
@@ -302,7 +306,7 @@ def _read_inertia(findings: Findings, inertial: Element) -> Moments | None:
 def _read_geometry(
     findings: Findings, part: Element, colors: Mapping[Element, Rgba], shapes: Collection[str]
 ) -> Geometry | None:
-    """Read a <visual> or <collision>; None if it has no one shape."""
+    """Read a <visual> or <collision>; None if anything in it is wrong."""
     origin = _read_origin(findings, part)
     geometry = part.find("geometry")
     known = f"one of: {', '.join(shapes)}"
@@ -310,7 +314,7 @@ def _read_geometry(
         findings.error(part, f"has no <geometry>; it takes {known}")
         return None
     found = [_read_shape(findings, element, shapes) for element in geometry]
-    if len(found) == 1 and found[0] is not None:
+    if len(found) == 1 and found[0] is not None and origin is not None:
         return Geometry(found[0], origin, colors.get(part), findings.where(part))
     if not found:
         findings.error(geometry, f"is empty; it takes {known}")
@@ -474,7 +478,7 @@ def read_joint(
         kind=kind,
         parent=parent,
         child=child,
-        origin=origin,
+        origin=origin or Origin(),
         axis=_read_axis(findings, element, kind),
         lower=lower,
         upper=upper,

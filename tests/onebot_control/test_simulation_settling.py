@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from onebot_control.simulation import Settings, Simulation
 from onebot_control.simulation.loading import engine, make_world
-from onebot_control.simulation.rest_pose import Stance
+from onebot_control.simulation.rest_pose import RestPose
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, robot, simulate
@@ -42,7 +42,7 @@ def test_the_lowest_point_touches_the_ground(z):
     """Wherever the root link's frame is: above it all, in the middle, or below the ground."""
     with _stand(_block(f"0 0 {z}")) as simulation:
         assert simulation.base_pose().translation == pytest.approx([0, 0, 0.05 - z], abs=1e-3)
-        assert simulation.stance.height == simulation.base_pose().translation[2]
+        assert simulation.rest_pose.height == simulation.base_pose().translation[2]
         assert simulation.base_pose().rotation == pytest.approx([0, 0, 0, 1], abs=1e-3)
 
 
@@ -55,7 +55,7 @@ def test_a_robot_that_stands_tilted_is_set_down_tilted(sign):
         expected = Rotation.from_euler("xyz", (0.0, -sign * math.radians(30), 1.0))
         assert (expected.inv() * Rotation.from_quat(pose.rotation)).magnitude() < 1e-2
         assert pose.translation == pytest.approx([2.0, -1.0, 0.05], abs=1e-3)
-        x, y, z, w = simulation.stance.tilt
+        x, y, z, w = simulation.rest_pose.tilt
         assert math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z) == pytest.approx(
             0.0, abs=1e-12
         )
@@ -70,7 +70,7 @@ def test_a_robot_that_stands_tilted_is_set_down_tilted(sign):
 def test_of_two_quaternions_the_one_with_positive_w_is_told(yaw):
     """All four numbers, of a robot tilted about both axes."""
     with _stand(_block(rpy="0.3 0.4 0"), yaw=yaw) as simulation:
-        pose, tilt = simulation.base_pose(), simulation.stance.tilt
+        pose, tilt = simulation.base_pose(), simulation.rest_pose.tilt
         expected = Rotation.from_euler("z", yaw) * Rotation.from_quat(tilt)
         assert pose.rotation == pytest.approx(expected.as_quat(canonical=True), abs=1e-9)
         assert pose.rotation[3] > 0.0
@@ -154,7 +154,7 @@ def test_joints_stand_at_zero_whatever_they_did_while_settling():
 def test_a_stance_is_turned_about_the_vertical():
     """Yaw comes after the tilt, about the ground's axis; the height is kept."""
     tilt = tuple(Rotation.from_euler("xyz", (0.25, 0.0, 0.0)).as_quat().tolist())
-    position, rotation = Stance(0.5, tilt).at(1.0, 2.0, math.pi / 2)
+    position, rotation = RestPose(0.5, tilt).at(1.0, 2.0, math.pi / 2)
     assert position == (1.0, 2.0, 0.5)
     expected = Rotation.from_euler("xyz", (0.25, 0.0, math.pi / 2)).as_quat()
     assert rotation == pytest.approx(tuple(expected), abs=1e-12)

@@ -18,9 +18,9 @@ from onebot_control.poses import (
     multiply,
     rotate,
 )
-from onebot_control.simulation import Member, Settings
+from onebot_control.simulation import RobotSpawn, Settings
 from onebot_control.simulation.robot import Motors
-from onebot_control.simulation.settings import checked_place
+from onebot_control.simulation.settings import checked_spawn_pose
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 
@@ -122,15 +122,15 @@ def test_durations_between_steps_are_refused(duration):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_places_up_to_the_farthest(sign):
     """In either direction and on either side; the yaw is free."""
-    assert checked_place(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
-    assert checked_place(0, sign * 1e4, -99) == (0.0, sign * 1e4, -99.0)
+    assert checked_spawn_pose(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
+    assert checked_spawn_pose(0, sign * 1e4, -99) == (0.0, sign * 1e4, -99.0)
     beyond = sign * math.nextafter(1e4, math.inf)
     for place in ((beyond, 0.0, 0.0), (0.0, beyond, 0.0)):
         with pytest.raises(OneBotError, match="exact up to 10000 m from the origin"):
-            checked_place(*place)
+            checked_spawn_pose(*place)
     with pytest.raises(OneBotError, match="x 20000 m, y -3 m"):
-        checked_place(2e4, -3.0, 0.0)
-    assert all(type(value) is float for value in checked_place(1, 2, 3))
+        checked_spawn_pose(2e4, -3.0, 0.0)
+    assert all(type(value) is float for value in checked_spawn_pose(1, 2, 3))
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -140,13 +140,13 @@ def test_places_are_finite(bad, row):
     place = [0.0, 0.0, 0.0]
     place[row] = bad
     with pytest.raises(ValueError, match="x, y and yaw must be finite"):
-        checked_place(*place)
+        checked_spawn_pose(*place)
 
 
 def test_a_member_stands_at_the_origin_unless_told():
     """Heading along x."""
     description = robot()
-    assert Member(description, DRIVEN) == (description, DRIVEN, 0.0, 0.0, 0.0)
+    assert RobotSpawn(description, DRIVEN) == (description, DRIVEN, 0.0, 0.0, 0.0)
 
 
 def test_speeds_are_limited_to_the_joints_own():

@@ -72,6 +72,10 @@ def test_capsules_and_scaled_meshes_are_read():
         ('<visual><geometry><sphere radius="1e999"/></geometry></visual>', "too large"),
         ('<visual><geometry><sphere radius="x"/></geometry></visual>', '"x" is not a number'),
         ("<visual><geometry><mesh/></geometry></visual>", "names no file"),
+        (
+            '<visual><origin xyz="0 nan 0"/><geometry><sphere radius="1"/></geometry></visual>',
+            "nan is not a finite number",
+        ),
     ],
 )
 def test_a_bad_shape_is_left_out_with_a_warning(inner, words):
