@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Brings MRM up: its joint moves as config/joints.yaml says, and the viewer shows it."""
+"""Brings MRM up: its joint moves as config/joints.yaml describes, and the viewer shows it."""
 
 import sys
 from collections.abc import Sequence

@@ -34,7 +34,7 @@ _QUESTIONS = {"-h", "--help", "-s", "--show-args"}
 
 
 class Bringup(NamedTuple):
-    """A bringup command, and what it brings up unless its arguments say otherwise."""
+    """A bringup command, and its defaults."""
 
     program: str  # the command's name
     summary: str  # what it does, for --help

@@ -239,7 +239,7 @@ class Launcher:
         self._running.pop(process, None)
 
     def _after_end(self, node: NodeProcess, restarts: Restarts, lived: float) -> float | None:
-        """Do as the node's policy says; return the seconds until it is to be started again."""
+        """Apply the node's policy; return the seconds until it is to be started again."""
         wait = None
         if node.on_exit == "ignore":
             self._warn(f"going on without {node.name}")

@@ -27,7 +27,7 @@ def test_a_nodes_own_parameters_go_before_its_files(tmp_path):
     assert node.on_exit == "shutdown"
 
 
-def test_nothing_is_said_that_need_not_be(tmp_path):
+def test_no_argument_without_need(tmp_path):
     """Only a node that its module calls otherwise is renamed."""
     make = RosNodes(tmp_path, "")
     plain = make.node("viewer", "some.module", {}, on_exit="ignore")

@@ -112,7 +112,7 @@ def test_a_restarted_node_runs_on(start: Start, tmp_path: Path) -> None:
 
 
 def test_ctrl_c_cancels_a_planned_restart(start: Start) -> None:
-    """Nothing is started any more once the launcher was told to stop."""
+    """Nothing is started any more once the launcher is stopping."""
     launcher = start("[script('bad', 'fails.py', 'restart', restart=Restart(first_wait=600.0))]")
     wait_for(lambda: "again in" in launcher.err, "the plan")
     launcher.send(signal.SIGINT)
@@ -134,7 +134,7 @@ def test_waits_double_up_to_a_cap() -> None:
 
 
 def test_two_nodes_of_one_name_are_refused() -> None:
-    """Output could not be told apart otherwise."""
+    """Their output could not be distinguished."""
     with Launcher("test") as launcher, pytest.raises(ValueError, match="same name"):
         launcher.run([NodeProcess("a", ("true",)), NodeProcess("a", ("true",))])
 

@@ -80,7 +80,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 def test_a_signal_stops_all_nodes_with_exit_code_zero(
     start: Start, tmp_path: Path, number: int
 ) -> None:
-    """Whatever way the launcher is told to stop, nodes get SIGINT, and their last line is shown."""
+    """Whatever asks the launcher to stop, nodes get SIGINT, and their last line is shown."""
     launcher = start("[script('a', 'polite.py'), script('b', 'polite.py')]")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
     launcher.send(number)
@@ -88,6 +88,20 @@ def test_a_signal_stops_all_nodes_with_exit_code_zero(
     assert "[a] goodbye" in launcher.out and "[b] goodbye" in launcher.out
     assert launcher.err == ""
     assert not alive(number_in(tmp_path / "polite.pid"))
+
+
+def test_nohup_is_respected(tmp_path: Path, start: Start) -> None:
+    """With SIGHUP ignored from the start, a closed terminal does not stop the launcher."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # which the launcher inherits
+    try:
+        launcher = start("[script('a', 'polite.py')]")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    launcher.wait_for_out("ready")
+    launcher.send(signal.SIGHUP)
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 0
+    assert "SIGHUP" not in launcher.out and "SIGINT: stopping" in launcher.out
 
 
 def test_all_is_over_within_five_seconds() -> None:

@@ -203,6 +203,7 @@ def test_a_saved_file_moves_the_robot(
         (good.replace("0.3", "[0.3"), f"{file}:5: no YAML"),
         (good.replace("0.3", ".nan"), f"{file}:5: motions.{JOINT}.position: nan is not finite"),
         (good.replace(JOINT, "elbow"), 'motions.elbow: the robot has no joint "elbow" (joints'),
+        (good.replace("rate: 50", "rate: 5e3"), f"{file}:3: rate: 5000 is above 1000"),
         (good.replace("rate", "rates"), f'{file}:3: rates: no such parameter (did you mean "rate"'),
     ):
         file.write_text(yaml(bad))

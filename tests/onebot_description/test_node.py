@@ -24,32 +24,32 @@ def test_nothing_given() -> None:
     assert ros_arguments(["node", "--ros-args", "--params-file"]).files == ()
 
 
-def test_each_kind_is_said_once_within_its_time() -> None:
-    """Another kind is said all the same, and of one kind only the first text."""
-    said: list[str] = []
-    say = Throttled(said.append, every=math.inf)
+def test_each_kind_is_logged_once_within_its_time() -> None:
+    """Another kind is logged all the same, and of one kind only the first text."""
+    logged: list[str] = []
+    log = Throttled(logged.append, every=math.inf)
     for kind, text in (("a", "1"), ("a", "2"), ("b", "3"), ("b", "4"), ("a", "5")):
-        say(kind, text)
-    assert said == ["1", "3"]
+        log(kind, text)
+    assert logged == ["1", "3"]
 
 
 def test_a_text_may_have_a_time_of_its_own() -> None:
-    """Zero says everything, whatever the others wait for."""
-    said: list[str] = []
-    say = Throttled(said.append, every=math.inf)
-    say("a", "1")
-    say("a", "2", every=0.0)
-    say("a", "3")
-    assert said == ["1", "2"]
+    """Zero logs everything, whatever the others wait for."""
+    logged: list[str] = []
+    log = Throttled(logged.append, every=math.inf)
+    log("a", "1")
+    log("a", "2", every=0.0)
+    log("a", "3")
+    assert logged == ["1", "2"]
 
 
-def test_a_kind_is_said_again_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Counted from when it was said, not from when it was last kept back."""
+def test_a_kind_is_logged_again_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted from when it was logged, not from when it was last suppressed."""
     now = [100.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
-    said: list[str] = []
-    say = Throttled(said.append, every=5.0)
+    logged: list[str] = []
+    log = Throttled(logged.append, every=5.0)
     for moment in (100.0, 104.9, 105.0, 109.9, 110.0):
         now[0] = moment
-        say("a", str(moment))
-    assert said == ["100.0", "105.0", "110.0"]
+        log("a", str(moment))
+    assert logged == ["100.0", "105.0", "110.0"]
