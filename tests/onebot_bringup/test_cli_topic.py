@@ -152,7 +152,7 @@ def test_echo_into_head(ros_domain: int) -> None:
         peer.node.create_timer(0.02, lambda: publisher.publish(String(data="hello")))
         done = subprocess.run(
             f"{sys.executable} -m {MODULE} topic echo /chatter | head -n 2",
-            shell=True, capture_output=True, text=True, timeout=60,
+            shell=True, capture_output=True, text=True, timeout=180,
         )  # fmt: skip
         assert done.stdout == "data: hello\n---\n" and done.stderr == ""
 
