@@ -375,11 +375,11 @@ def test_commands() -> None:
     text = (CHECKOUT / "onebot_bringup/README.md").read_text()
     entries = [entry for entry, _ in _rows(_section(text, "## onebot"))]
     assert {_names(entry)[0].split()[1] for entry in entries} == set(VERBS)
-    for name, verb in VERBS.items():
-        if verb.group:
-            words = " ".join(entry for entry in entries if f"`onebot {name} " in entry)
-            for command in importlib.import_module(verb.module).COMMANDS:
-                assert re.search(rf"\b{command}\b", words), f"onebot {name} {command}"
+    for name in VERBS:
+        words = " ".join(entry for entry in entries if f"`onebot {name} " in entry)
+        module = importlib.import_module(f"onebot_bringup.cli.{name}")
+        for command in getattr(module, "COMMANDS", ()):  # the second words, of some
+            assert re.search(rf"\b{command}\b", words), f"onebot {name} {command}"
 
 
 def test_benchmarks() -> None:
