@@ -76,35 +76,31 @@ def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
 
 
 def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
-    """Return the profile that hears all publishers of a topic, at their best.
+    """Return the strictest profile that receives from all publishers of a topic.
 
-    The options go before. Without publishers it is ``sensor_data``, which hears any.
+    The options override it. Without publishers it is ``sensor_data``, which receives from any.
     """
-    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+    from onebot_description.topic_subscription import (
+        compatible_qos,
+        is_reliable,
+        is_transient_local,
+    )
 
     found = profile(args, "sensor_data")
-    publishers = node.get_publishers_info_by_topic(topic)
-    if given(args) or not publishers:
+    offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
+    if given(args) or not offered:
         return found
-    offered = [info.qos_profile for info in publishers]
-    reliable = [o.reliability == ReliabilityPolicy.RELIABLE for o in offered]
-    latched = [o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offered]
-    found.reliability = (
-        ReliabilityPolicy.RELIABLE if all(reliable) else ReliabilityPolicy.BEST_EFFORT
-    )
-    found.durability = (
-        DurabilityPolicy.TRANSIENT_LOCAL if all(latched) else DurabilityPolicy.VOLATILE
-    )
-    if any(reliable) and not all(reliable):
-        _say("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
-    if any(latched) and not all(latched):
-        _say("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
-    # Late comers get all that is kept, whatever its amount.
-    found.depth = max(found.depth, 100) if all(latched) else found.depth
-    return found
+    suited = compatible_qos(offered, found.depth)
+    if any(map(is_reliable, offered)) and not is_reliable(suited):
+        _warn("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
+    if any(map(is_transient_local, offered)) and not is_transient_local(suited):
+        _warn("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
+    if is_transient_local(suited):  # late subscribers get all that is kept, whatever its amount
+        suited.depth = max(suited.depth, 100)
+    return suited
 
 
-def _say(best: str, fallback: str) -> None:
+def _warn(best: str, fallback: str) -> None:
     print(
         f"Some, but not all, publishers are offering {best}. "
         f"Falling back to {fallback} as it will connect to all publishers",
