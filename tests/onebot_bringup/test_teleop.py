@@ -17,7 +17,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from onebot_bringup.cli.teleop import Driver, Velocity, split_keys
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 TOPIC = "/velocity_controller/cmd_vel"
 STILL = Velocity()
@@ -138,7 +138,7 @@ class Terminal:
     def close(self) -> None:
         if self.process.poll() is None:
             self.process.kill()
-            self.process.wait(30)
+            self.process.wait(PATIENCE)
         os.close(self._screen)
         os.close(self._keyboard)
 
@@ -175,7 +175,7 @@ def met(terminal: Terminal, heard: list[Twist]) -> None:
 
 def _hold(terminal: Terminal, key: str, heard: list[object]) -> None:
     """Hold a key, as a keyboard repeats it, until something is heard."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while not heard and time.monotonic() < deadline:
         terminal.type(key)
         time.sleep(0.1)
@@ -235,7 +235,7 @@ def test_leaving_stops_the_robot_and_restores_the_terminal(ros_domain: int, leav
             terminal.process.send_signal(signal.SIGTERM)
         else:
             terminal.type(leave)
-        assert terminal.process.wait(30) == 0, terminal.shown
+        assert terminal.process.wait(PATIENCE) == 0, terminal.shown
         wait_for(lambda: heard[-1].twist == Twist(), "a stop")
         assert terminal.mode == terminal.before
         assert "Traceback" not in terminal.shown
