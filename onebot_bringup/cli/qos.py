@@ -76,9 +76,9 @@ def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
 
 
 def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
-    """Return the strictest profile that receives from all publishers of a topic.
+    """Return the strictest profile that is compatible with all publishers of a topic.
 
-    The options override it. Without publishers it is ``sensor_data``, which receives from any.
+    The options take precedence. Without publishers it is ``sensor_data``, compatible with any.
     """
     from onebot_description.topic_subscription import (
         compatible_qos,
@@ -92,15 +92,15 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
         return found
     suited = compatible_qos(offered, found.depth)
     if any(map(is_reliable, offered)) and not is_reliable(suited):
-        _warn("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
+        _warn_fallback("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
     if any(map(is_transient_local, offered)) and not is_transient_local(suited):
-        _warn("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
-    if is_transient_local(suited):  # late subscribers get all that is kept, whatever its amount
+        _warn_fallback("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
+    if is_transient_local(suited):  # a latched topic delivers everything that its publishers keep
         suited.depth = max(suited.depth, 100)
     return suited
 
 
-def _warn(best: str, fallback: str) -> None:
+def _warn_fallback(best: str, fallback: str) -> None:
     print(
         f"Some, but not all, publishers are offering {best}. "
         f"Falling back to {fallback} as it will connect to all publishers",
