@@ -25,7 +25,7 @@ from tests.mutation.targets import CHECKOUT, EQUIVALENT, TESTS, missing
 
 GOAL = 0.9  # of the mutants that are not equivalent
 _MEMORY = 8 << 30  # bytes of addresses: for a mutant that collects something without end
-_OPTIONS = ("-p", "no:cacheprovider", "-p", "tests.mutation.profile")
+_OPTIONS = ("-n0", "-p", "no:cacheprovider", "-p", "tests.mutation.profile")
 _SKIPPED = shutil.ignore_patterns(".*", "__pycache__", "build", "dist", "install", "log")
 
 
