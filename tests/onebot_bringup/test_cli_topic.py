@@ -51,15 +51,15 @@ def test_pub_at_a_rate(ros_domain: int) -> None:
 
 
 def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
-    """Without a number it goes on, also when nobody listens, which it says; Ctrl-C ends it with 0.
+    """Without a number it publishes until Ctrl-C (exit code 0); it reports a missing subscriber.
 
-    Its own TFMessage stands in for tf2_msgs.
+    Its own TFMessage replaces tf2_msgs.
     """
     with running(
         tmp_path, "topic", "pub", "-r", "10", "/tf", "tf2_msgs/msg/TFMessage",
         "{transforms: [{header: {stamp: now, frame_id: a}, child_frame_id: b}]}",
     ) as command:  # fmt: skip
-        command.says("note: nobody listens to /tf")
+        command.says("note: no subscriber of /tf")
         with Peer(ros_domain) as peer:
             heard = peer.hear(TFMessage, "/tf")
             wait_for(lambda: len(heard) > 3, "transforms")
@@ -77,7 +77,7 @@ def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
         done = onebot("topic", "pub", "-1", "--max-wait-time-secs", "4", "/cmd_vel", TWIST)
         assert done.returncode == 1
         assert "Waiting for at least 1 matching subscription(s)..." in done.stdout
-        assert "waited 4 s in vain" in done.stderr
+        assert "timed out after 4 s" in done.stderr
         assert "geometry_msgs/msg/TwistStamped" in done.stderr
 
 
@@ -155,7 +155,9 @@ def test_echo_into_head(ros_domain: int) -> None:
             f"{sys.executable} -m {MODULE} topic echo /chatter | head -n 2",
             shell=True, capture_output=True, text=True, timeout=180,
         )  # fmt: skip
-        assert done.stdout == "data: hello\n---\n" and done.stderr == ""
+        assert done.stdout == "data: hello\n---\n"
+        # On a busy machine it may wait for the topic first, and says so.
+        assert [line for line in done.stderr.splitlines() if "waiting for it" not in line] == []
 
 
 def test_echo_of_nothing(ros_domain: int) -> None:
