@@ -39,7 +39,7 @@ class ParameterClient:
         return list(self._call("ListParameters", prefixes=list(prefixes)).result.names)
 
     def values(self, names: Sequence[str]) -> list[Any]:
-        """Return a ParameterValue for each name, without type where it is not declared or not set."""
+        """Return a ParameterValue for each name; its type is NOT_SET where there is no value."""
         from rcl_interfaces.msg import ParameterValue
 
         found = list(self._call("GetParameters", names=list(names)).values)
