@@ -54,13 +54,14 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.subscription import Subscription
+from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.control_loop import ControlLoop
@@ -84,6 +85,7 @@ from onebot_description.node import (
     run_described_node,
 )
 from onebot_description.parameters.reader import ConfigError
+from onebot_description.topic_subscription import TopicSubscription, choose_type, offers
 from onebot_description.wire.cdr import nanoseconds
 
 _DEPTH = 10  # ROS's system default
@@ -93,8 +95,10 @@ _TOO_LATE = 0.05  # s of lag worth a warning
 _SWITCH_INTERVAL = 0.0005
 
 _COMMAND_TOPIC = "~/cmd_vel"
-_COMMAND_TYPES = {"Twist": Twist, "TwistStamped": TwistStamped}
-_COMMAND_NAMES = {f"geometry_msgs/msg/{name}": name for name in _COMMAND_TYPES}
+_COMMAND_QOS = QoSProfile(depth=_DEPTH)
+_PACKAGE = "geometry_msgs/msg/"
+_TWIST = f"{_PACKAGE}Twist"
+_COMMAND_TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
 
 Warn = Callable[[str, str], None]  # key, text
 GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
@@ -251,11 +255,9 @@ class VelocityController(Node):
 
 
 class CommandSubscription:
-    """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published.
+    """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published."""
 
-    Attributes:
-        kind: the type subscribed to, "Twist" or "TwistStamped".
-    """
+    kind: str  # the type subscribed to, "Twist" or "TwistStamped"
 
     def __init__(
         self,
@@ -274,66 +276,56 @@ class CommandSubscription:
             warn: called with a key and a text to warn of.
         """
         self._node, self._received, self._warn = node, received, warn
-        self.kind = ""
-        self._subscription: Subscription | None = None
+        self._topic = node.resolve_topic_name(_COMMAND_TOPIC)
         self._choice = choice
-        self._wanted = "Twist" if choice == "auto" else choice
-        self._subscribe(self._wanted)
+        self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
+        self._subscription = TopicSubscription(
+            node, _COMMAND_TOPIC, self._on_message, _COMMAND_TYPES.__getitem__, raw=False
+        )
+        self._subscribe()
 
     def choose(self, choice: str) -> None:
         """Change over to another choice (see the constructor); with the next ``follow``."""
         self._choice = choice
-        if choice not in ("auto", self._wanted):
-            self._wanted = choice
-            self._unsubscribe()
+        if choice != "auto":
+            self._change(f"{_PACKAGE}{choice}")
 
     def follow(self) -> None:
         """Change over to the other type if only that is published.
 
         To be called several times a second.
         """
-        if self._subscription is None:
-            self._subscribe(self._wanted)
+        if self._subscription.type is None:
+            self._subscribe()
+            self._node.get_logger().info(f"commands are {self.kind} now")
             return
-        infos = self._node.get_publishers_info_by_topic(
-            self._node.resolve_topic_name(_COMMAND_TOPIC)
-        )
-        kinds = {info.topic_type for info in infos}
-        published = {_COMMAND_NAMES[kind] for kind in kinds if kind in _COMMAND_NAMES}
-        if self._choice == "auto" and published and self.kind not in published:
-            self._wanted = published.pop()
-            self._unsubscribe()
-            return
-        ignored = sorted(kinds - {f"geometry_msgs/msg/{self.kind}"})
+        published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
+        if self._choice == "auto":
+            known = published & _COMMAND_TYPES.keys()
+            self._change(choose_type(known, self._wanted) or self._wanted)
+        ignored = sorted(published - {self._wanted})
         if ignored:
             hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
-            text = f"{_COMMAND_TOPIC} is also published as {', '.join(ignored)}, which is ignored"
-            self._warn("type", f"{text}{hint}; {self.kind} is subscribed to")
+            others, used = ", ".join(ignored), self._wanted.removeprefix(_PACKAGE)
+            text = f"{_COMMAND_TOPIC} is also published as {others}, which is ignored"
+            self._warn("type", f"{text}{hint}; {used} is subscribed to")
 
-    def _unsubscribe(self) -> None:
-        """End the subscription; a new one of this name can only be made once it is gone.
+    def _change(self, kind: str) -> None:
+        """End a subscription of another type; the next ``follow`` makes the new one."""
+        if kind != self._wanted:
+            self._wanted = kind
+            self._subscription.close()
 
-        The executor frees it after the callback this is called from, so not before then.
-        """
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
+    def _subscribe(self) -> None:
+        self._subscription.update(self._wanted, _COMMAND_QOS)
+        self.kind = self._wanted.removeprefix(_PACKAGE)
 
-    def _subscribe(self, kind: str) -> None:
-        callback = self._on_twist if kind == "Twist" else self._on_stamped
-        self._subscription = self._node.create_subscription(
-            _COMMAND_TYPES[kind], _COMMAND_TOPIC, callback, _DEPTH
-        )
-        if self.kind:
-            self._node.get_logger().info(f"commands are {kind} now")
-        self.kind = kind
-
-    def _on_twist(self, message: Twist) -> None:
-        self._received(message.linear.x, message.angular.z, None)
-
-    def _on_stamped(self, message: TwistStamped) -> None:
-        twist = message.twist
-        self._received(twist.linear.x, twist.angular.z, nanoseconds(message.header.stamp))
+    def _on_message(self, kind: str, message: Any) -> None:
+        if kind == _TWIST:
+            self._received(message.linear.x, message.angular.z, None)
+        else:
+            twist = message.twist
+            self._received(twist.linear.x, twist.angular.z, nanoseconds(message.header.stamp))
 
 
 class PoseTopics:

@@ -398,7 +398,7 @@ class JointStatesOut:
         # Counted from the first message on, because a float cannot hold nanoseconds since 1970.
         self._began = now.nanoseconds if self._began is None else self._began
         positions, velocities = source.sample((now.nanoseconds - self._began) * 1e-9)
-        received, message = source.feedback, self._message
+        received, message = source.received, self._message
         shows_positions = config.publish_default_positions or config.moves or received.any
         message.position = array("d", positions.tobytes()) if shows_positions else _EMPTY
         moving = config.moves or source.moving or received.any_velocity
@@ -575,7 +575,7 @@ class JointStatePublisher(Node):
     def _on_joint_state(self, topic: str, message: JointState) -> None:
         if self._state.source is None:
             return
-        ignored = self._state.source.feedback.hear(
+        ignored = self._state.source.received.receive(
             message.name, message.position, message.velocity, message.effort
         )
         if ignored:

@@ -13,10 +13,7 @@ from typing import NamedTuple
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import (
-    InvalidParameterTypeException,
-    ParameterUninitializedException,
-)
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -84,10 +81,8 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
         pass
     except OneBotError as error:
         return _fail(str(error))
-    except InvalidParameterTypeException as error:
-        return _fail(_wrong_type(error))
-    except ParameterUninitializedException as error:
-        return _fail(f"{error}; set it with -p name:=value or --params-file")
+    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
+        return _fail(str(error))
     finally:
         if executor is not None and node is not None:
             executor.remove_node(node)
@@ -119,13 +114,6 @@ def _spin_until(stop: Future, executor: Executor) -> None:
 def _finish(stop: Future) -> None:
     if not stop.done():
         stop.set_result(None)
-
-
-def _wrong_type(error: InvalidParameterTypeException) -> str:
-    """Return what to write instead: ROS parameters are strictly typed (10 is no double)."""
-    text = str(error)
-    remedy = "write the number with a decimal point, as in 10.0" if "DOUBLE" in text else ""
-    return f"{text}; {remedy}" if remedy else text
 
 
 def _first_line(error: BaseException) -> str:

@@ -16,7 +16,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -65,7 +65,7 @@ class Peer:
     def set_parameters(self, node: str, **values: Any) -> list[Any]:
         """Set parameters of another node as one request each; the results."""
         client = self.node.create_client(SetParameters, f"{node}/set_parameters")
-        assert client.wait_for_service(60.0), f"{node} has no parameter service"
+        assert client.wait_for_service(PATIENCE), f"{node} has no parameter service"
         parameters = [
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
         ]
@@ -94,11 +94,11 @@ class NodeProcess:
         """All it has printed so far."""
         return self._log.read_text()
 
-    def wait(self, timeout: float = 60.0) -> int:
+    def wait(self, timeout: float = PATIENCE) -> int:
         """The exit code, once it ends by itself."""
         return self.process.wait(timeout)
 
-    def interrupt(self, timeout: float = 30.0) -> int:
+    def interrupt(self, timeout: float = PATIENCE) -> int:
         """Press Ctrl-C; the exit code."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)

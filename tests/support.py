@@ -10,8 +10,11 @@ import pytest
 
 T = TypeVar("T")
 
+# Seconds that a failing test waits: with a load of 20 a process is ten times as slow.
+PATIENCE = 180.0
 
-def wait_for(condition: Callable[[], T], what: str, timeout: float = 60.0) -> T:
+
+def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -> T:
     """Poll ``condition`` until it is truthy and return its value.
 
     Args:

@@ -154,7 +154,7 @@ class _Player:
 
     def _tick(self, view: RobotView) -> None:
         warnings = view.tick(self.now_ns)
-        if view.robot is not None:  # else it asks for a description that will not come
+        if view.robot is not None:  # else it waits for a description that will not come
             for sentence in warnings:
                 self._warn(sentence)
 
@@ -236,7 +236,7 @@ def _named(bag: Bag, name: str, kind: str) -> list[str]:
 def frame_prefix_of(
     root: str, links: Collection[str], frames: Collection[str], namespace: str
 ) -> str:
-    """Return what stands before the links' names in ``frames``.
+    """Return what is before the links' names in ``frames``.
 
     Args:
         root: the root link.

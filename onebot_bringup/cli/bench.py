@@ -1,4 +1,4 @@
-"""``onebot bench``: how fast it is, against floors measured in the same run."""
+"""``onebot bench``: performance, relative to lower bounds measured in the same run."""
 
 import sys
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code; see tests/benchmarks.
 
     Raises:
-        OneBotError: this is no checkout, or a benchmark cannot be run or got a wrong answer.
+        OneBotError: this is not a checkout, or a benchmark failed.
     """
     if not (_CHECKOUT / "tests/benchmarks/command.py").is_file():
         raise OneBotError(
-            "the benchmarks are not installed, they lie in the repository's tests/benchmarks: "
-            "get a checkout and there run: pip install -e . && onebot bench"
+            "the benchmarks are not installed, they are in the repository's tests/benchmarks: "
+            "in a checkout, run: pip install -e . && onebot bench"
         )
     if str(_CHECKOUT) not in sys.path:
         sys.path.insert(0, str(_CHECKOUT))

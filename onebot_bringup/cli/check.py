@@ -1,4 +1,4 @@
-"""``onebot check``: is this robot description right, and what is in it?"""
+"""``onebot check``: checks a robot description and prints its tree."""
 
 import sys
 from collections.abc import Sequence

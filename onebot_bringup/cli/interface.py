@@ -1,4 +1,4 @@
-"""``onebot interface ...``: which types are installed and what is in them."""
+"""``onebot interface ...``: lists the installed types and shows their fields."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -61,7 +61,7 @@ def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Ite
 
 
 def _nested(line: str, package: str) -> str | None:
-    """The message that a line's field is of; None for plain fields, constants and comments."""
+    """The message type of a line's field; None for primitive fields, constants and comments."""
     match = _FIELD.match(line)
     if match is None:
         return None
@@ -74,7 +74,7 @@ def _nested(line: str, package: str) -> str | None:
 
 COMMANDS = {
     "show": Subcommand("show the fields of a type", show),
-    "list": Subcommand("list the types that are installed", types),
+    "list": Subcommand("list the installed types", types),
 }
 
 
@@ -82,6 +82,6 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code.
 
     Raises:
-        OneBotError: there is no such type, or the command line is wrong.
+        OneBotError: the type is not installed, or the command line is wrong.
     """
     return dispatch("interface", COMMANDS, argv)

@@ -1,9 +1,9 @@
-"""``onebot <verb> ...``: finds the verb's module, reports errors and exit codes.
+"""``onebot <verb> ...``: runs the module of the verb, prints errors and returns the exit code.
 
 Exit codes: 0 success, or stopped by the user; 1 a mistake in the user's files, or a node failed;
-2 a wrong command line; 130 a plain command was interrupted; 141 the reader of its output left.
+2 a wrong command line; 130 a plain command was interrupted; 141 the output pipe was closed.
 
-Nothing slow is imported here: until ``run_command`` runs, Ctrl-C gives Python's traceback.
+This module imports nothing slow: before ``run_command`` runs, Ctrl-C prints a traceback.
 """
 
 import os
@@ -14,17 +14,41 @@ from onebot_description.errors import DescriptionError, OneBotError, UsageError,
 
 USAGE = 2
 INTERRUPTED = 128 + 2  # as shells report SIGINT
-READER_LEFT = 128 + 13  # as shells report SIGPIPE
+PIPE_CLOSED = 128 + 13  # as shells report SIGPIPE
+
+
+# The verbs, with one line each for ``onebot --help``. Each is a module of this package with
+# ``run(argv) -> int``, imported only when it is used; ``argv`` is what follows the verb.
+_PACKAGE = "onebot_bringup.cli"
+VERBS = {
+    "check": "check a URDF or xacro file and show its tree",
+    "view": "bring up any robot from its file and move it",
+    "topic": "list, print, measure and publish topics",
+    "node": "list nodes and show what they do",
+    "param": "list, get, set and dump parameters",
+    "service": "list and call services",
+    "interface": "list types of messages and show them",
+    "snapshot": "draw a robot into a picture file",
+    "replay": "show a recording",
+    "accuracy": "measure how accurately OneBot drives",
+    "bench": "measure performance as ratios to floors",
+    "steer": "drive from a page in the browser",
+    "teleop": "drive from the keyboard",
+}
+# Verbs with subcommands, the module's ``COMMANDS``.
+_GROUPS = ("topic", "node", "param", "service", "interface")
+# Verbs that run until Ctrl-C, which is a success for them.
+_UNTIL_CTRL_C = ("view", "topic", "replay", "steer", "teleop")
 
 
 def run_command(
     body: Callable[[], int], see: str | Callable[[], str], interrupted: int = INTERRUPTED
 ) -> int:
-    """Run ``body`` and return its exit code; a user's mistake is shown without a traceback.
+    """Run ``body`` and return its exit code; print a user's mistake without a traceback.
 
     Args:
         body: the command.
-        see: the command that prints its help, named in errors of usage; or a function for it.
+        see: the help command to name in usage errors, or a function that returns it.
         interrupted: the exit code after Ctrl-C.
     """
     try:
@@ -42,9 +66,9 @@ def run_command(
     except KeyboardInterrupt:
         return interrupted
     except BrokenPipeError:
-        # Python would try to flush again on its way out.
+        # Python would flush stdout again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return READER_LEFT
+        return PIPE_CLOSED
 
 
 def _print_problems(error: OneBotError) -> None:
@@ -53,37 +77,15 @@ def _print_problems(error: OneBotError) -> None:
         print(f"error: {problem}", file=sys.stderr)
 
 
-_HERE = "onebot_bringup.cli"
-# The first word of a command, and one line for ``onebot --help``. Each is a module of this package
-# with ``run(argv) -> int``, imported only when it is used; ``argv`` is what follows the verb.
-VERBS = {
-    "check": "check a URDF or xacro file and show its tree",
-    "view": "bring up any robot from its file and move it",
-    "topic": "list, print, measure and publish topics",
-    "node": "list nodes and show what they do",
-    "param": "list, get, set and dump parameters",
-    "service": "list and call services",
-    "interface": "list types of messages and show them",
-    "snapshot": "draw a robot into a picture file",
-    "replay": "show a recording",
-    "accuracy": "measure how accurately OneBot drives",
-    "bench": "measure performance as ratios to floors",
-    "steer": "drive from a page in the browser",
-    "teleop": "drive from the keyboard",
-}
-# A second word follows these, one of the module's ``COMMANDS``.
-_GROUPS = ("topic", "node", "param", "service", "interface")
-
-
 def help_command(words: list[str]) -> str:
-    """Return the command that prints the help of the one in ``words``."""
+    """Return the command that prints the help of the command in ``words``."""
     if not words or words[0] not in VERBS:
         return "onebot --help"
     count = 1
     if words[0] in _GROUPS and len(words) > 1:
         from importlib import import_module
 
-        count += words[1] in import_module(f"{_HERE}.{words[0]}").COMMANDS
+        count += words[1] in import_module(f"{_PACKAGE}.{words[0]}").COMMANDS
     return f"onebot {' '.join(words[:count])} --help"
 
 
@@ -91,8 +93,8 @@ def run_verb(words: list[str]) -> int:
     """Run ``onebot`` with these words and return its exit code.
 
     Raises:
-        UsageError: they are not understood.
-        OneBotError: the command fails for a reason that the user can mend.
+        UsageError: the command line is wrong.
+        OneBotError: the command fails for a reason that the user can fix.
     """
     if not words:
         print(usage(), file=sys.stderr)
@@ -110,7 +112,7 @@ def run_verb(words: list[str]) -> int:
         raise UsageError(f'onebot has no command "{first}"{did_you_mean(first, VERBS, "commands")}')
     from importlib import import_module
 
-    return int(import_module(f"{_HERE}.{first}").run(rest))
+    return int(import_module(f"{_PACKAGE}.{first}").run(rest))
 
 
 def usage() -> str:
@@ -120,12 +122,12 @@ def usage() -> str:
     return (
         "usage: onebot COMMAND ...\n\nCommands:\n"
         f"{verbs}\n\n"
-        "onebot COMMAND --help says more on each; onebot --version says which this is."
+        "onebot COMMAND --help shows the options of each; onebot --version shows the version."
     )
 
 
 def version() -> str:
-    """Return the version that is installed."""
+    """Return the installed version."""
     from importlib import metadata  # slow to import
 
     try:
@@ -134,14 +136,9 @@ def version() -> str:
         return "(not installed: run from a checkout)"
 
 
-# These run until Ctrl-C, which is a success then.
-_UNTIL_CTRL_C = ("view", "topic", "replay", "steer", "teleop")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``onebot`` with ``argv`` (default: the command line's) and return the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-
     until_interrupted = bool(words) and words[0] in _UNTIL_CTRL_C
     return run_command(
         lambda: run_verb(words),

@@ -1,4 +1,4 @@
-"""``onebot node ...``: which nodes there are, as ``ros2 node`` shows them."""
+"""``onebot node ...``: lists nodes and shows their interfaces, like ``ros2 node``."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -22,15 +22,15 @@ def nodes(parser: Parser, argv: Sequence[str]) -> int:
         else:
             print("".join(f"{name}\n" for name in found), end="")
         if len(set(found)) != len(found):
-            _warn_of_twins(found)
+            _warn_of_duplicates(found)
     return 0
 
 
-def _warn_of_twins(names: Sequence[str]) -> None:
-    twins = ", ".join(sorted({name for name in names if names.count(name) > 1}))
+def _warn_of_duplicates(names: Sequence[str]) -> None:
+    duplicates = ", ".join(sorted({name for name in names if names.count(name) > 1}))
     print(
         "WARNING: Be aware that there are nodes in the graph that share an exact name, which can "
-        f"have unintended side effects: {twins}",
+        f"have unintended side effects: {duplicates}",
         file=sys.stderr,
     )
 
@@ -88,6 +88,6 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code.
 
     Raises:
-        OneBotError: there is no such node, or the command line is wrong.
+        OneBotError: the node does not exist, or the command line is wrong.
     """
     return dispatch("node", COMMANDS, argv)

@@ -1,4 +1,4 @@
-"""The options of commands, and of those in two words such as ``onebot topic pub``."""
+"""Command line options, and commands with subcommands such as ``onebot topic pub``."""
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -13,20 +13,20 @@ class Subcommand:
     """The second word of a command, such as ``pub`` in ``onebot topic pub``."""
 
     summary: str  # one line for the group's ``--help``
-    # Adds its options to the parser, reads the words that follow, and returns the exit code.
+    # Adds its options to the parser, parses ``argv``, runs and returns the exit code.
     run: "Callable[[Parser, Sequence[str]], int]"
 
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
-    """Run the subcommand that the first word of ``argv`` names.
+    """Run the subcommand ``argv[0]``.
 
     Args:
         group: the first word of the command, such as ``topic``.
-        table: the second words.
-        argv: what follows the first word.
+        table: the subcommands by name.
+        argv: the subcommand and its arguments.
 
     Raises:
-        UsageError: there is no such subcommand, or none is named.
+        UsageError: the subcommand is missing or unknown.
     """
     if argv and argv[0] in ("-h", "--help", "help"):
         print(_usage(group, table))
@@ -47,7 +47,7 @@ def _usage(group: str, table: Mapping[str, Subcommand]) -> str:
     rows = "\n".join(f"  {name:{width}}  {entry.summary}" for name, entry in table.items())
     return (
         f"usage: onebot {group} COMMAND ...\n\nCommands:\n{rows}\n\n"
-        f"onebot {group} COMMAND --help says more on each."
+        f"onebot {group} COMMAND --help shows the options of each."
     )
 
 
@@ -59,12 +59,12 @@ class Parser(argparse.ArgumentParser):
 
         Args:
             program: the command, such as ``onebot topic pub``.
-            summary: what it does, for ``--help``.
+            summary: one line for ``--help``.
         """
         super().__init__(
             prog=program,
             description=f"{summary[:1].upper()}{summary[1:]}.",
-            epilog="--ros-args and what follows goes to ROS, as with every node.",
+            epilog="--ros-args and what follows is passed to ROS, as with every node.",
         )
 
     def error(self, message: str) -> NoReturn:
@@ -72,10 +72,10 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog}: {message}")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Return the options, and what follows ``--ros-args`` as ``ros_args``.
+        """Return the parsed options, with everything from ``--ros-args`` on as ``ros_args``.
 
         Raises:
-            UsageError: the command line is not understood.
+            UsageError: the command line is wrong.
         """
         words = list(argv)
         start = words.index("--ros-args") if "--ros-args" in words else len(words)
@@ -85,7 +85,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def positive(text: str) -> float:
-    """Read a number above zero, for ``type=``."""
+    """Parse a number above zero, for ``type=``."""
     value = float(text)
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not above zero")
@@ -93,7 +93,7 @@ def positive(text: str) -> float:
 
 
 def not_negative(text: str) -> float:
-    """Read a number that is zero or more, for ``type=``."""
+    """Parse a number that is zero or more, for ``type=``."""
     value = float(text)
     if not 0.0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is less than zero, or no number")
@@ -101,7 +101,7 @@ def not_negative(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """Read a whole number above zero, for ``type=``."""
+    """Parse a whole number above zero, for ``type=``."""
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not above zero")
@@ -109,7 +109,7 @@ def count(text: str) -> int:
 
 
 def natural(text: str) -> int:
-    """Read a whole number that is zero or more, for ``type=``."""
+    """Parse a whole number that is zero or more, for ``type=``."""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is less than zero")

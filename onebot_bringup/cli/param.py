@@ -1,4 +1,4 @@
-"""``onebot param ...``: look at parameters and set them, as ``ros2 param`` does."""
+"""``onebot param ...``: lists, gets, sets and dumps parameters, like ``ros2 param``."""
 
 import sys
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ from onebot_description.errors import OneBotError, did_you_mean
 
 
 class ParameterClient:
-    """Asks one node about its parameters.
+    """Calls the parameter services of one node.
 
     All methods raise an OneBotError if the node does not answer.
     """
 
     def __init__(self, session: Session, node: str) -> None:
-        """Take the full name of a node that is up."""
+        """Call the node of this full name."""
         self._session, self._node = session, node
 
     def _call(self, service: str, **fields: Any) -> Any:
@@ -50,7 +50,7 @@ class ParameterClient:
         """Return one ParameterValue.
 
         Raises:
-            OneBotError: there is no such parameter; the message lists near names.
+            OneBotError: the parameter does not exist; the message lists similar names.
         """
         values = self.values([name])
         known = self.names() if not values or values[0].type == NOT_SET else [name]
@@ -61,7 +61,7 @@ class ParameterClient:
         return values[0]
 
     def set(self, pairs: Sequence[tuple[str, str]]) -> list[Any]:
-        """Set parameters to what was written; return a SetParametersResult each."""
+        """Set parameters to values in YAML; return a SetParametersResult each."""
         from rcl_interfaces.msg import Parameter, ParameterValue
 
         request = []
@@ -71,7 +71,7 @@ class ParameterClient:
         return list(self._call("SetParameters", parameters=request).results)
 
     def _declared(self, name: str) -> int:
-        """The type a parameter is bound to; NOT_SET if it is free, or there is none."""
+        """The type of a statically typed parameter; NOT_SET if it is dynamic or undeclared."""
         found = self.describe([name])
         return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
 
@@ -84,7 +84,11 @@ def names(parser: Parser, argv: Sequence[str]) -> int:
     parser.add_argument("node", nargs="?", metavar="NODE", help=f"{_NODE} (all nodes)")
     parser.add_argument("--include-hidden-nodes", action="store_true", help="hidden nodes too")
     parser.add_argument(
-        "--param-prefixes", nargs="+", default=[], metavar="PREFIX", help="those below only"
+        "--param-prefixes",
+        nargs="+",
+        default=[],
+        metavar="PREFIX",
+        help="only below these",
     )
     parser.add_argument("--param-type", action="store_true", help="show the types too")
     add_spin_time(parser)
@@ -144,7 +148,7 @@ def get(parser: Parser, argv: Sequence[str]) -> int:
 
 
 def set_values(parser: Parser, argv: Sequence[str]) -> int:
-    """Set parameters; return the exit code: 1 if the node refused any."""
+    """Set parameters; return the exit code: 1 if the node rejected any."""
     parser.add_argument("node", metavar="NODE", help=_NODE)
     parser.add_argument(
         "pairs", nargs="+", metavar="PARAMETER VALUE", help="the value in YAML: 0.5, true, [a, b]"
@@ -157,18 +161,18 @@ def set_values(parser: Parser, argv: Sequence[str]) -> int:
         client = ParameterClient(session, session.find_node(args.node))
         results = client.set(pairs)
     for (name, _), result in zip(pairs, results, strict=True):
-        _say_result(f"{name}: " if len(pairs) > 1 else "", result)
+        _print_result(f"{name}: " if len(pairs) > 1 else "", result)
     return 0 if all(result.successful for result in results) else 1
 
 
 def _guard_negative(argv: Sequence[str]) -> list[str]:
-    """Keep a value such as -1e-3 from being taken for an option."""
+    """Keep a value such as -1e-3 from being parsed as an option."""
     words = list(argv)
     options = [word for word in words if word in ("-h", "--help")]
     return words if options or "--" in words or "--ros-args" in words else ["--", *words]
 
 
-def _say_result(prefix: str, result: Any) -> None:
+def _print_result(prefix: str, result: Any) -> None:
     reason = f": {result.reason}" if result.reason else ""
     if result.successful:
         print(f"{prefix}Set parameter successful{reason}")
@@ -200,6 +204,6 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code.
 
     Raises:
-        OneBotError: there is no such node or parameter, or the command line is wrong.
+        OneBotError: the node or parameter does not exist, or the command line is wrong.
     """
     return dispatch("param", COMMANDS, argv)

@@ -1,4 +1,4 @@
-"""``onebot service ...``: look at services and call them, as ``ros2 service`` does."""
+"""``onebot service ...``: lists services and calls them, like ``ros2 service``."""
 
 import sys
 import time
@@ -9,13 +9,13 @@ from onebot_bringup.cli.options import Parser, Subcommand, dispatch, positive
 from onebot_bringup.cli.session import Session, add_spin_time
 from onebot_description.errors import OneBotError, did_you_mean, nearest
 
-_SLOW = 2.0  # s without an answer, after which it says so
+_SLOW = 2.0  # s without a response until a note is printed
 
 
 def services(parser: Parser, argv: Sequence[str]) -> int:
     """List the services; return the exit code."""
     parser.add_argument("-t", "--show-types", action="store_true", help="show the types too")
-    parser.add_argument("-c", "--count-services", action="store_true", help="their number only")
+    parser.add_argument("-c", "--count-services", action="store_true", help="only their number")
     parser.add_argument(
         "-a", "--all", "--include-hidden-services",
         dest="hidden", action="store_true", help="hidden services too",
@@ -90,18 +90,18 @@ def _await_service(session: Session, client: Any, name: str, wanted: str) -> Non
             raise OneBotError(f"the service {name} is a {', '.join(sorted(types))}, not a {wanted}")
         return False
 
-    session.await_or_say(ready, lambda: _missing(session, name))
+    session.await_or_report(ready, lambda: _missing(session, name))
 
 
 def _offered(session: Session, name: str) -> set[str]:
-    """The types of a service's servers; the graph's own answer would count clients, and us."""
+    """The types of a service's servers; the graph would include clients, such as this one."""
     from rclpy.node import NodeNameNonExistentError
 
     types: set[str] = set()
     for node, space in session.node.get_node_names_and_namespaces():
         try:
             found = session.node.get_service_names_and_types_by_node(node, space)
-        except NodeNameNonExistentError:  # it has just ended, or is not yet known by its name
+        except NodeNameNonExistentError:  # it has just ended, or its name is not known yet
             continue
         types.update(kind for known, kinds in found if known == name for kind in kinds)
     return types
@@ -110,7 +110,7 @@ def _offered(session: Session, name: str) -> set[str]:
 def _missing(session: Session, name: str) -> str:
     guess = nearest(name, (known for known, _ in session.services() if known != name))
     meant = f' (did you mean "{guess}"?)' if guess else ""
-    return f"note: nobody offers {name} yet{meant}"
+    return f"note: no server of {name} yet{meant}"
 
 
 def _answer(session: Session, client: Any, name: str, request: Any) -> Any:

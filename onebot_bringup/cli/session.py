@@ -1,7 +1,7 @@
-"""A short-lived, hidden node for one command, and what it can find out about the others.
+"""A short-lived, hidden node for one command, with discovery and service calls.
 
-There is no daemon: what others there are has to be discovered first, which takes some tenths of a
-second. What a command looks for is awaited; lists are made once nothing new turns up.
+There is no daemon: other nodes have to be discovered first, which takes some tenths of a second. A
+command waits until the entity that it needs is discovered; lists wait until the graph is stable.
 """
 
 import argparse
@@ -16,16 +16,17 @@ from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean, nearest
 from onebot_description.signals import KeyboardInterrupts
 
-_QUIET = 0.5  # s without any news, over two announcements: discovery is taken to be complete
-_LEAST = 0.5  # s
-_MOST = 2.0  # s
-_LOOKUP = 3.5  # s for what was asked for by name: all participants announce themselves every 3 s
-PATIENCE = 1.0  # s before a command that waits says for what
+_QUIET = 0.5  # s without changes, over two announcements: discovery is taken as complete
+_LEAST = 0.5  # s of discovery
+_MOST = 2.0  # s of discovery
+_LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
+PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
+_ANSWER = 10.0  # s for a service to respond
 
 
 class Session:
-    """A node and its executor; use it as a context.
+    """A node and its executor, as a context manager.
 
     Ctrl-C, SIGTERM and a terminal that is closed raise KeyboardInterrupt within the context.
     """
@@ -33,28 +34,28 @@ class Session:
     def __init__(
         self, ros_args: Sequence[str] = (), name: str | None = None, spin_time: float | None = None
     ) -> None:
-        """Keep the settings; ROS starts with the context.
+        """Store the settings; ROS starts when the context is entered.
 
         Args:
             ros_args: begins with ``--ros-args``, unless empty.
             name: of the node; by default a hidden one.
-            spin_time: seconds for discovery; by default as long as news come.
+            spin_time: seconds for discovery; by default until the graph is stable.
         """
         self._ros_args = list(ros_args)
         self._name = name or f"_onebot_{os.getpid()}"
         self._spin_time = spin_time
 
     def __enter__(self) -> "Session":
-        # As the bringups do: robots of one's own, not of everybody in the building.
+        # As the bringups do: only this computer, not every robot on the network.
         if not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         use_environment_prefix()
-        from onebot_description.node import use_quick_discovery  # brings rclpy, which takes a while
+        from onebot_description.node import use_quick_discovery  # imports rclpy, which is slow
 
         use_quick_discovery()
         self._interrupts = KeyboardInterrupts().__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
-            sys.stdout.reconfigure(line_buffering=True)  # whoever reads a pipe reads it live
+            sys.stdout.reconfigure(line_buffering=True)  # a pipe gets each line at once
         self._start()
         return self
 
@@ -66,7 +67,7 @@ class Session:
         try:
             rclpy.init(args=self._ros_args, signal_handler_options=SignalHandlerOptions.NO)
             self.node = rclpy.create_node(self._name, start_parameter_services=False)
-        except Exception as error:  # rclpy raises several kinds, none of them public
+        except Exception as error:  # rclpy raises several types, none of them public
             rclpy.try_shutdown()
             first = next(iter(str(error).strip().splitlines()), type(error).__name__)
             raise OneBotError(f"ROS does not start: {first}") from None
@@ -83,11 +84,11 @@ class Session:
         rclpy.try_shutdown()
 
     def spin(self, until: Callable[[], Any], timeout: float | None = None) -> Any:
-        """Handle what comes in until ``until()`` is true; return its value.
+        """Run callbacks until ``until()`` is true; return its value.
 
         Args:
             until: called at least every 20 ms.
-            timeout: seconds after which it gives up; None for never.
+            timeout: seconds; None for no limit.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
@@ -100,33 +101,33 @@ class Session:
             self._executor.spin_once(timeout_sec=left)
 
     def spin_until(self, moment: float) -> None:
-        """Handle what comes in until a moment of the monotonic clock."""
+        """Run callbacks until a time of the monotonic clock."""
         while (left := moment - time.monotonic()) > 0.0:
-            # A signal is only seen between two waits.
+            # Signals are handled between two waits only.
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 
     def spin_forever(self) -> NoReturn:
-        """Handle what comes in until Ctrl-C."""
+        """Run callbacks until Ctrl-C."""
         while True:
             self._executor.spin_once(timeout_sec=0.1)
 
     def discover(self) -> None:
-        """Wait until all other nodes should be known."""
+        """Wait until discovery is complete: no change for some time, or ``spin_time``."""
         if self._spin_time is not None:
             self.spin_until(self._began + self._spin_time)
             return
-        if not self.look_for(self._company, "other nodes"):
+        if not self.look_for(self._sees_other_nodes, "other nodes"):
             return
-        known, since, called = self._graph(), time.monotonic(), time.monotonic()
+        known, since, started = self._graph(), time.monotonic(), time.monotonic()
         while True:
             self.spin_until(time.monotonic() + _POLL)
             now, found = time.monotonic(), self._graph()
             if found != known:
                 known, since = found, now
-            if now - self._began > _LEAST and now - since > _QUIET or now - called > _MOST:
+            if now - self._began > _LEAST and now - since > _QUIET or now - started > _MOST:
                 return
 
-    def _company(self) -> bool:
+    def _sees_other_nodes(self) -> bool:
         return len(self.node.get_node_names()) > 1
 
     def _graph(self) -> Any:
@@ -140,7 +141,7 @@ class Session:
         """Return the absolute name of a topic or service.
 
         Raises:
-            OneBotError: no topic can have that name.
+            OneBotError: the name is not valid.
         """
         from rclpy.exceptions import InvalidTopicNameException
         from rclpy.expand_topic_name import expand_topic_name
@@ -155,15 +156,15 @@ class Session:
         return str(full)
 
     def topics(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
-        """Return the name and the types of all topics known by now."""
+        """Return names and types of all topics discovered so far."""
         return _visible(self.node.get_topic_names_and_types(), hidden)
 
     def services(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
-        """Return the name and the types of all services known by now."""
+        """Return names and types of all services discovered so far."""
         return _visible(self.node.get_service_names_and_types(), hidden)
 
     def nodes(self, hidden: bool = False) -> list[str]:
-        """Return the full names of all nodes known by now, sorted; one may occur twice."""
+        """Return the full names of all nodes discovered so far, sorted, with duplicates."""
         found = self.node.get_node_names_and_namespaces()
         names = [f"{space.rstrip('/')}/{name}" for name, space in found]
         return sorted(
@@ -171,10 +172,10 @@ class Session:
         )
 
     def find_node(self, name: str) -> str:
-        """Return the full name of a node that is up.
+        """Return the full name of a running node.
 
         Raises:
-            OneBotError: it did not turn up; the message lists near names.
+            OneBotError: it was not discovered; the message lists similar names.
         """
         full = name if name.startswith("/") else f"/{name}"
         if not self.look_for(lambda: full in self.nodes(hidden=True), f"the node {full}"):
@@ -182,15 +183,15 @@ class Session:
         return full
 
     def look_for(self, condition: Callable[[], Any], what: str) -> Any:
-        """Wait for a condition for as long as discovery can take; return its last value."""
+        """Wait for a condition as long as discovery can take; return its last value."""
         found = self.spin(condition, PATIENCE)
         if not found:
             print(f"looking for {what} ...", file=sys.stderr)
             found = self.spin(condition, _LOOKUP - PATIENCE)
         return found
 
-    def await_or_say(self, condition: Callable[[], Any], notice: Callable[[], str]) -> Any:
-        """Wait for a condition without end; say on stderr for what, when it takes long."""
+    def await_or_report(self, condition: Callable[[], Any], notice: Callable[[], str]) -> Any:
+        """Wait for a condition without a timeout; print ``notice()`` if it takes long."""
         found = self.spin(condition, PATIENCE)
         if not found:
             print(notice(), file=sys.stderr)
@@ -203,37 +204,34 @@ def _visible(found: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple
 
 
 def is_hidden(name: str) -> bool:
-    """Say if a topic or service is hidden, as ROS has it: a part of its name begins with ``_``."""
+    """Whether a topic or service is hidden by ROS's rule: a part of its name starts with ``_``."""
     return any(part.startswith("_") for part in name.split("/"))
 
 
 def add_spin_time(parser: argparse.ArgumentParser) -> None:
-    """Add the option for how long to look around."""
+    """Add the option for the time of discovery."""
     from onebot_bringup.cli.options import not_negative
 
     parser.add_argument(
         "--spin-time",
         type=not_negative,
         metavar="SECONDS",
-        help="look around for so long (default: until nothing new turns up, at most 2 s)",
+        help="time for discovery (default: until nothing new is discovered, at most 2 s)",
     )
-
-
-_ANSWER = 10.0  # s
 
 
 def call(session: Session, kind: Any, name: str, request: Any, timeout: float = _ANSWER) -> Any:
     """Call a service and return its response.
 
     Args:
-        session: whose node asks.
+        session: its node calls the service.
         kind: the class of the service.
         name: its full name.
-        request: what to ask.
-        timeout: seconds for finding the service, and again for its answer.
+        request: of the class ``kind.Request``.
+        timeout: seconds to discover the service, and again for its response.
 
     Raises:
-        OneBotError: it is not there, or does not answer.
+        OneBotError: the service is not available, or does not respond.
     """
     client = session.node.create_client(kind, name)
     try:
@@ -248,12 +246,12 @@ def call(session: Session, kind: Any, name: str, request: Any, timeout: float = 
 
 
 def await_class(session: Session, name: str, type_name: str | None = None) -> tuple[str, Any]:
-    """Return a topic's full name and its message class, waiting until the topic is there.
+    """Return a topic's full name and its message class; wait until the topic exists.
 
     Args:
-        session: looks around.
+        session: its node discovers the topic.
         name: of the topic, absolute or relative.
-        type_name: of the messages; None to take what the topic has.
+        type_name: of the messages; None for the type of the topic.
 
     Raises:
         OneBotError: the type is not installed, or the topic has several.
@@ -261,12 +259,14 @@ def await_class(session: Session, name: str, type_name: str | None = None) -> tu
     topic = session.full_name(name)
     if type_name is not None:
         kind = message_class(type_name)
-        # The QoS that suits the publishers shows when they do.
+        # The QoS depends on the publishers: give them time to be discovered.
         session.spin(lambda: session.node.count_publishers(topic), 1.0)
         session.spin(lambda: False, 0.1)
         return topic, kind
-    types = session.await_or_say(lambda: _types(session, topic), lambda: _missing(session, topic))
-    # Others may publish it too, with another QoS or even another type.
+    types = session.await_or_report(
+        lambda: _types(session, topic), lambda: _missing(session, topic)
+    )
+    # Other publishers may have another QoS or even another type.
     session.spin(lambda: False, 0.1)
     types = _types(session, topic) or types
     if len(types) > 1:
@@ -288,10 +288,10 @@ def _missing(session: Session, topic: str) -> str:
 
 
 def types_of(session: Session, name: str) -> tuple[str, list[str]]:
-    """Return the full name and the types of a topic that is there.
+    """Return the full name and the types of an existing topic.
 
     Raises:
-        OneBotError: it does not turn up; the message lists near names.
+        OneBotError: it was not discovered; the message lists similar names.
     """
     topic = session.full_name(name)
     types = session.look_for(lambda: _types(session, topic), f"the topic {topic}")

@@ -124,7 +124,7 @@ def _warn_of(messages: Sequence[str]) -> None:
 # --- the command line -----------------------------------------------------------------------------
 
 _SUMMARY = """\
-draw a robot into a PNG file, without any display: the running robot as it stands now; or with
+draw a robot into a PNG file, without any display: the running robot as it is now; or with
 SOURCE, a URDF or xacro file at given joint positions, or the end of a recording (.rrd, .mcap, or a
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
 messages, namespace:= chooses the robot, where several are recorded"""
@@ -163,7 +163,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
         "--camera",
         type=_camera,
         metavar="X,Y,Z[:X,Y,Z]",
-        help="where to look from, and at, in metres in the fixed frame (default: as the view says)",
+        help="where to look from, and at, in metres in the fixed frame (default: the view's)",
     )
     add("--dashboard", action="store_true", help="the whole layout with its plots")
     add(
@@ -277,12 +277,12 @@ def parse_camera(text: str) -> tuple[Triple, Triple | None]:
     """Return eye and target, metres in the fixed frame; no target if only the eye is given.
 
     Raises:
-        ValueError: it is written otherwise, or it looks nowhere; the message says how to write it.
+        ValueError: it is written otherwise, or it looks nowhere; the message has the right form.
     """
     eye, colon, target = text.partition(":")
     found = _vector(eye, text), _vector(target, text) if colon else None
     if found[0] == found[1]:
-        raise ValueError(f'"{text}": the camera stands where it looks at')
+        raise ValueError(f'"{text}": eye and target are the same point')
     return found
 
 
@@ -344,7 +344,7 @@ class RunningRobot:
             What could not be drawn, a sentence each.
 
         Raises:
-            OneBotError: there is no robot, it is broken, or links have no transform; says which.
+            OneBotError: there is no robot, it is broken, or links have no transform.
         """
         robot = self._await_robot()
         if self._source.set_robot(robot.robot_name):
@@ -562,7 +562,7 @@ _RECORDERS: Mapping[str, Callable[[Namespace, rr.RecordingStream], None]] = {
 
 # --- the viewer of a running robot: it has the curves and trails of before ----------------------
 
-# On this host only: whatever a page may say, nothing else is asked.
+# On this host only: nothing else that a page may name is used.
 _SERVER = re.compile(r"rerun\+http://127\.0\.0\.1:\d{1,5}/proxy(?![\w/.])")
 
 

@@ -1,4 +1,4 @@
-"""``onebot steer``: a page in the browser to steer a robot from, with its view beside it."""
+"""``onebot steer``: drive a robot from a page in the browser, with its 3D view beside it."""
 
 import os
 import sys
@@ -26,23 +26,23 @@ from onebot_bringup.steering.access import Place, choose_place
 from onebot_description.errors import OneBotError
 
 _TOPIC = "velocity_controller/cmd_vel"
-_VIEWER = "steering_viewer"  # not rerun_viewer: the robot may get one of its own later
+_VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
 _ARGUMENTS = [
     Argument("topic", _TOPIC, "to steer, Twist or TwistStamped; the page can change it"),
     Argument("odom_topic", "", "the odometry to show; empty: the robot's own"),
-    Argument("host", "127.0.0.1", "where the page is served; 0.0.0.0: to other computers, too"),
-    port("port", "8080", "of the page; another if it is in use, 0: any"),
-    Argument("token", "", "asked for in the page's address; made anew if others can reach it"),
-    number("rate", "20.0", "commands a second, Hz, 5 to 100", 5.0, 100.0),
-    number("max_linear", "0.0", "the most to ask for, m/s; 0: what the controller allows", 0.0),
-    number("max_angular", "0.0", "the most to ask for, rad/s; 0: what the controller allows", 0.0),
+    Argument("host", "127.0.0.1", "address of the page; 0.0.0.0: for other computers, too"),
+    port("port", "8080", "of the page; another one if it is in use, 0: any"),
+    Argument("token", "", "required in the page's address; generated if others can reach it"),
+    number("rate", "20.0", "commands per second, Hz, 5 to 100", 5.0, 100.0),
+    number("max_linear", "0.0", "limit of commands, m/s; 0: the controller's limit", 0.0),
+    number("max_angular", "0.0", "limit of commands, rad/s; 0: the controller's limit", 0.0),
     Argument(
         "viewer",
         "auto",
-        "the robot's view; auto: its own, or else one is started",
+        "the 3D view; auto: the robot's viewer, or else start one",
         ("auto", "web", "none"),
     ),
-    Argument("view", "", "what a viewer started here shows and from where, a YAML file"),
+    Argument("view", "", "displays and camera of the viewer started here, a YAML file"),
     switch("open_browser", True, "open the page, if there is a display"),
     *ros_settings(),
 ]
@@ -60,8 +60,8 @@ there; or host:=0.0.0.0, and open the whole address that is printed, with its to
 Arguments and their defaults:
 {table(_ARGUMENTS)}
 
---ros-args goes to every node. Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file
-is wrong or a node failed, 2 the command line is wrong."""
+--ros-args is passed to every node. Ctrl-C stops everything. Exit codes: 0 stopped by the user,
+1 a file is wrong or a node failed, 2 the command line is wrong."""
 
 
 def run(argv: Sequence[str]) -> int:
@@ -69,7 +69,7 @@ def run(argv: Sequence[str]) -> int:
 
     Raises:
         UsageError: the command line is wrong.
-        OneBotError: a file or a name is.
+        OneBotError: a file or a name is wrong.
     """
     arguments = split(argv)
     refuse_positional(arguments.positional[1:])
@@ -111,7 +111,7 @@ def _launch(folder: Path, values: Mapping[str, str], place: Place, ros_args: Seq
 
 
 def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
-    """Say whether to start a viewer; look around for the robot's own first, if need be."""
+    """Whether to start a viewer; for ``auto``, try to discover the robot's viewer first."""
     namespace = values["namespace"].strip("/")
     in_namespace = ["-r", f"__ns:=/{namespace}"] if namespace else []
     with Session(["--ros-args", *ros_args, *in_namespace]) as session:
@@ -131,12 +131,12 @@ def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
             "the robot's view, a rerun_viewer with a page",
         )
     if not found:
-        print("there is none: starting one")
+        print("no viewer found: starting one")
     return not found
 
 
 def _answers(address: str) -> bool:
-    """Say if a viewer's page is there, and not only its last word on the topic."""
+    """Whether the page still responds; its address stays on the latched topic."""
     from onebot_bringup.steering.view_proxy import View
     from onebot_bringup.viewer.display_server import answers
 
@@ -145,10 +145,10 @@ def _answers(address: str) -> bool:
 
 
 def _check(values: Mapping[str, str]) -> None:
-    """Refuse values that are not possible together, or with these files.
+    """Check values that depend on each other or on files.
 
     Raises:
-        UsageError: there is one.
+        UsageError: two values contradict each other.
         OneBotError: the view's file does not exist.
     """
     if not values["topic"]:

@@ -1,4 +1,7 @@
-"""``onebot teleop``: drive a robot from the keyboard, with the keys of teleop_twist_keyboard."""
+"""``onebot teleop``: drive a robot from the keyboard, with the keys of teleop_twist_keyboard.
+
+`Driver` turns keys into velocities (without ROS), `Keys` reads them from the terminal.
+"""
 
 import contextlib
 import os
@@ -15,10 +18,8 @@ from onebot_bringup.cli.options import Parser, not_negative, positive
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
 
-# What each key of ``onebot teleop`` means, and how long a key counts as held. Pure.
-
-# Key: forward, left, up, turn to the left; each -1, 0 or 1. As in teleop_twist_keyboard, whose
-# reverse curves turn the way a car's steering wheel would be held.
+# Key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. As teleop_twist_keyboard:
+# reverse curves turn as a car does with the same steering angle.
 _MOVES: dict[str, tuple[int, int, int, int]] = {
     "i": (1, 0, 0, 0),
     "o": (1, 0, 0, -1),
@@ -52,8 +53,14 @@ _SPEEDS: dict[str, tuple[float, float]] = {
     "e": (1.0, 1.1),
     "c": (1.0, 0.9),
 }
-_SHORTEST_HOLD = 0.2  # s; over a network repeats come in bursts
+_SHORTEST_HOLD = 0.2  # s; over a network repeats arrive in bursts
 _REPEATS_MISSED = 4
+ESCAPE = "\x1b"
+_ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+_QUIT = (ESCAPE, "\x03", "\x04")
+_TOPIC = "/velocity_controller/cmd_vel"
+_ZEROS = 3  # published when a key is released, in case one gets lost
+_SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
 
 HELP = """\
 Reading from the keyboard and publishing {kind} on {topic}
@@ -82,29 +89,17 @@ CTRL-C or Esc to quit
 
 
 @dataclass(frozen=True)
-class Velocity:
-    """What to publish.
+class TeleopTwist:
+    """The velocity to publish."""
 
-    Attributes:
-        x: forward, m/s.
-        y: to the left, m/s.
-        z: up, m/s.
-        turn: to the left, rad/s.
-    """
-
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    turn: float = 0.0
+    x: float = 0.0  # forward, m/s
+    y: float = 0.0  # to the left, m/s
+    z: float = 0.0  # up, m/s
+    turn: float = 0.0  # to the left, rad/s
 
 
 class Driver:
-    """Turns keys into velocities over time.
-
-    Attributes:
-        speed: m/s while a key is held.
-        turn: rad/s while a key is held.
-    """
+    """Converts key presses to velocities over time."""
 
     def __init__(self, speed: float, turn: float, hold: float) -> None:
         """Start at rest.
@@ -112,17 +107,17 @@ class Driver:
         Args:
             speed: m/s.
             turn: rad/s.
-            hold: seconds that one press counts for, until repeats come; longer than the delay of
-                the keyboard's repetition.
+            hold: seconds that one press counts as held without repeats; longer than the
+                keyboard's repeat delay.
         """
-        self.speed, self.turn = speed, turn
+        self.speed, self.turn = speed, turn  # m/s and rad/s while a key is held
         self._hold = hold
         self._key: str | None = None
-        self._pressed = 0.0  # when the key last came
-        self._until = 0.0  # when it counts as let go
+        self._pressed = 0.0  # time of the last press or repeat
+        self._until = 0.0  # time from which it counts as released
 
     def press(self, key: str, now: float) -> None:
-        """Note that a key came at ``now`` (seconds)."""
+        """Process a key received at ``now`` (seconds)."""
         if key in _SPEEDS:
             self.speed *= _SPEEDS[key][0]
             self.turn *= _SPEEDS[key][1]
@@ -135,50 +130,46 @@ class Driver:
             self._until = now + (self._hold_after(interval) if repeated else self._hold)
 
     def _hold_after(self, interval: float) -> float:
-        """How long a repeat counts. The first repeat, after the long delay, counts like it."""
+        """How long a repeat counts, s; the first one, after the long delay, like a press."""
         return min(self._hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * interval))
 
     def moving(self, now: float) -> bool:
-        """Say if a key is held that moves the robot."""
+        """Whether a key that moves the robot is held."""
         if self._key is not None and now >= self._until:
             self._key = None
         return self._key is not None
 
-    def velocity(self, now: float) -> Velocity:
-        """Return what to publish at ``now``: zero when no key is held."""
+    def velocity(self, now: float) -> TeleopTwist:
+        """Return the velocity at ``now``: zero when no key is held."""
         if not self.moving(now) or self._key is None:
-            return Velocity()
+            return TeleopTwist()
         x, y, z, turn = _MOVES[self._key]
-        return Velocity(x * self.speed, y * self.speed, z * self.speed, turn * self.turn)
+        return TeleopTwist(x * self.speed, y * self.speed, z * self.speed, turn * self.turn)
 
     def status(self) -> str:
         """Return the speeds as teleop_twist_keyboard shows them."""
         return f"currently:\tspeed {self.speed:.3g}\tturn {self.turn:.3g} "
 
 
-# Single keys from a terminal, which is afterwards as it was.
-
-ESCAPE = "\x1b"
-_ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
-
-
 @contextlib.contextmanager
 def single_keys() -> Iterator["Keys"]:
-    """Switch the terminal to single keys, not shown; Ctrl-C still interrupts.
+    """Switch the terminal to unbuffered input without echo; restore it afterwards.
+
+    Ctrl-C still interrupts.
 
     Raises:
-        OneBotError: stdin is no terminal.
+        OneBotError: stdin is not a terminal.
     """
     if sys.stdin is None or not sys.stdin.isatty():
-        raise OneBotError("this reads keys from a terminal, but its standard input is none")
+        raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
     before = termios.tcgetattr(fd)
     mode = termios.tcgetattr(fd)
     mode[3] &= ~(termios.ICANON | termios.ECHO)
-    # Ctrl-S would stop the output, and with it whatever waits for it to be written.
+    # Ctrl-S would block the output, and with it the loop that publishes.
     mode[0] &= ~(termios.IXON | termios.ICRNL)
     mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
-    # Ctrl-Z would stop the process while the robot drives on.
+    # Ctrl-Z would suspend the process while the robot keeps driving.
     mode[6][termios.VSUSP] = os.fpathconf(fd, "PC_VDISABLE").to_bytes(1, "little")
     try:
         termios.tcsetattr(fd, termios.TCSADRAIN, mode)
@@ -189,7 +180,7 @@ def single_keys() -> Iterator["Keys"]:
 
 
 class Keys:
-    """What is typed."""
+    """Reads the keys that are typed."""
 
     def __init__(self, fd: int) -> None:
         """Read from a file descriptor."""
@@ -212,7 +203,7 @@ class Keys:
 
 
 def split_keys(text: str) -> list[str]:
-    """Take apart what a terminal sends; other function keys than arrows come as "" each."""
+    """Split terminal input into keys; function keys other than arrows give "" each."""
     keys = []
     while text:
         if text[:2] in (f"{ESCAPE}[", f"{ESCAPE}O") and len(text) > 2:
@@ -225,17 +216,11 @@ def split_keys(text: str) -> list[str]:
     return keys
 
 
-_TOPIC = "/velocity_controller/cmd_vel"
-_ZEROS = 3  # published when a key is let go, in case one gets lost
-_LISTENERS = 1.0  # s between looks at who listens
-_QUIT = (ESCAPE, "\x03", "\x04")
-
-
 def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code.
 
     Raises:
-        OneBotError: there is no terminal to read keys from, or the command line is wrong.
+        OneBotError: stdin is not a terminal, or the command line is wrong.
     """
     args = _parse(argv)
     with single_keys() as keys, Session(args.ros_args, "teleop") as session:
@@ -250,7 +235,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _parse(argv: Sequence[str]) -> Namespace:
-    parser = Parser("onebot teleop", "drive a robot from the keyboard; it stops when you let go")
+    parser = Parser("onebot teleop", "drive a robot from the keyboard, while a key is held")
     parser.add_argument(
         "topic", nargs="?", default=_TOPIC, metavar="TOPIC", help=f"to publish on ({_TOPIC})"
     )
@@ -258,21 +243,25 @@ def _parse(argv: Sequence[str]) -> Namespace:
         "--stamped", action="store_true", help="publish TwistStamped instead of Twist"
     )
     parser.add_argument(
-        "--speed", type=positive, default=0.5, metavar="M/S", help="to begin with (0.5 m/s)"
+        "--speed", type=positive, default=0.5, metavar="M/S", help="initial speed (0.5 m/s)"
     )
     parser.add_argument(
-        "--turn", type=positive, default=1.0, metavar="RAD/S", help="to begin with (1 rad/s)"
+        "--turn",
+        type=positive,
+        default=1.0,
+        metavar="RAD/S",
+        help="initial turn rate (1 rad/s)",
     )
     parser.add_argument("--frame-id", default="", metavar="FRAME", help="of TwistStamped")
     parser.add_argument(
-        "--rate", type=positive, default=20.0, metavar="HZ", help="messages a second (20)"
+        "--rate", type=positive, default=20.0, metavar="HZ", help="messages per second (20)"
     )
     parser.add_argument(
         "--hold",
         type=not_negative,
         default=0.7,
         metavar="S",
-        help="how long one press counts; longer than the keyboard's delay before it repeats (0.7)",
+        help="how long one press counts as held; longer than the keyboard's repeat delay (0.7)",
     )
     return parser.parse(argv)
 
@@ -287,10 +276,10 @@ class _Teleop:
         self._publisher = session.node.create_publisher(self._kind, self._topic, 10)
         self._driver = Driver(args.speed, args.turn, args.hold)
         self._shown = ""
-        self._note, self._look = "", time.monotonic() + _LISTENERS
+        self._note, self._next_poll = "", time.monotonic() + _SUBSCRIBER_PERIOD
 
     def drive(self, keys: Keys) -> None:
-        """Read keys and publish until one says to leave."""
+        """Read keys and publish until a key quits."""
         print(HELP.format(kind=self._kind.__name__, topic=self._topic))
         zeros, due = 0, time.monotonic()
         while True:
@@ -304,7 +293,7 @@ class _Teleop:
                 self._driver.press(key, now)
             if self._driver.moving(now):
                 zeros = _ZEROS
-                due = due if was_moving else now  # the first one at once
+                due = due if was_moving else now  # publish the first one at once
             elif was_moving:
                 due = now
             if now < due:
@@ -315,17 +304,17 @@ class _Teleop:
                 self._publish(self._driver.velocity(now))
 
     def stop(self) -> None:
-        """Publish zero, and see that it arrives."""
+        """Publish zero and wait for acknowledgements."""
         from rclpy.duration import Duration
 
         for _ in range(_ZEROS):
-            self._publish(Velocity())
+            self._publish(TeleopTwist())
         if self._publisher.get_subscription_count():
             self._publisher.wait_for_all_acked(Duration(seconds=0.5))
         with contextlib.suppress(OSError):  # the terminal's window is closed
             print(flush=True)
 
-    def _publish(self, velocity: Velocity) -> None:
+    def _publish(self, velocity: TeleopTwist) -> None:
         message: Any = self._kind()
         twist = message.twist if self._args.stamped else message
         if self._args.stamped:
@@ -336,23 +325,23 @@ class _Teleop:
         self._publisher.publish(message)
 
     def _show(self) -> None:
-        """Write the speeds anew when they changed, and say when nobody listens."""
-        if time.monotonic() > self._look:
-            self._look = time.monotonic() + _LISTENERS
-            self._note = self._who_listens()
+        """Update the status line when the speeds or the subscribers changed."""
+        if time.monotonic() > self._next_poll:
+            self._next_poll = time.monotonic() + _SUBSCRIBER_PERIOD
+            self._note = self._subscriber_note()
         text = f"{self._driver.status()}{self._note}"
         if text != self._shown:
             self._shown = text
             sys.stdout.write(f"\r\x1b[K{text}")
             sys.stdout.flush()
 
-    def _who_listens(self) -> str:
+    def _subscriber_note(self) -> str:
         if self._publisher.get_subscription_count():
             return ""
         found = self._session.node.get_subscriptions_info_by_topic(self._topic)
         types = sorted({info.topic_type for info in found})
         if any(name.endswith("/TwistStamped") for name in types) and not self._args.stamped:
-            return "\t(the robot wants TwistStamped: use --stamped)"
+            return "\t(the robot subscribes to TwistStamped: use --stamped)"
         if any(name.endswith("/Twist") for name in types) and self._args.stamped:
-            return "\t(the robot wants Twist: leave out --stamped)"
-        return "\t(nobody listens yet)"
+            return "\t(the robot subscribes to Twist: leave out --stamped)"
+        return "\t(no subscriber yet)"

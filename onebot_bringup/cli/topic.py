@@ -1,4 +1,4 @@
-"""``onebot topic ...``: look at topics and publish on them, as ``ros2 topic`` does."""
+"""``onebot topic ...``: lists, prints, measures and publishes topics, like ``ros2 topic``."""
 
 import sys
 import time
@@ -21,36 +21,39 @@ from onebot_bringup.introspection.rates import Bandwidth, Delays, Intervals
 from onebot_description.errors import OneBotError
 from onebot_description.wire.cdr import nanoseconds
 
-# ``onebot topic echo``: print messages as they come.
+_NO_MESSAGE = 2.0  # s without a message until echo prints a note
+_NO_SUBSCRIBER = 2.0  # s without a subscriber until pub prints a note
+_REPORT = 1.0  # s between reports of hz, bw and delay
+_SILENT_REPORTS = 2  # reports without any message until a note is printed
 
-_LONELY = 2.0  # s without a message, after which it says so
+_Row = tuple[str, list[str], int]
 
 
 def echo(parser: Parser, argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
+    """Print the messages of a topic; return the exit code.
 
     Raises:
-        OneBotError: the type is not installed, or there is no such field.
+        OneBotError: the type is not installed, or the field does not exist.
     """
-    _add_arguments(parser)
+    _add_echo_arguments(parser)
     args = parser.parse(argv)
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         return _Echo(session, args).run()
 
 
-def _add_arguments(parser: Parser) -> None:
+def _add_echo_arguments(parser: Parser) -> None:
     parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
     parser.add_argument(
         "type", nargs="?", metavar="TYPE", help="such as sensor_msgs/msg/JointState (discovered)"
     )
-    parser.add_argument("--once", action="store_true", help="print one message and end")
+    parser.add_argument("--once", action="store_true", help="print one message and exit")
     parser.add_argument("--timeout", type=positive, metavar="S", help="give up after S seconds")
     parser.add_argument(
-        "--field", metavar="FIELD", help="print a part only: pose.pose.position, position[0]"
+        "--field", metavar="FIELD", help="print only a part: pose.pose.position, position[0]"
     )
     parser.add_argument("--csv", action="store_true", help="print values separated by commas")
     parser.add_argument("--raw", action="store_true", help="print the bytes on the wire")
-    parser.add_argument("--flow-style", action="store_true", help="one line a message")
+    parser.add_argument("--flow-style", action="store_true", help="one line per message")
     parser.add_argument(
         "-f", "--full-length", action="store_true", help="print lists and strings in full"
     )
@@ -68,7 +71,7 @@ def _add_arguments(parser: Parser) -> None:
         "--no-lost-messages", action="store_true", help="do not report lost messages"
     )
     add_spin_time(parser)
-    qos.add_arguments(parser, "what suits the publishers")
+    qos.add_arguments(parser, "compatible with the publishers")
 
 
 class _Echo:
@@ -82,7 +85,7 @@ class _Echo:
             strings=not args.no_str,
             flow=args.flow_style,
         )
-        self._heard = False
+        self._received = False
         self._error: OneBotError | None = None
 
     def run(self) -> int:
@@ -96,10 +99,10 @@ class _Echo:
             event_callbacks=self._events(),
             raw=args.raw,
         )
-        first = min(_LONELY, args.timeout or _LONELY)
+        first = min(_NO_MESSAGE, args.timeout or _NO_MESSAGE)
         if not self._session.spin(self._first, first):
-            if not args.timeout or args.timeout > _LONELY:
-                self._say_lonely(topic)
+            if not args.timeout or args.timeout > _NO_MESSAGE:
+                self._report_no_message(topic)
             left = None if args.timeout is None else args.timeout - first
             if not self._session.spin(self._first, left):
                 raise OneBotError(f"no message on {topic} within {args.timeout:g} s")
@@ -109,7 +112,7 @@ class _Echo:
 
     def _first(self) -> bool:
         self._check()
-        return self._heard
+        return self._received
 
     def _check(self) -> bool:
         if self._error is not None:
@@ -119,23 +122,23 @@ class _Echo:
     def _events(self) -> Any:
         from rclpy.event_handler import SubscriptionEventCallbacks
 
-        # The default says on the log which QoS does not match; that stays.
+        # The default callback that logs incompatible QoS stays.
         lost = None if self._args.no_lost_messages else _on_lost
         return SubscriptionEventCallbacks(message_lost=lost)
 
-    def _say_lonely(self, topic: str) -> None:
+    def _report_no_message(self, topic: str) -> None:
         publishers = self._session.node.count_publishers(topic)
-        who = "nobody publishes it" if not publishers else f"{publishers} publisher(s)"
+        who = f"{publishers} publisher(s)" if publishers else "no publisher"
         print(f"note: no message on {topic} yet; {who}", file=sys.stderr)
 
     def _on_message(self, message: Any) -> None:
-        if self._error is not None or (self._heard and self._args.once):
+        if self._error is not None or (self._received and self._args.once):
             return
         try:
             self._print(message)
-        except OneBotError as error:  # of the field; raised outside of the callback
+        except OneBotError as error:  # of the field; to be raised outside of the callback
             self._error = error
-        self._heard = True
+        self._received = True
 
     def _print(self, message: Any) -> None:
         from onebot_bringup.introspection.message_text import is_message, pick, to_csv, to_yaml
@@ -158,15 +161,9 @@ def _on_lost(status: Any) -> None:
     )
 
 
-# ``onebot topic hz, bw, delay``: how often messages come, how large and how old they are.
-
-_REPORT = 1.0  # s
-_SILENT_REPORTS = 2  # reports without any message, after which it says so
-
-
 def hz(parser: Parser, argv: Sequence[str]) -> int:
     """Print the rate of a topic each second; return the exit code."""
-    args = _parse(parser, argv, 10000)
+    args = _parse_measurement(parser, argv, 10000)
     meter = Intervals(args.window)
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         clock = session.node.get_clock()
@@ -177,7 +174,7 @@ def hz(parser: Parser, argv: Sequence[str]) -> int:
 
 def bw(parser: Parser, argv: Sequence[str]) -> int:
     """Print the bandwidth of a topic each second; return the exit code."""
-    args = _parse(parser, argv, 100)
+    args = _parse_measurement(parser, argv, 100)
     meter = Bandwidth(args.window)
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         _measure(
@@ -191,7 +188,7 @@ def bw(parser: Parser, argv: Sequence[str]) -> int:
 
 def delay(parser: Parser, argv: Sequence[str]) -> int:
     """Print the age of a topic's messages each second; return the exit code."""
-    args = _parse(parser, argv, 10000)
+    args = _parse_measurement(parser, argv, 10000)
     meter = Delays(args.window)
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         clock = session.node.get_clock()
@@ -203,14 +200,14 @@ def delay(parser: Parser, argv: Sequence[str]) -> int:
         _measure(session, args, arrived, meter.report, raw=False)
 
 
-def _parse(parser: Parser, argv: Sequence[str], window: int) -> Namespace:
+def _parse_measurement(parser: Parser, argv: Sequence[str], window: int) -> Namespace:
     parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
     parser.add_argument(
         "-w", "--window", type=count, default=window, metavar="N",
         help=f"measure over the last N messages ({window})",
     )  # fmt: skip
     add_spin_time(parser)
-    qos.add_arguments(parser, "what suits the publishers")
+    qos.add_arguments(parser, "compatible with the publishers")
     return parser.parse(argv)
 
 
@@ -225,12 +222,12 @@ def _measure(
 ) -> NoReturn:
     topic, kind = await_class(session, args.topic)
     if not raw and "header" not in kind.get_fields_and_field_types():
-        raise OneBotError(f"msg does not have header: {topic} has no time to compare with")
-    heard = 0
+        raise OneBotError(f"msg does not have header: {topic} has no stamp to compare with")
+    received = 0
 
     def on_message(message: Any) -> None:
-        nonlocal heard
-        heard += 1
+        nonlocal received
+        received += 1
         arrived(message)
 
     session.node.create_subscription(
@@ -245,14 +242,9 @@ def _measure(
         text = report()
         if text is not None:
             print(text)
-        elif rounds == _SILENT_REPORTS and not heard:
+        elif rounds == _SILENT_REPORTS and not received:
             publishers = session.node.count_publishers(topic)
             print(f"note: no message on {topic} yet; publishers: {publishers}", file=sys.stderr)
-
-
-# ``onebot topic list, info, type, find``: which topics there are.
-
-_Row = tuple[str, list[str], int]
 
 
 def topics(parser: Parser, argv: Sequence[str]) -> int:
@@ -301,7 +293,7 @@ def _verbose(title: str, role: str, rows: list[_Row]) -> str:
 
 
 def info(parser: Parser, argv: Sequence[str]) -> int:
-    """Show who publishes a topic and who listens; return the exit code."""
+    """Show the publishers and subscribers of a topic; return the exit code."""
     parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
     parser.add_argument(
         "-v", "--verbose", action="store_true", help="show each node and its quality of service"
@@ -310,7 +302,7 @@ def info(parser: Parser, argv: Sequence[str]) -> int:
     args = parser.parse(argv)
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         topic, _ = types_of(session, args.topic)
-        session.discover()  # all who take part, not just the first
+        session.discover()  # all endpoints, not only the first
         topic, types = types_of(session, args.topic)
         end = "\n\n" if args.verbose else "\n"
         node = session.node
@@ -329,7 +321,7 @@ def info(parser: Parser, argv: Sequence[str]) -> int:
 
 
 def _all_named(node: Any, topic: str) -> bool:
-    """Say if it is known of all endpoints whose they are; that comes a little later."""
+    """Whether the node of each endpoint is known; it is discovered after the endpoint."""
     found = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
     return all("UNKNOWN" not in endpoint.node_name for endpoint in found)
 
@@ -361,13 +353,8 @@ def find(parser: Parser, argv: Sequence[str]) -> int:
     return 0
 
 
-# ``onebot topic pub``: publish messages given as YAML.
-
-_NO_SUBSCRIBER = 2.0  # s without a listener, after which it says so
-
-
 def pub(parser: Parser, argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
+    """Publish messages given as YAML; return the exit code.
 
     Raises:
         OneBotError: the type is not installed, or a value is wrong.
@@ -392,35 +379,39 @@ def _add_pub_arguments(parser: Parser) -> None:
         "values",
         nargs="?",
         metavar="VALUES",
-        help='in YAML, such as "{linear: {x: 0.2}}"; what is left out keeps its default. '
+        help='in YAML, such as "{linear: {x: 0.2}}"; other fields keep their defaults. '
         "A header may be auto, a time now",
     )
     parser.add_argument("--stdin", action="store_true", help="read the values from stdin")
     parser.add_argument(
-        "-r", "--rate", type=positive, default=1.0, metavar="HZ", help="messages a second (1)"
+        "-r", "--rate", type=positive, default=1.0, metavar="HZ", help="messages per second (1)"
     )
     parser.add_argument(
-        "-p", "--print", type=natural, default=1, metavar="N", help="print every N-th only (1)"
+        "-p", "--print", type=natural, default=1, metavar="N", help="print every N-th message (1)"
     )
     number = parser.add_mutually_exclusive_group()
-    number.add_argument("-1", "--once", action="store_true", help="publish one message and end")
-    number.add_argument("-t", "--times", type=count, metavar="N", help="publish N and end")
+    number.add_argument("-1", "--once", action="store_true", help="publish one message and exit")
+    number.add_argument("-t", "--times", type=count, metavar="N", help="publish N and exit")
     parser.add_argument(
         "-w",
         "--wait-matching-subscriptions",
         dest="wait",
         type=natural,
         metavar="N",
-        help="wait for N listeners first (1 with --once or --times, else 0)",
+        help="wait for N subscribers first (1 with --once or --times, else 0)",
     )
     parser.add_argument(
         "--max-wait-time-secs", type=positive, metavar="S", help="wait no longer than S seconds"
     )
     parser.add_argument(
-        "--keep-alive", type=not_negative, default=0.1, metavar="S", help="stay at the end (0.1 s)"
+        "--keep-alive",
+        type=not_negative,
+        default=0.1,
+        metavar="S",
+        help="wait before exit (0.1 s)",
     )
-    parser.add_argument("-n", "--node-name", metavar="NAME", help="of the publishing node")
-    parser.add_argument("--allow-non-finite", action="store_true", help="let .nan and .inf through")
+    parser.add_argument("-n", "--node-name", metavar="NAME", help="name of the publishing node")
+    parser.add_argument("--allow-non-finite", action="store_true", help="accept .nan and .inf")
     qos.add_arguments(parser, "default (reliable, volatile, depth 10)")
 
 
@@ -442,31 +433,31 @@ class _Publisher:
     def run(self, message: Any, times: list[Any]) -> None:
         most = 1 if self._args.once else self._args.times
         wait = self._args.wait if self._args.wait is not None else int(most is not None)
-        self._await_listeners(wait)
+        self._await_subscribers(wait)
         print("publisher: beginning loop")
         self._loop(message, times, most)
         self._finish()
 
-    def _await_listeners(self, number: int) -> None:
-        began = said = time.monotonic() - 1.0
+    def _await_subscribers(self, number: int) -> None:
+        began = reported = time.monotonic() - 1.0
         limit = self._args.max_wait_time_secs
         while self._publisher.get_subscription_count() < number:
             now = time.monotonic()
             if limit is not None and now - began - 1.0 > limit:
                 raise OneBotError(
-                    f"waited {limit:g} s in vain for {number} matching subscription(s) of "
+                    f"timed out after {limit:g} s: fewer than {number} matching subscription(s) of "
                     f"{self._topic}{self._others()}"
                 )
-            if now - said >= 1.0:
+            if now - reported >= 1.0:
                 print(f"Waiting for at least {number} matching subscription(s)...{self._others()}")
-                said = now
+                reported = now
             self._session.spin_until(now + 0.05)
 
     def _loop(self, message: Any, times: list[Any], most: int | None) -> None:
         from onebot_bringup.introspection.message_text import stamp
 
         period, began = 1.0 / self._args.rate, time.monotonic()
-        due, lonely = began, self._args.wait != 0 or most is None
+        due, check = began, self._args.wait != 0 or most is None
         while True:
             stamp(times, self._session.node.get_clock().now().nanoseconds)
             self._number += 1
@@ -475,24 +466,24 @@ class _Publisher:
             self._publisher.publish(message)
             if self._number == most:
                 return
-            # After a pause (a laptop that slept) it goes on, without making up for it.
+            # After a suspend of the computer it continues without catching up.
             due = max(due + period, time.monotonic() - period)
-            if lonely and time.monotonic() - began > _NO_SUBSCRIBER:
-                lonely = False
-                self._say_if_lonely()
+            if check and time.monotonic() - began > _NO_SUBSCRIBER:
+                check = False
+                self._report_no_subscriber()
             self._session.spin_until(due)
 
-    def _say_if_lonely(self) -> None:
+    def _report_no_subscriber(self) -> None:
         if self._publisher.get_subscription_count() == 0:
-            print(f"note: nobody listens to {self._topic}{self._others()}", file=sys.stderr)
+            print(f"note: no subscriber of {self._topic}{self._others()}", file=sys.stderr)
 
     def _others(self) -> str:
-        """Who listens to the topic, but for another type, or with another QoS."""
+        """The subscribers with another type or an incompatible QoS, as text."""
         found = self._session.node.get_subscriptions_info_by_topic(self._topic)
         types = sorted({info.topic_type for info in found})
         if not types:
             return ""
-        return f" (subscribers there: {', '.join(types)}; type and QoS have to match)"
+        return f" (subscribers of {', '.join(types)} found; type and QoS have to match)"
 
     def _finish(self) -> None:
         from rclpy.duration import Duration
@@ -504,14 +495,14 @@ class _Publisher:
 
 COMMANDS = {
     "pub": Subcommand("publish messages", pub),
-    "echo": Subcommand("print messages as they come", echo),
+    "echo": Subcommand("print messages as they are received", echo),
     "list": Subcommand("list the topics", topics),
-    "info": Subcommand("show who publishes and who listens", info),
+    "info": Subcommand("show the publishers and subscribers", info),
     "type": Subcommand("show a topic's type", type_of),
     "find": Subcommand("list the topics of a type", find),
-    "hz": Subcommand("measure how often messages come", hz),
-    "bw": Subcommand("measure how many bytes a second come", bw),
-    "delay": Subcommand("measure how old messages are, by their header", delay),
+    "hz": Subcommand("measure the rate of messages", hz),
+    "bw": Subcommand("measure the bandwidth", bw),
+    "delay": Subcommand("measure the age of messages, by their header", delay),
 }
 
 

@@ -22,7 +22,7 @@ class ReadyColumn(rr.ComponentColumn):
     """A column whose Arrow array is made, and can be sent many times."""
 
     def __init__(self, descriptor: Any, array: pa.Array) -> None:
-        """Keep an array of the kind that ``descriptor`` says, a list a row."""
+        """Keep an array of the kind of ``descriptor``, a list a row."""
         self._descriptor = descriptor
         self._array = array
 

@@ -3,7 +3,7 @@
 
 Subscribes:
     robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
-    /tf, /tf_static (tf2_msgs/TFMessage): where every frame stands; nothing is computed here.
+    /tf, /tf_static (tf2_msgs/TFMessage): the transforms of all frames; nothing is computed here.
     joint_states (sensor_msgs/JointState): plotted.
     what the displays of the view name (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped, ...).
 
@@ -22,7 +22,7 @@ Parameters:
         one; "none" for none. Edits of the file are shown at once.
     save_view_to (string, ""): the file that ~/save_view writes; "" for the one the view is from.
     fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
-        frame above the robot's root link (odom, say, where there is one; else the root link).
+        frame above the robot's root link (such as odom; else the root link).
     axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
         trails, covariance and speeds.lines); they can be changed while the viewer runs.
     frame_prefix (string, ""): as robot_state_publisher's parameter of that name.
@@ -165,7 +165,7 @@ class ViewParameters:
             raise ConfigError(problems)
 
     def mirror(self) -> None:
-        """Set the parameters to what the view says now."""
+        """Set the parameters to the settings of the view."""
         wanted = values_of(self._source.view)
         stale = [
             ros_parameter(name, value)
@@ -256,7 +256,7 @@ class ViewUpdates:
                 self._log.warning(f"keeping the view shown so far: {error}")
 
     def apply_view_of(self, robot: str) -> None:
-        """Apply the view of the robot's description, if the user asks for no other one."""
+        """Apply the view of the robot's description, unless the user has given another one."""
         try:
             if self._source.set_robot(robot):
                 self._parameters.mirror()
@@ -266,7 +266,7 @@ class ViewUpdates:
             self._log.warning(f"keeping the view shown so far: {error}")
 
     def apply(self) -> None:
-        """Show what the view says now."""
+        """Show the view as it is now."""
         for problem in self._view.set_view(self._source.view):
             self._log.warning(problem)
         try:
@@ -312,7 +312,7 @@ class RerunViewer(Node):
         self._topics = TopicSubscriptions(self, self._view.take)
         self._topics.set_topics(self._view.topics)
         self._updates = ViewUpdates(source, settings, self._view, self._topics, self.get_logger())
-        # Not ROS time: it may stand still or run fast.
+        # Not ROS time: it may stop or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_PERIOD, self._tick, clock=steady)
         self.create_timer(POLL_PERIOD, self._poll, clock=steady)

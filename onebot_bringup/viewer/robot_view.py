@@ -250,7 +250,7 @@ class RobotView:
 
     @property
     def has_fixed_frame(self) -> bool:
-        """The frame that the view asks for, if any, is known."""
+        """The frame that the view names, if any, is known."""
         wanted = self._view.fixed_frame
         return not wanted or (
             self._robot is not None and bool(self._resolution.known_as(self._robot, wanted))
@@ -370,7 +370,7 @@ class Stamps:
         Args:
             stamp_ns: of the header; 0 for none.
             time_ns: when it was received.
-            live: the stamp says when it was sent.
+            live: the stamp is the time when it was sent.
         """
         if not stamp_ns:
             return time_ns + self._shift

@@ -130,11 +130,13 @@ def _scene(shape: Shape, path: Path | None) -> trimesh.Scene:
     visual = yourdfpy.Visual(name="shape", geometry=_geometry(shape))
     robot = yourdfpy.Robot("robot", links=[yourdfpy.Link("link", visuals=[visual])])
     scene = yourdfpy.URDF(robot=robot, filename_handler=lambda fname: str(path)).scene
-    for part in scene.geometry.values():
+    for name, part in scene.geometry.items():
         if isinstance(part, trimesh.primitives.Cylinder):
             part.primitive.sections = _CYLINDER_SECTIONS
         elif isinstance(part, trimesh.primitives.Sphere):
             part.primitive.subdivisions = _SPHERE_SUBDIVISIONS
+        if isinstance(part, trimesh.primitives.Primitive):
+            scene.geometry[name] = part.to_mesh()  # copies of primitives lose these numbers
     return scene
 
 

@@ -74,7 +74,7 @@ class TopicSubscriptions:
         """The type to subscribe (None: not known yet), and whether to ask for latched messages.
 
         The type is that of the publishers, or else of other subscribers, so as to be early. What
-        every publisher offers latched is asked for so.
+        every publisher offers latched is subscribed so.
         """
         known = [kind.name for kind in topic.types]
         now = self._subscriptions.get(name)

@@ -8,5 +8,5 @@ source = JointStateSource(description.joints, JointsConfig.from_parameters({
 }))
 positions, velocities = source.sample(0.1)
 
-Nothing is imported here, so that reading and checking parameters takes no numpy.
+This package imports none of its modules.
 """

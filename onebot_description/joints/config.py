@@ -1,4 +1,4 @@
-"""The parameters of joint_state_publisher, checked."""
+"""The parameters of joint_state_publisher and their checks."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -20,7 +20,7 @@ from onebot_description.parameters.reader import REQUIRED, Problem, group, param
 Poses = Mapping[str, Mapping[str, float]]
 
 MAX_RATE = 1000.0
-"""Hz; beyond it a timer only burns the processor."""
+"""Hz; a faster timer only wastes processor time."""
 
 _KEYS: dict[str, tuple[str, ...]] = {
     "constant": ("position",),
@@ -35,7 +35,7 @@ class MotionParameters:
     """The parameters ``motions.<joint>``; None for those that are not given."""
 
     type: str | None = parameter(
-        None, "of the motion; if not given, the rest decides", choices=(*_KEYS,)
+        None, "of the motion; by default inferred from the other keys", choices=(*_KEYS,)
     )
     position: float | None = parameter(None, "constant: position to hold, rad or m")
     amplitude: float | None = parameter(None, "sine: rad or m")
@@ -43,27 +43,27 @@ class MotionParameters:
     phase: float | None = parameter(None, "sine: angle at the start, rad")
     offset: float | None = parameter(None, "sine: its middle, rad or m")
     times: tuple[float, ...] | None = parameter(None, "keyframes: increasing, from 0 on, s")
-    positions: tuple[float, ...] | None = parameter(None, "keyframes: one a time, rad or m")
-    poses: tuple[str, ...] | None = parameter(None, "keyframes: named poses, for positions")
-    blend: str | None = parameter(None, "keyframes: from one to the next", choices=BLENDS)
+    positions: tuple[float, ...] | None = parameter(None, "keyframes: one per time, rad or m")
+    poses: tuple[str, ...] | None = parameter(None, "keyframes: named poses, instead of positions")
+    blend: str | None = parameter(None, "keyframes: interpolation between them", choices=BLENDS)
     loop: bool | None = parameter(None, "keyframes: start over after the last")
     pose: str | None = parameter(None, "pose: name of the pose to hold")
 
     @property
     def given(self) -> set[str]:
-        """The keys that were written, but for the type."""
+        """The keys that were given, without the type."""
         names = (one.name for one in fields(self) if one.name != "type")
         return {name for name in names if getattr(self, name) is not None}
 
     @property
     def kind(self) -> str | None:
-        """The type as written, else the one type that has all the keys given."""
+        """The given type, or else the first type that has all of the given keys."""
         if self.type or not self.given:
             return self.type
         return next((kind for kind, keys in _KEYS.items() if self.given.issubset(keys)), None)
 
     def check(self) -> Iterator[Problem]:
-        """What is wrong, but for the names of poses."""
+        """Yield all problems except unknown poses."""
         if self.kind is None:
             yield Problem("", f"write its type, one of {', '.join(_KEYS)}")
         elif self.kind == "pose" and not self.pose:
@@ -85,7 +85,7 @@ class MotionParameters:
             yield Problem("times", f"{list(times)} must increase, from 0 on")
 
     def check_poses(self, joint: str, poses: Poses) -> Iterator[Problem]:
-        """What is wrong with the poses that the motion of ``joint`` names."""
+        """Yield the problems with the poses that the motion of ``joint`` refers to."""
         named = {"pose": ("pose", (self.pose,)), "keyframes": ("poses", self.poses or ())}
         key, names = named.get(self.kind or "", ("", ()))
         for name in names:
@@ -96,7 +96,7 @@ class MotionParameters:
                 yield Problem(key, text)
 
     def notes(self) -> Iterator[Problem]:
-        """What works, but probably not as meant."""
+        """Yield warnings on parameters that are valid, but probably not intended."""
         kind = self.kind or ""
         for key in sorted(self.given.difference(_KEYS[kind])):
             users = next(name for name, keys in _KEYS.items() if key in keys)
@@ -106,7 +106,7 @@ class MotionParameters:
             yield Problem("", f"sine without {' and '.join(missing)} does not swing")
 
     def motion(self, joint: str, poses: Poses) -> Motion:
-        """Return the motion of ``joint``, found right by both checks."""
+        """Return the motion of ``joint``; the parameters must have passed both checks."""
         if self.kind == "constant":
             return Constant(self.position or 0.0)
         if self.kind == "sine":
@@ -131,20 +131,20 @@ class Dependent:
 
 @dataclass(frozen=True)
 class Sequence:
-    """Poses the whole robot goes through."""
+    """A sequence of poses of the whole robot."""
 
-    poses: tuple[str, ...] = parameter((), "names of poses to go through, for joints that rest")
+    poses: tuple[str, ...] = parameter((), "names of poses, for joints without a motion")
     durations: tuple[float, ...] = parameter((), "to reach each of the poses, s", above=0.0)
-    blend: str = parameter(MINIMUM_JERK, "how to pass from one to the next", choices=BLENDS)
+    blend: str = parameter(MINIMUM_JERK, "interpolation between poses", choices=BLENDS)
     loop: bool = parameter(True, "start over after the last")
 
     @property
     def complete(self) -> bool:
-        """Whether it moves anything: one of poses and durations alone is a robot at rest."""
+        """Whether both poses and durations are given; otherwise nothing moves."""
         return bool(self.poses and self.durations)
 
     def check(self) -> Iterator[Problem]:
-        """What is wrong, but for the names of poses."""
+        """Yield all problems except unknown poses."""
         if self.complete and len(self.poses) != len(self.durations):
             counts = f"{len(self.poses)} poses but {len(self.durations)} durations"
             yield Problem("", f"{counts}; give as many of each, at once")
@@ -154,22 +154,22 @@ class Sequence:
 class JointsConfig:
     """All parameters of joint_state_publisher; positions in rad or m."""
 
-    rate: float = parameter(10.0, "messages a second, Hz", above=0.0, at_most=MAX_RATE)
+    rate: float = parameter(10.0, "messages per second, Hz", above=0.0, at_most=MAX_RATE)
     publish_default_positions: bool = parameter(True, "publish positions that nothing moves")
-    publish_default_velocities: bool = parameter(False, "publish velocities if nothing moves, too")
+    publish_default_velocities: bool = parameter(False, "publish velocities even if nothing moves")
     publish_default_efforts: bool = parameter(False, "publish zeros as efforts")
-    use_mimic_tags: bool = parameter(True, "joints with a mimic tag follow the joint it names")
-    use_smallest_joint_limits: bool = parameter(True, "keep to safety_controller's limits, too")
+    use_mimic_tags: bool = parameter(True, "apply the mimic tags of the URDF")
+    use_smallest_joint_limits: bool = parameter(True, "apply soft limits, too")
     source_list: tuple[str, ...] = parameter((), "JointState topics that override all motions")
-    delta: float = parameter(0.0, "step a message of joints that only sweep", at_least=0.0)
-    zeros: Mapping[str, float] = parameter({}, "where the joint rests, rad or m")
+    delta: float = parameter(0.0, "step per message of joints that only sweep", at_least=0.0)
+    zeros: Mapping[str, float] = parameter({}, "rest position of the joint, rad or m")
     dependent_joints: Mapping[str, Dependent] = parameter({}, "joints that follow another")
     motion_parameters: Mapping[str, MotionParameters] = parameter({}, "by joint", name="motions")
     poses: Poses = parameter({}, "position of the joint in the pose, rad or m")
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
     sequence: Sequence = group(Sequence)
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
-    config_file: str = parameter("", "a parameter file to read and watch as --params-file is")
+    config_file: str = parameter("", "a parameter file to load and watch, like --params-file")
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":
@@ -191,11 +191,11 @@ class JointsConfig:
 
     @property
     def moves(self) -> bool:
-        """Whether any motion is asked for, so that velocities are published too."""
+        """Whether any motion is configured, so that velocities are published too."""
         return bool(self.motions or self.pose or self.sequence.complete or self.delta)
 
     def check(self) -> Iterator[Problem]:
-        """Report poses that do not exist."""
+        """Yield a problem for each pose that does not exist."""
         for key, names in (("pose", (self.pose,)), ("sequence.poses", self.sequence.poses)):
             for name in dict.fromkeys(names):
                 if name and name not in self.poses:
@@ -206,7 +206,7 @@ class JointsConfig:
 
     @cached_property
     def notes(self) -> tuple[Problem, ...]:
-        """Remarks on parameters that work, but probably not as meant."""
+        """Warnings on parameters that are valid, but probably not intended."""
         notes = []
         for joint, motion in self.motion_parameters.items():
             notes += _inside(f"motions.{joint}", motion.notes())
@@ -217,5 +217,5 @@ class JointsConfig:
 
 
 def _inside(group_name: str, problems: Iterable[Problem]) -> list[Problem]:
-    """Name the parameters of a group in full."""
+    """Return the problems with the group's name in front of their keys."""
     return [Problem(".".join(filter(None, (group_name, p.key))), p.text) for p in problems]

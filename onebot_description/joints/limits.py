@@ -1,4 +1,4 @@
-"""Which joints move, how far and how fast."""
+"""Position and velocity limits of the movable joints."""
 
 import math
 from collections.abc import Sequence
@@ -22,21 +22,21 @@ class Limits:
     velocity: FloatArray  # (N,), >= 0
 
     def copy(self) -> "Limits":
-        """Return limits that can be narrowed without changing these."""
+        """Return a copy that can be narrowed in place."""
         return Limits(self.lower.copy(), self.upper.copy(), self.velocity.copy())
 
 
 def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
-    """Return the joints that have one position: no fixed, floating or planar ones."""
+    """Return the joints with one degree of freedom: no fixed, floating or planar ones."""
     return tuple(joint for joint in joints if joint.kind in MOVING_KINDS)
 
 
 def joint_limits(joints: Sequence[Joint], *, soft: bool) -> Limits:
-    """Return the limits of movable joints, narrowed by the soft ones if ``soft``.
+    """Return the limits of movable joints; with ``soft``, after the soft limits are applied.
 
     Raises:
-        ConfigError: a revolute or prismatic joint without limits, or soft limits that leave it
-            no range.
+        ConfigError: a revolute or prismatic joint has no limits, or its soft limits leave no
+            range.
     """
     problems: list[Problem] = []
     ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)
@@ -47,7 +47,7 @@ def joint_limits(joints: Sequence[Joint], *, soft: bool) -> Limits:
 
 
 def zero_position(lower: float, upper: float) -> float:
-    """Return the position by default: 0, or mid-range if 0 is out of range."""
+    """Return the default position: 0, or mid-range if 0 is out of range."""
     return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2.0
 
 

@@ -1,4 +1,4 @@
-"""Joints that follow others: chains folded to one factor and offset on the joint that leads."""
+"""Mimic joints: each chain is reduced to one factor and offset relative to its leading joint."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ Followers = Mapping[str, Dependent]
 class Following:
     """The leader of each joint: joint i is at ``position[leader[i]] * factor[i] + offset[i]``.
 
-    A joint that follows none leads itself, with factor 1 and offset 0.
+    A joint that does not follow another is its own leader, with factor 1 and offset 0.
     """
 
     leader: NDArray[np.intp]  # (N,), index
@@ -28,14 +28,14 @@ class Following:
 
     @property
     def follows(self) -> NDArray[np.bool_]:
-        """(N,), true for the joints that follow another."""
+        """(N,), True for the joints that follow another."""
         return np.asarray(self.leader != np.arange(len(self.leader)))
 
 
 def followers(
     joints: Sequence[Joint], dependent: Followers, use_mimic_tags: bool
 ) -> dict[str, Dependent]:
-    """Return what each joint follows: its mimic tag, overridden by ``dependent_joints``."""
+    """Return the leader of each mimic joint; ``dependent_joints`` override mimic tags."""
     tags = {
         joint.name: Dependent(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
         for joint in joints
@@ -45,29 +45,29 @@ def followers(
 
 
 def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], links: Followers) -> Following:
-    """Fold chains of followers.
+    """Reduce chains of mimic joints to their leaders.
 
     Args:
         joints: the N movable joints.
-        all_joints: of the robot, to explain what is wrong with a name.
-        links: follower name to what it depends on.
+        all_joints: all joints of the robot, for error messages.
+        links: by name of the following joint.
 
     Raises:
-        ConfigError: a joint follows one that is missing, cannot move, or follows it in turn.
+        ConfigError: a joint follows one that is missing or fixed, or the chain is a circle.
     """
     index = {joint.name: number for number, joint in enumerate(joints)}
     kinds = {joint.name: joint.kind for joint in all_joints}
     problems = [
         Problem("", text)
         for name, link in links.items()
-        if name in index and (text := _blame(name, link.parent, index, kinds))
+        if name in index and (text := _leader_problem(name, link.parent, index, kinds))
     ]
     if problems:
         raise ConfigError(problems)
     count = len(joints)
     leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
     for name, number in index.items():
-        root, factor[number], offset[number] = _fold(name, links)
+        root, factor[number], offset[number] = _resolve_chain(name, links)
         leader[number] = index[root]
     return Following(leader, factor, offset)
 
@@ -75,10 +75,10 @@ def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], links: Followe
 def narrow(
     joints: Sequence[Joint], limits: Limits, following: Following
 ) -> tuple[Limits, list[Problem]]:
-    """Narrow each leader's limits so that all its followers stay within theirs.
+    """Narrow the limits of leaders so that their followers stay within their own limits.
 
     Returns:
-        Limits of all joints, and notes on the leaders whose range became smaller.
+        Limits of all joints, and warnings on leaders whose range became smaller.
 
     Raises:
         ConfigError: no position of the leader keeps a follower within its limits.
@@ -87,7 +87,7 @@ def narrow(
     for follower in np.flatnonzero(following.follows).tolist():
         leader = int(following.leader[follower])
         before = narrowed.lower[leader], narrowed.upper[leader]
-        _narrow_one(narrowed, limits, following, follower)
+        _narrow_leader(narrowed, limits, following, follower)
         after = narrowed.lower[leader], narrowed.upper[leader]
         text = (
             f'joint "{joints[follower].name}", which follows "{joints[leader].name}" as its'
@@ -105,9 +105,10 @@ def narrow(
     return narrowed, notes
 
 
-def _blame(
+def _leader_problem(
     name: str, parent: str, index: Mapping[str, int], kinds: Mapping[str, str]
 ) -> str | None:
+    """The error if the joint cannot follow ``parent``."""
     if parent in index:
         return None
     wrong = f"is {kinds[parent]}" if parent in kinds else "does not exist"
@@ -115,8 +116,8 @@ def _blame(
     return f'joint "{name}" follows "{parent}", which {wrong}{hint}'
 
 
-def _fold(name: str, links: Followers) -> tuple[str, float, float]:
-    """Return the leader at the end of the chain, and the whole chain's factor and offset."""
+def _resolve_chain(name: str, links: Followers) -> tuple[str, float, float]:
+    """The leader at the end of the chain, and the factor and offset of the whole chain."""
     seen, factor, offset = [name], 1.0, 0.0
     while seen[-1] in links:
         link = links[seen[-1]]
@@ -129,7 +130,8 @@ def _fold(name: str, links: Followers) -> tuple[str, float, float]:
     return seen[-1], factor, offset
 
 
-def _narrow_one(narrowed: Limits, limits: Limits, following: Following, follower: int) -> None:
+def _narrow_leader(narrowed: Limits, limits: Limits, following: Following, follower: int) -> None:
+    """Narrow the limits of the leader of ``follower`` in place."""
     leader, factor = following.leader[follower], following.factor[follower]
     ends = np.array([limits.lower[follower], limits.upper[follower]]) - following.offset[follower]
     if factor == 0.0:

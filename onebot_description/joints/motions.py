@@ -1,6 +1,7 @@
-"""What a joint can be asked to do: hold a position, swing, follow keyframes, sweep its range.
+"""Motions of joints: constant, sine, keyframes and sweep; their evaluation and limit checks.
 
-Positions are in rad (m for a prismatic joint), times in s since the motion began.
+Positions are in rad (m for a prismatic joint), times in s since the start of the motion. `Tracks`
+evaluates the motions of all joints as arrays; `violations` compares one motion with its limits.
 """
 
 import math
@@ -12,12 +13,18 @@ from numpy.typing import NDArray
 
 from onebot_description.joints.limits import FloatArray
 
+TURN = 2.0 * math.pi
 LINEAR = "linear"
 MINIMUM_JERK = "minimum_jerk"
 BLENDS = (LINEAR, MINIMUM_JERK)
 
 # Peak over mean speed of 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan, 1985).
 MINIMUM_JERK_PEAK = 1.875
+
+# Looped keyframes whose ends are this close to whole turns apart keep turning, rad.
+_WHOLE_TURN = 1e-2
+# Relative to a limit: rounding must not be reported, such as 2 pi f written with a few digits.
+_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -40,36 +47,25 @@ class Sine:
 
 @dataclass(frozen=True)
 class Keyframes:
-    """Go through ``positions`` at ``times``.
+    """Move through ``positions`` at ``times``."""
 
-    Attributes:
-        times: increasing, from 0 on.
-        positions: as many as times.
-        blend: how to pass from one to the next, a member of BLENDS.
-        loop: start over after the last, instead of holding it.
-        lead: seconds given, once, to reach the first position from wherever the joint stands;
-            the times count from then on. 0 for none.
-    """
-
-    times: tuple[float, ...]
-    positions: tuple[float, ...]
-    blend: str = LINEAR
-    loop: bool = True
+    times: tuple[float, ...]  # increasing, from 0 on
+    positions: tuple[float, ...]  # as many as times
+    blend: str = LINEAR  # interpolation, one of BLENDS
+    loop: bool = True  # start over after the last, instead of holding it
+    # Seconds to reach the first position from the present one, once; the times are counted from
+    # its end. 0 for none.
     lead: float = 0.0
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Go to and fro over the whole range at ``speed``, from ``start`` upwards; turn on if endless.
+    """Move back and forth over the whole range, from ``start`` upwards.
 
-    Attributes:
-        speed: rad/s (m/s), > 0.
-        start: position to begin at.
-        lower: of the range.
-        upper: of the range; infinite for a joint that turns without end.
+    A joint with an infinite range keeps turning.
     """
 
-    speed: float
+    speed: float  # rad/s (m/s), > 0
     start: float
     lower: float
     upper: float
@@ -78,15 +74,8 @@ class Sweep:
 Motion = Constant | Sine | Keyframes | Sweep
 
 
-# Where all joints ought to be at a moment: the motions of N joints as arrays.
-
-_TURN = 2.0 * np.pi
-# Looped keyframes whose ends lie whole turns apart go on turning; closer than this counts as whole.
-_WHOLE_TURN = 1e-2
-
-
 class Tracks:
-    """The motions of N joints, evaluated together."""
+    """The target positions of N joints, evaluated as arrays."""
 
     def __init__(
         self,
@@ -95,16 +84,16 @@ class Tracks:
         starts: FloatArray,
         endless: NDArray[np.bool_],
     ) -> None:
-        """Sort the motions by kind.
+        """Group the motions by kind.
 
         Args:
             motions: N motions.
-            origins: (N,) time at which each began, in s.
-            starts: (N,) positions the joints had then, for keyframes with a lead.
-            endless: (N,) true for joints that turn without end.
+            origins: (N,) start time of each motion, s.
+            starts: (N,) positions of the joints at that time, for keyframes with a lead.
+            endless: (N,) True for continuous joints.
 
         Raises:
-            TypeError: a motion of a kind that nothing here evaluates.
+            TypeError: a motion is of a kind without an evaluator.
         """
         for motion in motions:
             if not isinstance(motion, _EVALUATED):
@@ -122,7 +111,7 @@ class Tracks:
                 )
 
     def at(self, time: float) -> FloatArray:
-        """Return the positions (N,) asked for at ``time``, in s, whatever the limits."""
+        """Return the target positions (N,) at ``time``, in s, before limits are applied."""
         positions: FloatArray = self._base.copy()
         for bank in self._banks:
             positions[bank.index] = bank.at(time)
@@ -130,7 +119,7 @@ class Tracks:
 
 
 class _Bank:
-    """Some motions of one kind; ``index`` says which joints they move."""
+    """Motions of one kind; ``index`` holds the joints they move."""
 
     def __init__(self, index: NDArray[np.intp], origins: FloatArray) -> None:
         self.index = index
@@ -141,7 +130,7 @@ class _Bank:
 
 
 class _Table(_Bank):
-    """Motions that some numbers of their own describe, whatever the joint; a row a number."""
+    """Motions that are fully described by their own numbers; one row per number."""
 
     NUMBERS: tuple[str, ...]
 
@@ -165,12 +154,12 @@ class _Sines(_Table):
 
     def at(self, time: float) -> FloatArray:
         amplitude, frequency, phase, offset = self._table
-        angle = _TURN * frequency * self._since(time) + phase
+        angle = TURN * frequency * self._since(time) + phase
         return np.asarray(offset + amplitude * np.sin(angle))
 
 
 class _Keyframes(_Bank):
-    """Rows of times and positions, padded at the end by repeating the last one."""
+    """One row of times and positions per motion, padded to equal length."""
 
     KIND = Keyframes
 
@@ -186,13 +175,13 @@ class _Keyframes(_Bank):
         rows = [_row(motion, start) for motion, start in zip(motions, starts, strict=True)]
         width = max(len(times) for times, _ in rows)
         self._times = np.array([_pad(times, width, np.inf) for times, _ in rows])
-        self._positions = np.array([_pad(places, width, places[-1]) for _, places in rows])
+        self._positions = np.array([_pad(points, width, points[-1]) for _, points in rows])
         self._smooth = np.array([motion.blend == MINIMUM_JERK for motion in motions])
         self._first = np.array([motion.lead for motion in motions])
         self._last = np.array([times[-1] for times, _ in rows])
         self._loop = np.array([motion.loop for motion in motions]) & (self._last > self._first)
         turn = np.array([m.positions[-1] - m.positions[0] for m in motions])
-        whole = np.abs(turn - _TURN * np.round(turn / _TURN)) < _WHOLE_TURN
+        whole = np.abs(turn - TURN * np.round(turn / TURN)) < _WHOLE_TURN
         self._turn = np.where(whole & endless & self._loop, turn, 0.0)
 
     def at(self, time: float) -> FloatArray:
@@ -204,7 +193,7 @@ class _Keyframes(_Bank):
         return np.asarray(self._within(moment) + passes * self._turn)
 
     def _within(self, moment: FloatArray) -> FloatArray:
-        """Positions during the first pass."""
+        """The positions within the first pass."""
         rows = np.arange(len(moment))
         after = np.count_nonzero(self._times <= moment[:, None], axis=1)
         right = np.minimum(after, self._times.shape[1] - 1)
@@ -240,7 +229,7 @@ _EVALUATED = (Constant, *(bank.KIND for bank in _BANKS))
 
 
 def _row(motion: Keyframes, start: float) -> tuple[list[float], list[float]]:
-    """Times and positions, the lead made into a keyframe of its own."""
+    """Times and positions, with the lead as a keyframe of its own."""
     if motion.lead <= 0.0:
         return list(motion.times), list(motion.positions)
     times = [0.0, *(motion.lead + time for time in motion.times)]
@@ -251,29 +240,15 @@ def _pad(values: list[float], width: int, filler: float) -> list[float]:
     return values + [filler] * (width - len(values))
 
 
-# What a motion asks for beyond a joint's limits, and the nearest thing that would be right.
-
-# Rounding must not be reported: 2 pi f written with a few digits is right.
-_TOLERANCE = 1e-9
-
-
 @dataclass(frozen=True)
 class Allowed:
-    """What one joint may do.
+    """The limits of one joint."""
 
-    Attributes:
-        lower: rad, or m.
-        upper: rad, or m.
-        velocity: rad/s, or m/s.
-        unit: "rad" or "m".
-        endless: the joint turns without end.
-    """
-
-    lower: float
+    lower: float  # rad or m
     upper: float
-    velocity: float
-    unit: str = "rad"
-    endless: bool = False
+    velocity: float  # rad/s or m/s
+    unit: str = "rad"  # or "m"
+    endless: bool = False  # a continuous joint
 
     def holds(self, position: float) -> bool:
         """Whether ``position`` is in range."""
@@ -281,17 +256,17 @@ class Allowed:
 
     @property
     def range(self) -> str:
-        """The range in words."""
+        """The range as text."""
         return f"its limits [{self.lower:.6g}, {self.upper:.6g}] {self.unit}"
 
     @property
     def speed(self) -> str:
-        """The velocity limit in words."""
+        """The velocity limit as text."""
         return f"its limit {self.velocity:.4g} {self.unit}/s"
 
 
 def violations(motion: Motion, allowed: Allowed) -> list[str]:
-    """Return what ``motion`` asks in excess of ``allowed``, each with its remedy."""
+    """Return one message, with a remedy, for each limit that ``motion`` exceeds."""
     if isinstance(motion, Constant):
         return _constant(motion, allowed)
     if isinstance(motion, Sine):
@@ -324,12 +299,12 @@ def _sine(motion: Sine, allowed: Allowed) -> list[str]:
         )
         about = f"{name} about {motion.offset:.4g} goes from {low:.4g} to {high:.4g} {allowed.unit}"
         found.append(f"{about}, beyond {allowed.range}: {remedy}")
-    peak = 2.0 * math.pi * motion.frequency * size
+    peak = TURN * motion.frequency * size
     if peak > allowed.velocity * (1.0 + _TOLERANCE):
         found.append(
             f"{name} at {motion.frequency:.4g} Hz peaks at {peak:.4g} {allowed.unit}/s,"
             f" over {allowed.speed}: lower frequency to"
-            f" {_floor(allowed.velocity / (2.0 * math.pi * size))}"
+            f" {_floor(allowed.velocity / (TURN * size))}"
         )
     return found
 
@@ -344,18 +319,18 @@ def _keyframes(motion: Keyframes, allowed: Allowed) -> list[str]:
     found += _segments(motion, allowed)
     gap = motion.positions[0] - motion.positions[-1]
     if allowed.endless:
-        gap -= 2.0 * math.pi * round(gap / (2.0 * math.pi))
-    if motion.loop and abs(gap) > 1e-2 and motion.times[-1] > 0.0:
+        gap -= TURN * round(gap / TURN)
+    if motion.loop and abs(gap) > _WHOLE_TURN and motion.times[-1] > 0.0:
         found.append(
             f"the loop jumps from {motion.positions[-1]:.6g} to {motion.positions[0]:.6g}"
-            f" {allowed.unit}, so the joint goes there at {allowed.speed}: end with a keyframe at"
+            f" {allowed.unit}, so the joint moves there at {allowed.speed}: end with a keyframe at"
             f" {motion.positions[0]:.6g}, or set loop to false"
         )
     return found
 
 
 def _segments(motion: Keyframes, allowed: Allowed) -> list[str]:
-    """Speeds between keyframes."""
+    """The messages on speeds between keyframes."""
     found = []
     factor = 1.0 if motion.blend == LINEAR else MINIMUM_JERK_PEAK
     for number in range(1, len(motion.times)):
@@ -379,13 +354,13 @@ def _sweep(motion: Sweep, allowed: Allowed) -> list[str]:
     if motion.speed <= allowed.velocity * (1.0 + _TOLERANCE):
         return []
     return [
-        f"delta times rate asks {motion.speed:.4g} {allowed.unit}/s, over {allowed.speed},"
+        f"delta times rate is {motion.speed:.4g} {allowed.unit}/s, over {allowed.speed},"
         " which it keeps to: lower delta or rate"
     ]
 
 
 def _floor(value: float) -> str:
-    """Four digits, rounded down, so that what is advised is itself right."""
+    """Four digits, rounded down, so that the advised value keeps the limit."""
     return f"{_digits(value, math.floor):g}"
 
 

@@ -1,4 +1,8 @@
-"""Positions and velocities of a robot's joints at any moment, always within their limits."""
+"""Positions and velocities of a robot's joints at any time, always within their limits.
+
+`make_plan` checks the parameters against the robot's joints, `ReceivedJointStates` keeps what other
+nodes publish, and `JointStateSource` samples both.
+"""
 
 import dataclasses
 import math
@@ -16,6 +20,7 @@ from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.limits import FloatArray, Limits, movable
 from onebot_description.joints.mimic import Following
 from onebot_description.joints.motions import (
+    TURN,
     Allowed,
     Constant,
     Keyframes,
@@ -26,34 +31,25 @@ from onebot_description.joints.motions import (
 )
 from onebot_description.parameters.reader import ConfigError, Problem
 
-# From joints and parameters to what each joint does; all the checking that needs both.
+# A step this much over the limit is rounding; allowing it keeps followers exact.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What N movable joints do.
-
-    Attributes:
-        config: the parameters it was made from.
-        following: which joints follow others.
-        limits: narrowed so that followers keep within theirs.
-        endless: (N,) true for joints that turn without end and that nothing follows.
-        zeros: (N,) where the joints stand when nothing moves them.
-        motions: N motions; those of followers are never used.
-        reports: limits a motion asks to exceed, and other remarks.
-    """
+    """The checked motions and limits of N movable joints."""
 
     config: JointsConfig
     following: Following
-    limits: Limits
-    endless: NDArray[np.bool_]
-    zeros: FloatArray
-    motions: tuple[Motion, ...]
-    reports: tuple[Problem, ...]
+    limits: Limits  # after mimic joints are taken into account
+    endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
+    zeros: FloatArray  # (N,) positions of joints that nothing moves
+    motions: tuple[Motion, ...]  # N; those of followers are not used
+    reports: tuple[Problem, ...]  # warnings, such as motions beyond limits
 
 
 def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
-    """Check ``config`` against the robot's joints and lay down what each does.
+    """Check ``config`` against the robot's joints and return the motion of each.
 
     Raises:
         ConfigError: with the problems found.
@@ -86,7 +82,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
 
 
 class _Planner:
-    """Chooses the motion of one joint after another and gathers what to report."""
+    """Chooses the motion of each joint and collects warnings."""
 
     def __init__(
         self,
@@ -106,13 +102,13 @@ class _Planner:
             self._report(f"zeros.{name}", f"no joint of this name moves{did_you_mean(name, known)}")
 
     def zero(self, index: int) -> float:
-        """Where the joint stands when nothing moves it, within its limits."""
+        """Return the position of a joint that nothing moves, within its limits."""
         default = _limits.zero_position(self._own.lower[index], self._own.upper[index])
         asked = self._config.zeros.get(self._joints[index].name, default)
         return self._clamp(index, asked)
 
     def motion(self, index: int) -> Motion:
-        """What the joint does: the pose held, else its motion, the sequence, delta, or nothing."""
+        """Return the held pose, or else its motion, the sequence, the sweep or the zero."""
         config, name = self._config, self._joints[index].name
         zero = self.zero(index)
         if name in config.zeros:
@@ -127,10 +123,10 @@ class _Planner:
         return self._sweep(index, zero) if config.delta else Constant(zero)
 
     def report_poses(self, following: Following) -> None:
-        """Report poses beyond a joint's limits, or that name joints which follow others."""
+        """Report poses beyond limits, and pose entries of joints that follow others."""
         index = {joint.name: number for number, joint in enumerate(self._joints)}
-        for pose, places in self._config.poses.items():
-            for name, position in places.items():
+        for pose, positions in self._config.poses.items():
+            for name, position in positions.items():
                 key, number = f"poses.{pose}.{name}", index[name]
                 if following.follows[number]:
                     leader = self._joints[following.leader[number]].name
@@ -146,7 +142,7 @@ class _Planner:
         known = [position for position in named if position is not None]
         if not known:
             return None
-        # A pose that says nothing of the joint leaves it where the pose before has put it.
+        # A pose without this joint leaves it at its position in the previous pose.
         last = known[-1] if sequence.loop else zero
         positions = []
         for position in named:
@@ -172,7 +168,7 @@ class _Planner:
         return dataclasses.replace(sweep, speed=speed)
 
     def _check(self, index: int, motion: Motion, key: str) -> Motion:
-        """Report what the motion asks beyond the joint's limits, and return it."""
+        """Report where the motion exceeds the joint's limits, and return it."""
         joint = self._joints[index]
         allowed = Allowed(
             lower=float(self._limits.lower[index]),
@@ -196,13 +192,13 @@ class _Planner:
 def _check_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
 ) -> None:
-    """Refuse motions and poses of joints that do not exist or cannot move."""
+    """Reject motions and poses of joints that do not exist or cannot move."""
     known = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
     named = {f"motions.{name}": name for name in config.motions}
     named |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
-    for pose, places in config.poses.items():
-        named |= {f"poses.{pose}.{name}": name for name in places}
+    for pose, positions in config.poses.items():
+        named |= {f"poses.{pose}.{name}": name for name in positions}
     problems = []
     for key, name in named.items():
         if name in kinds and name not in known:
@@ -216,7 +212,7 @@ def _check_names(
 
 
 def _check_followers(links: mimic.Followers, config: JointsConfig) -> None:
-    """Refuse motions of joints that follow others."""
+    """Reject motions of joints that follow others."""
     problems = [
         Problem(
             f"motions.{name}",
@@ -230,51 +226,42 @@ def _check_followers(links: mimic.Followers, config: JointsConfig) -> None:
         raise ConfigError(problems)
 
 
-# What other nodes report of the joints, which counts more than what we make up.
-
-
-class Feedback:
-    """The last value heard of each of N joints.
-
-    Attributes:
-        position: (N,) rad or m; NaN for a joint never heard of.
-        velocity: (N,) rad/s or m/s; NaN likewise.
-        effort: (N,) N m or N; NaN likewise.
-    """
+class ReceivedJointStates:
+    """The latest state of each of N joints as other nodes publish it; NaN until one is received."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """Begin with nothing heard of the joints ``names``."""
+        """Start with no state of the joints ``names`` received."""
         self._index = {name: number for number, name in enumerate(names)}
-        self.position = np.full(len(names), math.nan)
-        self.velocity = np.full(len(names), math.nan)
-        self.effort = np.full(len(names), math.nan)
+        self.position = np.full(len(names), math.nan)  # (N,) rad or m
+        self.velocity = np.full(len(names), math.nan)  # (N,) rad/s or m/s
+        self.effort = np.full(len(names), math.nan)  # (N,) N m or N
 
     @property
     def any(self) -> bool:
-        """Whether the position of any joint was heard."""
+        """Whether the position of any joint was received."""
         return _any(self.position)
 
     @property
     def any_velocity(self) -> bool:
-        """Whether the velocity of any joint was heard."""
+        """Whether the velocity of any joint was received."""
         return _any(self.velocity)
 
     @property
     def any_effort(self) -> bool:
-        """Whether the effort of any joint was heard."""
+        """Whether the effort of any joint was received."""
         return _any(self.effort)
 
-    def hear(
+    def receive(
         self,
         names: Sequence[str],
         position: Sequence[float],
         velocity: Sequence[float],
         effort: Sequence[float],
     ) -> str | None:
-        """Take in one message.
+        """Store the values of one message.
 
-        Each list is as long as ``names``, or empty when it says nothing. Values that are not finite
-        and joints that are not ours are passed over.
+        Each list is as long as ``names``, or empty. Values that are not finite and joints of
+        other robots are skipped.
 
         Returns:
             None, or why the whole message was ignored.
@@ -291,8 +278,8 @@ class Feedback:
                     kept[number] = value
         return None
 
-    def take_over(self, previous: "Feedback", pairs: Iterable[tuple[int, int]]) -> None:
-        """Copy what ``previous`` heard; pairs are (index here, index there)."""
+    def copy_from(self, previous: "ReceivedJointStates", pairs: Iterable[tuple[int, int]]) -> None:
+        """Copy what ``previous`` received; pairs are (index here, index there)."""
         for here, there in pairs:
             self.position[here] = previous.position[there]
             self.velocity[here] = previous.velocity[there]
@@ -303,19 +290,14 @@ def _any(values: FloatArray) -> bool:
     return bool(np.any(~np.isnan(values)))
 
 
-_TURN = 2.0 * math.pi
-# A step this much over the limit is rounding, and taking it whole keeps followers exact.
-_ROUNDING = 1e-9
-
-
 class JointStateSource:
-    """Moves joints as its parameters say, never faster nor further than their limits.
+    """Moves joints as configured, within their position and velocity limits.
 
-    Each sample is the one before plus the velocity it reports times the time between the two. The
-    joints start at their zero positions and go from there, and from wherever they are when the
-    parameters change, to what the motion asks, as fast as their velocity limits let them.
+    Each sample is the previous one plus its velocity times the time between the two. The joints
+    start at their zero positions. From there, and from their present positions when the parameters
+    change, they move to their targets as fast as their velocity limits allow.
 
-    A continuous joint that no other follows is reported within -pi and pi.
+    The positions of continuous joints without followers are wrapped to -pi..pi.
     """
 
     def __init__(
@@ -325,21 +307,20 @@ class JointStateSource:
         *,
         previous: "JointStateSource | None" = None,
     ) -> None:
-        """Start from the zero positions, or from where ``previous`` has got to.
+        """Start at the zero positions, or at the positions of ``previous``.
 
         Args:
-            joints: all joints of the robot, in the order wanted; those that do not move are left
-                out.
-            config: what they do; by default they stand still.
-            previous: a source whose joints of the same names this one takes over, as they are.
+            joints: all joints of the robot, in the order of the samples; fixed ones are left out.
+            config: the parameters; by default no joint moves.
+            previous: a source to continue from, for joints of the same names.
 
         Raises:
-            ConfigError: the parameters or the limits make no sense.
+            ConfigError: parameters or limits are invalid.
         """
         self._all_joints = tuple(joints)
         self._joints = movable(joints)
         self.names = tuple(joint.name for joint in self._joints)
-        self.feedback = Feedback(self.names)
+        self.received = ReceivedJointStates(self.names)
         self._time: float | None = None
         self._elapsed = 0.0
         self._plan = self.prepare(config or JointsConfig())
@@ -349,7 +330,7 @@ class JointStateSource:
         self._origins, self._starts = np.zeros(count), self._position.copy()
         self._begun: list[Motion | None] = [None] * count
         if previous is not None:
-            self._take_over(previous)
+            self._continue_from(previous)
         self.apply(self._plan)
 
     @classmethod
@@ -365,12 +346,12 @@ class JointStateSource:
 
     @property
     def config(self) -> JointsConfig:
-        """The parameters in force."""
+        """The active parameters."""
         return self._plan.config
 
     @property
     def reports(self) -> tuple[Problem, ...]:
-        """What the parameters ask beyond limits, and other remarks."""
+        """Warnings on the parameters, such as motions beyond limits."""
         return self._plan.reports
 
     @property
@@ -379,7 +360,7 @@ class JointStateSource:
         return bool(np.any(self._velocity))
 
     def prepare(self, config: JointsConfig) -> Plan:
-        """Check parameters against the robot, and change nothing.
+        """Return the plan for new parameters, without applying it.
 
         Raises:
             ConfigError: with the problems found.
@@ -387,9 +368,9 @@ class JointStateSource:
         return make_plan(self._all_joints, config)
 
     def configure(self, config: JointsConfig) -> tuple[Problem, ...]:
-        """Take up new parameters from here on, and return the reports on them.
+        """Apply new parameters and return the warnings on them.
 
-        Motions that stay the same go on; changed ones begin now.
+        Unchanged motions continue; changed ones start now.
 
         Raises:
             ConfigError: with the problems found; the old parameters stay in force.
@@ -398,7 +379,7 @@ class JointStateSource:
         return self.reports
 
     def apply(self, plan: Plan) -> None:
-        """Take up a prepared plan from here on."""
+        """Apply a plan that `prepare` returned."""
         self._plan = plan
         changed = np.array(
             [old != new for old, new in zip(self._begun, plan.motions, strict=True)], dtype=bool
@@ -409,15 +390,15 @@ class JointStateSource:
         self._origins = np.where(changed, self._elapsed, self._origins)
         self._starts = np.where(changed, self._position, self._starts)
         self._tracks = Tracks(plan.motions, self._origins, self._starts, plan.endless)
-        # A joint without end takes the short way to its new motion.
-        turns = np.round((self._tracks.at(self._elapsed) - self._position) / _TURN)
-        self._position = self._position + np.where(turning, _TURN * turns, 0.0)
+        # A continuous joint turns the short way to its new target.
+        turns = np.round((self._tracks.at(self._elapsed) - self._position) / TURN)
+        self._position = self._position + np.where(turning, TURN * turns, 0.0)
 
     def sample(self, time: float) -> tuple[FloatArray, FloatArray]:
-        """Move on to ``time``.
+        """Advance the joints to ``time``.
 
         Args:
-            time: s, of any clock. Should it go backwards, the joints stay where they are.
+            time: s, of any clock. If it goes backwards, the joints do not move.
 
         Returns:
             Positions (N,) in rad or m, and velocities (N,) in rad/s or m/s.
@@ -429,8 +410,8 @@ class JointStateSource:
         return self._reported()
 
     def efforts(self) -> FloatArray:
-        """Return the efforts (N,) in N m or N: those the feedback gave, else 0."""
-        known = np.nan_to_num(self.feedback.effort)
+        """Return the received efforts (N,) in N m or N; 0 for joints without one."""
+        known = np.nan_to_num(self.received.effort)
         return np.asarray(known[self._plan.following.leader])
 
     def _advance(self, step: float) -> None:
@@ -441,15 +422,14 @@ class JointStateSource:
         limits, following = self._plan.limits, self._plan.following
         asked = np.clip(self._tracks.at(self._elapsed), limits.lower, limits.upper)
         leading = self._toward(asked, step)
-        # Followers step on from the leaders' new positions; they lag only when it has just been
-        # decided whom they follow.
+        # Followers move to their leaders' new positions; they lag only after a change of leader.
         position = np.where(following.follows, self._toward(self._follow(leading), step), leading)
         velocity = (position - self._position) / step
         self._velocity = np.clip(velocity, -limits.velocity, limits.velocity)
         self._position = position
 
     def _toward(self, target: FloatArray, step: float) -> FloatArray:
-        """Go from the present positions to ``target`` as far as the velocity limits let."""
+        """Move from the present positions to ``target`` as far as the velocity limits allow."""
         way = target - self._position
         reach = self._plan.limits.velocity * step
         near = np.abs(way) <= reach * (1.0 + _ROUNDING)
@@ -460,21 +440,21 @@ class JointStateSource:
         return np.asarray(leading[following.leader] * following.factor + following.offset)
 
     def _reported(self) -> tuple[FloatArray, FloatArray]:
-        """Put the feedback, where there is any, in the place of our own positions."""
+        """Return positions and velocities; received ones replace those of the motions."""
         endless = self._plan.endless
         position = np.where(endless, wrapped(self._position), self._position)
-        heard, velocity = self.feedback.position, self._velocity.copy()
-        if not (self.feedback.any or self.feedback.any_velocity):
+        received, velocity = self.received.position, self._velocity.copy()
+        if not (self.received.any or self.received.any_velocity):
             return position, velocity
         following = self._plan.following
-        known = ~np.isnan(heard[following.leader])
-        speed = self.feedback.velocity[following.leader] * following.factor
-        position = np.where(known, self._follow(heard), position)
+        known = ~np.isnan(received[following.leader])
+        speed = self.received.velocity[following.leader] * following.factor
+        position = np.where(known, self._follow(received), position)
         velocity = np.where(known | ~np.isnan(speed), np.nan_to_num(speed), velocity)
         return position, velocity
 
-    def _take_over(self, previous: "JointStateSource") -> None:
-        """Go on from the positions, motions and feedback of the joints both have."""
+    def _continue_from(self, previous: "JointStateSource") -> None:
+        """Copy positions, motions and received states of the joints that both have."""
         self._time, self._elapsed = previous._time, previous._elapsed
         index = {name: number for number, name in enumerate(previous.names)}
         pairs = [(i, index[name]) for i, name in enumerate(self.names) if name in index]
@@ -483,10 +463,10 @@ class JointStateSource:
             self._origins[mine] = previous._origins[theirs]
             self._starts[mine] = previous._starts[theirs]
             self._begun[mine] = previous._begun[theirs]
-        self.feedback.take_over(previous.feedback, pairs)
+        self.received.copy_from(previous.received, pairs)
 
 
 def wrapped(angle: FloatArray) -> FloatArray:
-    """Return angles within -pi and pi, in rad; those already there are unchanged."""
+    """Return angles wrapped to -pi..pi, in rad; those in range are unchanged."""
     beyond = np.abs(angle) > math.pi
-    return np.asarray(np.where(beyond, angle - _TURN * np.round(angle / _TURN), angle))
+    return np.asarray(np.where(beyond, angle - TURN * np.round(angle / TURN), angle))

@@ -77,8 +77,8 @@ def run(options: Options) -> Report:
     ]
     notes = [
         "Jitter: how late a cycle begins. Latency: from the sending of a Twist, at any moment, to "
-        "the cycle in which the wheels are told; half a period, 5 ms, is waiting for that cycle. "
-        f"All commands arrived, and the robot drove as it was told, {_HOLD:g} m/s."
+        "the cycle that commands the wheels; half a period, 5 ms, is waiting for that cycle. "
+        f"All commands arrived, and the robot drove as commanded, {_HOLD:g} m/s."
     ]
     least = median([percentile(window.late_us, 99) for window in windows[FLOOR]])
     if least > _IDLE and not options.quick:

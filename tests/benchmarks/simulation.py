@@ -95,8 +95,8 @@ def run(options: Options) -> Report:
     ]
     worst = max(result.error for result in results)
     notes = [
-        f"Every robot was where it was told to drive: at most {1e3 * worst:.2f} mm from its arc "
-        f"after {_DRIVEN:g} s. {_per_cycle(config)} physics steps a control cycle, solver "
+        f"Every robot was where it was commanded to drive: at most {1e3 * worst:.2f} mm from "
+        f"its arc after {_DRIVEN:g} s. {_per_cycle(config)} physics steps a control cycle, solver "
         "iterations as in the table of onebot accuracy. The real-time factor is of one core, "
         "on the wall; the rest is processor time."
     ]

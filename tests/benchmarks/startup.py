@@ -86,7 +86,7 @@ def run(options: Options) -> Report:
     memory = median([start.rss for start in ours])
     goals.append(at_most("onebot_bringup without viewer, RSS", memory, _MOST_MEMORY, "MB"))
     notes = [
-        "Seconds from the command to when a listener that was there before heard the message; the "
+        "Seconds from the command until a subscriber that ran before it received the message; the "
         "middle one of all starts. RSS is that of all processes, the launcher's too, added up: "
         "what they share, such as Python and ROS, counts for each. PSS counts it once, and so is "
         "the memory that really is used. With viewer: into a recording, and until a frame is in it."

@@ -25,12 +25,12 @@ _SOURCE = ("joints_source", "joints_mimic")
 # Each module of a pure core with the test files that test it, the quickest first; none uses ROS.
 TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/speed_limiter.py": _control("speed_limiter"),
-    "onebot_control/odometry.py": _control("kinematics", "odometry"),
+    "onebot_control/odometry.py": _control("odometry"),
     "onebot_control/diff_drive.py": _control("diff_drive"),
     "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
-    "onebot_control/control_loop.py": _control("pacing", "control_loop"),
-    "onebot_control/wheel_geometry.py": _control("geometry"),
-    "onebot_control/poses.py": _control("frames", "simulation_values"),
+    "onebot_control/control_loop.py": _control("control_loop"),
+    "onebot_control/wheel_geometry.py": _control("wheel_geometry"),
+    "onebot_control/poses.py": _control("poses", "simulation_values"),
     "onebot_control/parameters.py": _control("control_config", "control_files"),
     "onebot_control/simulation/bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/simulation/rest_pose.py": _control("simulation_settling", *_SIMULATION),
@@ -43,11 +43,12 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/joints/mimic.py": _description(*_SOURCE),
     "onebot_description/joints/source.py": _description(*_SOURCE),
     "onebot_description/description/checks.py": _description(*_CHECKS),
-    "onebot_description/description/description.py": _description(*_CHECKS),
-    "onebot_description/description/xacro.py": _description("endless", *_CHECKS),
+    "onebot_description/description/reading.py": _description("description_reading", *_CHECKS),
+    "onebot_description/description/xacro.py": _description("expression_limits", *_CHECKS),
     "onebot_description/model/quaternions.py": _description("robot_model"),
     "onebot_description/model/robot_model.py": _description("robot_model"),
-    "onebot_bringup/launcher/launcher.py": _tests("onebot_bringup", "launcher_restarts"),
+    "onebot_description/parameters/reader.py": _description("parameters_reader"),
+    "onebot_description/parameters/values.py": _description("parameters_reader"),
     "onebot_bringup/launch/arguments.py": _tests(
         "onebot_bringup", "launcher_arguments", "bringup_nodes"
     ),

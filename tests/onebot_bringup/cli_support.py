@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.cli.main"
 
@@ -21,7 +21,7 @@ def onebot(*words: str, text: str | None = None) -> subprocess.CompletedProcess[
         stdin=subprocess.DEVNULL if text is None else None,
         capture_output=True,
         text=True,
-        timeout=90,
+        timeout=PATIENCE,
     )
 
 
@@ -56,7 +56,7 @@ class Running:
         """Press Ctrl-C; the exit code."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
-        return self.process.wait(30)
+        return self.process.wait(PATIENCE)
 
 
 @contextmanager
@@ -68,4 +68,4 @@ def running(folder: Path, *words: str) -> Iterator[Running]:
     finally:
         if command.process.poll() is None:
             command.process.kill()
-            command.process.wait(30)
+            command.process.wait(PATIENCE)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 _DRIVER = """
 import sys
@@ -72,7 +72,7 @@ class RunningCommand:
         """Send a signal to the launcher alone."""
         self.process.send_signal(number)
 
-    def wait(self, timeout: float = 60.0) -> int:
+    def wait(self, timeout: float = PATIENCE) -> int:
         """Wait for its end and return the exit code."""
         return self.process.wait(timeout)
 
@@ -80,7 +80,7 @@ class RunningCommand:
         """Kill it if it still runs."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-            self.process.wait(30)
+            self.process.wait(PATIENCE)
 
 
 class RunningLauncher(RunningCommand):

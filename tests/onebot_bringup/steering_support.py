@@ -13,7 +13,7 @@ import aiohttp
 from geometry_msgs.msg import Twist
 
 from tests.ros_support import NodeProcess, Peer, ros_args
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.steering.steering_page"
 TOPIC = "/velocity_controller/cmd_vel"
@@ -35,7 +35,7 @@ class PageClient:
         wait_for(lambda: self.id and self.states, "the first state")
 
     def _do(self, action: Coroutine[Any, Any, Any]) -> Any:
-        return asyncio.run_coroutine_threadsafe(action, self._loop).result(60.0)
+        return asyncio.run_coroutine_threadsafe(action, self._loop).result(PATIENCE)
 
     async def _open(self, address: str, headers: dict[str, str]) -> None:
         self._session = aiohttp.ClientSession()
@@ -77,8 +77,12 @@ class PageClient:
         self._holding = asyncio.run_coroutine_threadsafe(self._hold(linear, angular), self._loop)
 
     async def _hold(self, linear: float, angular: float) -> None:
-        seq = 0
+        seq, said = 0, self._loop.time()
         while True:
+            if self._loop.time() - said > 0.9 and self.state["driver"] is None:
+                # A slow machine: the grip is lost.
+                await self._socket.send_str(json.dumps({"type": "release"}))
+            said = self._loop.time()
             fields = {"type": "drive", "seq": seq, "linear": linear, "angular": angular}
             await self._socket.send_str(json.dumps(fields))
             seq += 1
@@ -159,6 +163,12 @@ class Commands:
     def __init__(self, peer: Peer, page: PageClient, topic: str = TOPIC, kind: Any = Twist) -> None:
         self.heard = peer.hear(kind, topic)
         wait_for(lambda: page.state["listeners"] and page.state["topic"] == topic, "the robot")
+
+    @property
+    def moving(self) -> list[Any]:
+        """All messages but the zeros, which also bridge a moment in which a busy page is late."""
+        twists = [getattr(message, "twist", message) for message in self.heard]
+        return [twist for twist in twists if twist != Twist()]
 
     @property
     def speeds(self) -> list[float]:

@@ -22,7 +22,7 @@ def onebot(
 ) -> subprocess.CompletedProcess[str]:
     """Run a command to its end."""
     return subprocess.run(
-        [sys.executable, "-m", program, *words], capture_output=True, text=True, timeout=60
+        [sys.executable, "-m", program, *words], capture_output=True, text=True, timeout=180
     )
 
 
@@ -117,7 +117,7 @@ def test_check_starts_quickly(arm: str) -> None:
         "print([m for m in ('rclpy', 'rerun', 'pybullet', 'yourdfpy') if m in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, arm], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", code, arm], capture_output=True, text=True, timeout=180
     )
     assert done.stdout.splitlines()[-1] == "[]"
 
@@ -130,7 +130,7 @@ def test_a_reader_that_leaves_is_no_error(arm: str) -> None:
         [sys.executable, "-m", "onebot_bringup.cli.main", "check", arm],
         stdout=write,
         stderr=subprocess.PIPE,
-        timeout=60,
+        timeout=180,
     )
     os.close(write)
     assert done.returncode == 141 and done.stderr == b""

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -38,27 +39,27 @@ def test_pub_at_a_rate(ros_domain: int) -> None:
     with Peer(ros_domain) as peer:
         heard = peer.hear(TwistStamped, "/cmd_vel")
         done = onebot(
-            "topic", "pub", "-r", "50", "-t", "26", "-p", "10", "/cmd_vel",
+            "topic", "pub", "-r", "5", "-t", "11", "-p", "5", "/cmd_vel",
             "geometry_msgs/msg/TwistStamped", "{header: auto, twist: {linear: {x: 0.2}}}",
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-        assert re.findall(r"publishing #(\d+)", done.stdout) == ["10", "20"]
-        wait_for(lambda: len(heard) == 26, "26 messages")
+        assert re.findall(r"publishing #(\d+)", done.stdout) == ["5", "10"]
+        wait_for(lambda: len(heard) == 11, "11 messages")
         stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in heard]
-        assert stamps[-1] - stamps[0] == pytest.approx(0.5, abs=0.1)
-        assert stamps == sorted(stamps) and len(set(stamps)) == 26
+        assert stamps[-1] - stamps[0] == pytest.approx(2.0, rel=0.2)
+        assert stamps == sorted(stamps) and len(set(stamps)) == 11
 
 
 def test_pub_until_interrupted(ros_domain: int, tmp_path: Path) -> None:
-    """Without a number it goes on, also when nobody listens, which it says; Ctrl-C ends it with 0.
+    """Without a number it publishes until Ctrl-C (exit code 0); it reports a missing subscriber.
 
-    Its own TFMessage stands in for tf2_msgs.
+    Its own TFMessage replaces tf2_msgs.
     """
     with running(
         tmp_path, "topic", "pub", "-r", "10", "/tf", "tf2_msgs/msg/TFMessage",
         "{transforms: [{header: {stamp: now, frame_id: a}, child_frame_id: b}]}",
     ) as command:  # fmt: skip
-        command.says("note: nobody listens to /tf")
+        command.says("note: no subscriber of /tf")
         with Peer(ros_domain) as peer:
             heard = peer.hear(TFMessage, "/tf")
             wait_for(lambda: len(heard) > 3, "transforms")
@@ -76,7 +77,7 @@ def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
         done = onebot("topic", "pub", "-1", "--max-wait-time-secs", "4", "/cmd_vel", TWIST)
         assert done.returncode == 1
         assert "Waiting for at least 1 matching subscription(s)..." in done.stdout
-        assert "waited 4 s in vain" in done.stderr
+        assert "timed out after 4 s" in done.stderr
         assert "geometry_msgs/msg/TwistStamped" in done.stderr
 
 
@@ -152,7 +153,7 @@ def test_echo_into_head(ros_domain: int) -> None:
         peer.node.create_timer(0.02, lambda: publisher.publish(String(data="hello")))
         done = subprocess.run(
             f"{sys.executable} -m {MODULE} topic echo /chatter | head -n 2",
-            shell=True, capture_output=True, text=True, timeout=60,
+            shell=True, capture_output=True, text=True, timeout=180,
         )  # fmt: skip
         assert done.stdout == "data: hello\n---\n" and done.stderr == ""
 
@@ -209,7 +210,15 @@ def test_hz(ros_domain: int, tmp_path: Path) -> None:
     form = r"average rate: (\d+\.\d{3})\n\tmin: \d\.\d{3}s max: \d\.\d{3}s std dev: \d\.\d{5}s w"
     with Peer(ros_domain) as peer, running(tmp_path, "topic", "hz", "-w", "50", "/x") as command:
         publisher = peer.node.create_publisher(String, "/x", 10)
-        peer.node.create_timer(0.05, lambda: publisher.publish(String()))
+        sent: list[float] = []
+
+        def publish() -> None:
+            sent.append(time.monotonic())
+            publisher.publish(String())
+
+        peer.node.create_timer(0.05, publish)
         rates = wait_for(lambda: len(found := re.findall(form, command.out)) > 1 and found, "rates")
-        assert float(rates[1]) == pytest.approx(20.0, rel=0.2)
+        # On a busy machine the timer itself is late.
+        rate = (len(sent) - 1) / (sent[-1] - sent[0])
+        assert float(rates[1]) == pytest.approx(rate, rel=0.2)
         assert command.interrupt() == 0

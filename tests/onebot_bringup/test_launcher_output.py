@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.onebot_bringup.launcher_support import RunningLauncher, alive, command_of, number_in
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 Start = Callable[[str], RunningLauncher]
 LINES = 400
@@ -101,7 +101,7 @@ def _on_terminal(folder: Path, environment: dict[str, str]) -> str:
             break
         shown += data
     os.close(master)
-    assert process.wait(60.0) == 0
+    assert process.wait(PATIENCE) == 0
     return shown.decode()
 
 
@@ -131,7 +131,7 @@ def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Pat
     # Far more than pipe and buffer hold.
     wait_for(lambda: count.is_file() and number_in(count) > 5000, "5000 lines")
     process.send_signal(signal.SIGINT)
-    assert process.wait(60.0) == 0
+    assert process.wait(PATIENCE) == 0
     os.close(read)
     assert not alive(number_in(tmp_path / "ticker.pid"))
 
@@ -149,7 +149,7 @@ def test_a_reader_that_leaves_stops_everything_quietly(tmp_path: Path) -> None:
     wait_for(lambda: (tmp_path / "ticker.pid").is_file(), "the node")
     process.stdout.readline()
     process.stdout.close()
-    assert process.wait(60.0) == 0
+    assert process.wait(PATIENCE) == 0
     assert process.stderr.read() == b""
     process.stderr.close()
     assert not alive(number_in(tmp_path / "ticker.pid"))

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 from onebot_description.wire.tf_message import TFMessage
 from tests.ros_support import LATCHED, NodeProcess, Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.launch.onebot_bringup"
 CMD_VEL = "/velocity_controller/cmd_vel"
@@ -67,7 +67,7 @@ def test_a_twist_drives_it_where_the_command_says(ros_domain):
         )
         edges = {(e.header.frame_id, e.child_frame_id) for m in tf for e in m.transforms}
         assert ("odom", "base_link") in edges and ("base_link", "left_wheel") in edges
-        assert node.interrupt(10) == 0
+        assert node.interrupt() == 0
 
 
 @pytest.mark.parametrize("mesh_enabled", ["true", "false"])
@@ -110,8 +110,8 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
         port = urlsplit(address[1]).port
         page = f"http://127.0.0.1:{port}/"
         with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(page, timeout=30)
-        with urllib.request.urlopen(page + address[2], timeout=30) as response:
+            urllib.request.urlopen(page, timeout=PATIENCE)
+        with urllib.request.urlopen(page + address[2], timeout=PATIENCE) as response:
             assert "<title>" in response.read().decode()
         wait_for(lambda: peer.node.count_subscribers(ODOM), "the page's read-out")
         [process] = [

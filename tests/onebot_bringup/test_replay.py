@@ -22,7 +22,7 @@ from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.bag_support import topic, write_words
 from tests.onebot_bringup.viewer_support import ARM, ORANGE, VIEW
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 SECOND = 10**9
@@ -308,7 +308,7 @@ def test_serves_until_interrupted(tmp_path, kind):
         wait_for(lambda: "open http://127.0.0.1:" in log.read_text(), "the page")
         assert "showing" in log.read_text()
         replay.send_signal(signal.SIGINT)
-        assert replay.wait(30) == 0
+        assert replay.wait(PATIENCE) == 0
         assert "Traceback" not in log.read_text()
         assert "warning" not in log.read_text()
 

@@ -131,7 +131,7 @@ def test_a_parameter_given_at_the_start_goes_before_the_file(ros_domain, tmp_pat
 def test_a_wrong_setting_is_one_clear_error(ros_domain, tmp_path, parameters, said):
     """At the start as in the file."""
     with _viewer(tmp_path, check=False, **parameters) as node:
-        assert node.wait(30.0) == 1
+        assert node.wait() == 1
         assert f"error: {said}" in node.output and "Traceback" not in node.output
 
 

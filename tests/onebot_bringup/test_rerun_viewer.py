@@ -19,7 +19,7 @@ from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 MODULE = "onebot_bringup.viewer.rerun_viewer"
@@ -71,7 +71,7 @@ class Robot:
 
 def _uri(node: NodeProcess) -> str:
     """Where viewers connect, found among what the node listens on."""
-    with urllib.request.urlopen(_page(node), timeout=30) as response:
+    with urllib.request.urlopen(_page(node), timeout=PATIENCE) as response:
         port = re.search(r"url=rerun%2Bhttp://127\.0\.0\.1:(\d+)/proxy", response.url)
     return f"rerun+http://127.0.0.1:{port[1]}/proxy"
 
@@ -147,7 +147,7 @@ def test_no_process_outlives_the_node(ros_domain, tmp_path, end):
         children = psutil.Process(node.process.pid).children(recursive=True)
         assert children
         node.process.send_signal(end)
-        assert node.wait(5.0) == (-9 if end == signal.SIGKILL else 0)
+        assert node.wait() == (-9 if end == signal.SIGKILL else 0)
         wait_for(lambda: not any(child.is_running() for child in children), "its children's end")
 
 
@@ -178,7 +178,7 @@ def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
 def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, said):
     """One line on stderr, exit code 1, no traceback."""
     with _viewer(tmp_path, check=False, **parameters) as node:
-        assert node.wait(30.0) == 1
+        assert node.wait() == 1
         assert said in node.output and "Traceback" not in node.output
 
 
@@ -187,7 +187,7 @@ def test_native_without_a_display_is_a_clear_error(ros_domain, tmp_path, monkeyp
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with _viewer(tmp_path, check=False, viewer="native") as node:
-        assert node.wait(30.0) == 1
+        assert node.wait() == 1
         assert "error: viewer:=native needs a display" in node.output
 
 

@@ -16,7 +16,7 @@ from onebot_bringup.cli.snapshot import (
 )
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import Framing, check_picture, framed, robot_view
+from onebot_bringup.viewer.pictures import Framing, check_picture, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
@@ -221,11 +221,11 @@ def test_an_eye_or_a_target_alone_leaves_the_other_as_it_was():
 def test_the_view_of_the_robot_is_found():
     """By its name, or else as the first in 3D."""
     views = {"a": ("TimeSeries", "Robot"), "b": ("3D", "Map"), "c": ("3D", "Robot")}
-    assert robot_view(views) == "c"
+    assert robot_view_id(views) == "c"
     del views["c"]
-    assert robot_view(views) == "b"
+    assert robot_view_id(views) == "b"
     with pytest.raises(OneBotError, match="--dashboard"):
-        robot_view({"a": ("TimeSeries", "Robot")})
+        robot_view_id({"a": ("TimeSeries", "Robot")})
 
 
 def test_only_servers_on_this_host_are_asked():

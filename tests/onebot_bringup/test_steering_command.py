@@ -13,7 +13,7 @@ from tests.onebot_bringup.bringup_support import MARK, marked
 from tests.onebot_bringup.cli_support import Running, onebot, running
 from tests.onebot_bringup.steering_support import PageClient
 from tests.ros_support import LATCHED, Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 QUIET = ("port:=0", "open_browser:=false")
 
@@ -103,7 +103,7 @@ def test_without_a_viewer_it_starts_one(ros_domain, tmp_path, monkeypatch):
         assert view.startswith("/view/?url=rerun%2Bhttp://127.0.0.1:")
         assert "looking for the robot's view" in command.err and "starting one" in command.out
         command.process.send_signal(signal.SIGINT)
-        assert command.process.wait(30) == 0
+        assert command.process.wait(PATIENCE) == 0
         assert marked(str(tmp_path)) == []
 
 

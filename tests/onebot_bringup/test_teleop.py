@@ -14,13 +14,13 @@ from contextlib import contextmanager
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_bringup.cli.teleop import Driver, Velocity, split_keys
+from onebot_bringup.cli.teleop import Driver, TeleopTwist, split_keys
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 TOPIC = "/velocity_controller/cmd_vel"
-STILL = Velocity()
+STILL = TeleopTwist()
 
 
 def test_the_keys_of_teleop_twist_keyboard() -> None:
@@ -35,7 +35,7 @@ def test_the_keys_of_teleop_twist_keyboard() -> None:
     for key, (x, y, z, turn) in expected.items():
         driver = Driver(0.5, 2.0, 0.7)
         driver.press(key, 0.0)
-        assert driver.velocity(0.0) == Velocity(0.5 * x, 0.5 * y, 0.5 * z, 2.0 * turn), key
+        assert driver.velocity(0.0) == TeleopTwist(0.5 * x, 0.5 * y, 0.5 * z, 2.0 * turn), key
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_another_key_takes_over() -> None:
     for moment in (0.0, 0.5, 0.53):
         driver.press("i", moment)
     driver.press("j", 0.6)
-    assert driver.velocity(1.2) == Velocity(turn=1.0) and driver.velocity(1.3) == STILL
+    assert driver.velocity(1.2) == TeleopTwist(turn=1.0) and driver.velocity(1.3) == STILL
 
 
 def test_keys_of_a_terminal() -> None:
@@ -138,7 +138,7 @@ class Terminal:
     def close(self) -> None:
         if self.process.poll() is None:
             self.process.kill()
-            self.process.wait(30)
+            self.process.wait(PATIENCE)
         os.close(self._screen)
         os.close(self._keyboard)
 
@@ -160,7 +160,7 @@ def teleop(*words: str) -> Iterator[Terminal]:
 
 
 def ready(peer: Peer, terminal: Terminal, topic: str = TOPIC) -> None:
-    """Wait until the command listens to the keyboard and the peer to the command."""
+    """Wait until the command reads the keyboard and the peer has discovered its publisher."""
     terminal.says("currently:\tspeed")
     wait_for(lambda: peer.node.count_publishers(topic), "the publisher")
     wait_for(lambda: terminal.mode != terminal.before, "single keys")
@@ -175,7 +175,7 @@ def met(terminal: Terminal, heard: list[Twist]) -> None:
 
 def _hold(terminal: Terminal, key: str, heard: list[object]) -> None:
     """Hold a key, as a keyboard repeats it, until something is heard."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while not heard and time.monotonic() < deadline:
         terminal.type(key)
         time.sleep(0.1)
@@ -235,7 +235,7 @@ def test_leaving_stops_the_robot_and_restores_the_terminal(ros_domain: int, leav
             terminal.process.send_signal(signal.SIGTERM)
         else:
             terminal.type(leave)
-        assert terminal.process.wait(30) == 0, terminal.shown
+        assert terminal.process.wait(PATIENCE) == 0, terminal.shown
         wait_for(lambda: heard[-1].twist == Twist(), "a stop")
         assert terminal.mode == terminal.before
         assert "Traceback" not in terminal.shown
@@ -256,7 +256,7 @@ def test_a_robot_that_wants_the_other_type_is_said(ros_domain: int) -> None:
     """Twist for a TwistStamped listener would be silently ignored."""
     with Peer(ros_domain) as peer, teleop() as terminal:
         peer.hear(TwistStamped, TOPIC)
-        terminal.says("the robot wants TwistStamped: use --stamped")
+        terminal.says("the robot subscribes to TwistStamped: use --stamped")
 
 
 def test_without_a_terminal(ros_domain: int) -> None:

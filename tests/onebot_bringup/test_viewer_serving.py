@@ -22,7 +22,7 @@ from onebot_bringup.viewer.display_server import (
 )
 from onebot_bringup.viewer.pictures import render
 from onebot_description.errors import OneBotError
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 OWNER = """
 from onebot_bringup.viewer.display_server import WebPage
@@ -59,12 +59,12 @@ def test_the_page_dies_with_its_owner_however_that_ends(end):
         child = psutil.Process(int(owner.stdout.readline()))
         assert "rerun" in child.name()
         owner.send_signal(end)
-        owner.wait(30)
+        owner.wait(PATIENCE)
         wait_for(lambda: not child.is_running(), "the page's server to end")
 
 
 def _get(url: str) -> urllib.request.addinfourl:
-    return urllib.request.urlopen(url, timeout=30)
+    return urllib.request.urlopen(url, timeout=PATIENCE)
 
 
 def test_the_page_is_served_with_an_order_to_stay_on_this_machine():

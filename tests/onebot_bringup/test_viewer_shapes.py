@@ -144,6 +144,15 @@ def test_a_box_has_sharp_edges_and_a_sphere_none():
     np.testing.assert_allclose(ball.vertex_normals, ball.vertices, atol=0.01)
 
 
+@pytest.mark.parametrize("shape", [Cylinder(1, 1), Sphere(1), Capsule(1, 1)])
+def test_round_shapes_are_round_at_any_size_on_the_screen(shape):
+    """Their outline, seen along z, has no corners to be seen."""
+    [part] = _glb(load_shape(shape)).geometry.values()
+    rim = part.vertices[np.linalg.norm(part.vertices[:, :2], axis=1) > 0.99]
+    angles = np.unique(np.round(np.arctan2(rim[:, 1], rim[:, 0]), 5))
+    assert np.diff(angles).max() < np.radians(8.0)
+
+
 def test_a_mesh_is_scaled_and_mirrored(tmp_path):
     """By the URDF's scale, after the file's own unit; its faces still look outwards."""
     for file in (write_obj(tmp_path / "a.obj"), write_collada(tmp_path / "a.dae", 0.01, "Z_UP")):

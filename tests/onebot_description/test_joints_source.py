@@ -321,11 +321,11 @@ def test_a_robot_that_does_not_move() -> None:
     assert positions.shape == velocities.shape == (0,)
 
 
-def test_feedback_counts_more_than_motions() -> None:
+def test_received_states_override_motions() -> None:
     """Followers go with it; what is not finite, or of a joint that follows, does not count."""
     source = source_of({"motions": {"elbow": {"position": 1.0}}})
     source.sample(0.0)
-    nothing = source.feedback.hear(
+    nothing = source.received.receive(
         ["finger", "elbow", "thumb", "other"],
         [0.5, math.nan, 0.3, 1.0],
         [0.1, 0.2, 0.3, 0.4],
@@ -338,12 +338,12 @@ def test_feedback_counts_more_than_motions() -> None:
     assert source.efforts() == pytest.approx([2.0, 0.0, 0.0, 1.0, 1.0])
 
 
-def test_feedback_of_unequal_lengths_is_ignored() -> None:
+def test_a_message_of_unequal_lengths_is_ignored() -> None:
     """Whole, and with the reason."""
     source = source_of({})
-    reason = source.feedback.hear(["elbow", "slide"], [0.5], [], [])
+    reason = source.received.receive(["elbow", "slide"], [0.5], [], [])
     assert reason == "2 names but 1 values of position"
-    assert not source.feedback.any
+    assert not source.received.any
 
 
 def test_a_thousand_joints_are_cheap() -> None:
@@ -465,7 +465,7 @@ def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
 def test_a_sweep_too_fast_for_a_joint_is_reported_and_slower() -> None:
     """Each joint by its name, in its unit; those that can keep up are not."""
     source = source_of({"delta": 0.02, "rate": 10})
-    assert [(report.key, report.text.partition(" asks ")[0]) for report in source.reports] == [
+    assert [(report.key, report.text.partition(" is ")[0]) for report in source.reports] == [
         ("delta", 'joint "slide": delta times rate'),
     ]
     assert "0.2 m/s, over its limit 0.1 m/s" in source.reports[0].text
@@ -523,7 +523,7 @@ def test_half_a_turn_stays_as_it_is() -> None:
     assert wrapped(np.array([math.pi, -math.pi])).tolist() == [math.pi, -math.pi]
 
 
-def test_a_new_description_takes_over_time_motion_and_feedback() -> None:
+def test_a_new_description_keeps_time_motion_and_received_states() -> None:
     """Whatever the order of its joints: the next sample is that of the source before."""
     parameters = {
         "motions": {"elbow": {"amplitude": 0.5, "frequency": 0.05}},
@@ -535,7 +535,7 @@ def test_a_new_description_takes_over_time_motion_and_feedback() -> None:
     for source in (old, plain):
         for moment in (5.0, 6.0, 7.0):
             source.sample(moment)
-        source.feedback.hear(["slide"], [0.3], [0.05], [7.0])
+        source.received.receive(["slide"], [0.3], [0.05], [7.0])
     new = JointStateSource([*reversed(ROBOT), joint("extra")], config, previous=old)
     positions, velocities = new.sample(7.5)
     wanted, speeds = plain.sample(7.5)
@@ -544,40 +544,40 @@ def test_a_new_description_takes_over_time_motion_and_feedback() -> None:
     assert new.efforts() == pytest.approx([0.0, 0.0, 0.0, 7.0, 0.0, 0.0])
 
 
-def test_feedback_of_velocities_or_efforts_alone_leaves_the_positions() -> None:
+def test_received_velocities_or_efforts_alone_leave_the_positions() -> None:
     """What is not given is what the motion says."""
     source = source_of({"motions": {"elbow": {"position": 1.0}}})
     source.sample(0.0)
-    feedback = source.feedback
-    assert not (feedback.any or feedback.any_velocity or feedback.any_effort)
-    source.feedback.hear(["finger"], [], [0.25], [])
-    assert feedback.any_velocity and not (feedback.any or feedback.any_effort)
+    received = source.received
+    assert not (received.any or received.any_velocity or received.any_effort)
+    source.received.receive(["finger"], [], [0.25], [])
+    assert received.any_velocity and not (received.any or received.any_effort)
     positions, velocities = source.sample(1.0)
     assert positions == pytest.approx([0.5, 0.4, 0.0, 0.0, 0.05])
     assert velocities == pytest.approx([0.5, 0.0, 0.0, 0.25, -0.25])
-    source.feedback.hear(["finger", "thumb"], [], [], [3.0, 4.0])
-    assert feedback.any_effort and not feedback.any
+    source.received.receive(["finger", "thumb"], [], [], [3.0, 4.0])
+    assert received.any_effort and not received.any
     assert source.efforts() == pytest.approx([0.0, 0.0, 0.0, 3.0, 3.0])
 
 
 @pytest.mark.parametrize("which", [0, 1, 2])
-def test_each_list_of_a_feedback_has_one_value_a_name(which: int) -> None:
+def test_each_list_of_a_message_has_one_value_per_name(which: int) -> None:
     """Else nothing of the message counts, not even its other lists."""
     lists: list[list[float]] = [[0.1, 0.2], [0.1, 0.2], [0.1, 0.2]]
     lists[which] = [0.1, 0.2, 0.3]
     source = source_of({})
     what = ("position", "velocity", "effort")[which]
-    reason = source.feedback.hear(["elbow", "slide"], *lists)
+    reason = source.received.receive(["elbow", "slide"], *lists)
     assert reason == f"2 names but 3 values of {what}"
-    feedback = source.feedback
-    assert not (feedback.any or feedback.any_velocity or feedback.any_effort)
+    received = source.received
+    assert not (received.any or received.any_velocity or received.any_effort)
 
 
-def test_feedback_of_a_leader_moves_its_follower_by_the_factor() -> None:
+def test_the_received_state_of_a_leader_moves_its_follower_by_the_factor() -> None:
     """Position and velocity; the effort is the leader's own."""
     source = JointStateSource(WHEELS)
     source.sample(0.0)
-    source.feedback.hear(["left"], [1.0], [0.5], [2.0])
+    source.received.receive(["left"], [1.0], [0.5], [2.0])
     positions, velocities = source.sample(1.0)
     assert positions == pytest.approx([1.0, -0.25, 0.0])
     assert velocities == pytest.approx([0.5, -0.25, 0.0])

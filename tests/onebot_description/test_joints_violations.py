@@ -67,7 +67,7 @@ def test_the_remedy_for_keyframes_is_right(way: float, blend: str) -> None:
         (Sine(1.0, 0.01, 0.0, 4.0), "bring offset to 0"),
         (Keyframes((0.0, 9.0), (0.0, 4.0), loop=False), "keyframe 2 at 4 rad is beyond"),
         (Keyframes((0.0, 9.0), (0.0, 1.0)), "the loop jumps from 1 to 0 rad"),
-        (Sweep(1.0, 0.0, -3.14, 3.14), "delta times rate asks 1 rad/s"),
+        (Sweep(1.0, 0.0, -3.14, 3.14), "delta times rate is 1 rad/s"),
     ],
 )
 def test_everything_beyond_limits_is_told(motion: Motion, words: str) -> None:

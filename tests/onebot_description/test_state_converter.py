@@ -326,6 +326,16 @@ def test_a_converter_goes_with_the_robot_it_served():
     assert kept == copy
 
 
+@pytest.fixture
+def quick_collector():
+    """The garbage collector looks only at what the test makes, not at the whole session's."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("quick_collector")
 def test_the_builtin_outlives_its_converter():
     """Whoever holds the function alone holds all the memory that it reads."""
     convert = StateConverter(_model(chain(3))).convert_bytes

@@ -1,7 +1,7 @@
 """How sure a pose is: an ellipse around the place, and a sector around the heading.
 
-The shapes lie in frames of their own, which go where the messages say. Where a frame goes is a row
-in what /tf is logged with anyway, and a shape is logged only when it changes, so that a covariance
+The shapes lie in frames of their own, which move with the messages. A move is a row in what /tf is
+logged with anyway, and a shape is logged only when it changes, so that a covariance
 costs less than a trail, however fast the robot drives.
 """
 
@@ -31,7 +31,7 @@ COVARIANCE_ENTITY = "covariance"
 CORNERS = 48
 # An eigenvalue this much below zero, of the largest one, is rounding; more is no covariance.
 _ROUNDING = 1e-9
-# Half an axis beyond this (metres) says "unknown", as 1e6 in a covariance does.
+# Half an axis beyond this (metres) means "unknown", as 1e6 in a covariance does.
 _LARGEST = 100.0
 _FILL_ALPHA = 45
 _CHANGE = 0.01  # of a shape's size: less would not be seen

@@ -27,7 +27,7 @@ T = TypeVar("T")
 S = TypeVar("S")  # a dataclass of settings
 Report = Callable[[Exception], object]
 
-# Easily told apart on a dark ground; a view may name others.
+# Easily distinguished on a dark ground; a view may name others.
 COLORS: tuple[Color, ...] = (
     (255, 176, 32),
     (77, 208, 225),
@@ -56,7 +56,7 @@ class MessageType(Generic[T]):
     # for each, None for a bad one. Displays that use the same object share its results.
     decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
     stamp_ns: Callable[[T], int]  # of the header, nanoseconds; 0 for none
-    # The stamp says when it was sent, about; not of what may lie latched for long, as a plan does.
+    # The stamp is about the time when it was sent; not of what may be latched for long, as a plan.
     live: bool = True
 
 

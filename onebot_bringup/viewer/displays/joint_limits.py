@@ -1,4 +1,4 @@
-"""How far each joint can go, as the URDF says it, and drawn in the robot.
+"""How far each joint can go, by the URDF, drawn in the robot.
 
 An arc (or, for a prismatic joint, a bar) lies in the frame of the parent link, a hand in that of
 the child, so that /tf moves the hand along the arc: it is drawn once, and costs nothing after.

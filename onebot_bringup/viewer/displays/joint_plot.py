@@ -223,7 +223,7 @@ class JointStream:
 
 
 def joint_colors(names: Sequence[str], offset: int = 0) -> dict[str, Color]:
-    """Return a colour for each joint, easily told apart on a dark ground (golden-angle hues).
+    """Return a colour for each joint, easily distinguished on a dark ground (golden-angle hues).
 
     Args:
         names: of the joints.

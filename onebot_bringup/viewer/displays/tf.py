@@ -188,7 +188,7 @@ class NameColumns:
 
 
 def name_columns(parents: list[str], children: list[str]) -> Sequence[ReadyColumn]:
-    """Return columns that say for each row which frame it is, and in which."""
+    """Return columns with the frame of each row, and its parent."""
     return ready(rr.Transform3D.columns(parent_frame=parents, child_frame=children))
 
 

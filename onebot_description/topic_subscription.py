@@ -1,0 +1,152 @@
+"""Subscribe to a topic whose type and QoS are only known from its publishers."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import partial
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from onebot_description.errors import OneBotError
+
+RCLError = rclpy_implementation.RCLError
+
+
+class TypeConflictError(OneBotError):
+    """The node holds the topic as another type already."""
+
+
+def choose_type(offered: Collection[str], current: str | None = None) -> str | None:
+    """Return the current type while it is offered, or else the first by name, if there is one."""
+    return current if current in offered else min(offered, default=None)
+
+
+def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
+    """Return the strictest QoS that receives from all publishers.
+
+    A request that is stricter than an offer excludes its publisher: it is reliable only if all are,
+    and transient local only if all are. Without any it is ROS's default, reliable and volatile.
+    """
+    known = list(offers)
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE
+        if all(map(is_reliable, known))
+        else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL
+        if known and all(map(is_transient_local, known))
+        else DurabilityPolicy.VOLATILE,
+    )
+
+
+def exceeds(qos: QoSProfile, other: QoSProfile) -> bool:
+    """Return whether ``qos`` excludes publishers that offer no more than ``other``."""
+    return (is_reliable(qos) and not is_reliable(other)) or (
+        is_transient_local(qos) and not is_transient_local(other)
+    )
+
+
+def is_reliable(qos: QoSProfile) -> bool:
+    """Return whether lost messages are sent again."""
+    return bool(qos.reliability == ReliabilityPolicy.RELIABLE)
+
+
+def is_transient_local(qos: QoSProfile) -> bool:
+    """Return whether late subscribers get the last messages."""
+    return bool(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def offers(
+    node: Node, topic: str, accepted: Collection[str] | None = None
+) -> Mapping[str, list[QoSProfile]]:
+    """Return which types a topic (its full name) has, and what its publishers offer for each.
+
+    As long as it has no publisher, the types are those of other nodes' subscriptions, and nothing
+    is offered for them: whoever subscribes then does not miss the first messages.
+
+    Args:
+        node: whose knowledge of the ROS graph is used; its own subscriptions do not count.
+        topic: the full name.
+        accepted: types to consider; None for all.
+    """
+    found: dict[str, list[QoSProfile]] = {}
+    for end in node.get_publishers_info_by_topic(topic):
+        if accepted is None or end.topic_type in accepted:
+            found.setdefault(end.topic_type, []).append(end.qos_profile)
+    if found:
+        return found
+    own = node.get_name(), node.get_namespace()
+    return {
+        end.topic_type: []
+        for end in node.get_subscriptions_info_by_topic(topic)
+        if (end.node_name, end.node_namespace) != own
+        and (accepted is None or end.topic_type in accepted)
+    }
+
+
+class TopicSubscription:
+    """A subscription whose type and QoS can change.
+
+    A node can hold a topic as one type only, and the executor releases a subscription after the
+    callback that destroys it. A change of type therefore takes two calls of ``update``, from two
+    callbacks; a change of QoS takes one.
+    """
+
+    type: str | None = None  # subscribed to; None while there is no subscription
+    qos: QoSProfile | None = None
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        received: Callable[[str, Any], None],
+        message_class: Callable[[str], Any],
+        *,
+        raw: bool = True,
+    ) -> None:
+        """Prepare; ``update`` subscribes.
+
+        Args:
+            node: that subscribes.
+            topic: a name.
+            received: called with the type and the message.
+            message_class: returns the Python class of a type such as "std_msgs/msg/String".
+            raw: receive messages as bytes.
+        """
+        self._node, self._topic = node, topic
+        self._received, self._message_class, self._raw = received, message_class, raw
+        self._subscription: Subscription | None = None
+
+    def update(self, kind: str, qos: QoSProfile) -> None:
+        """Make the subscription, or change it; to be called several times a second.
+
+        Raises:
+            TypeConflictError: the node holds the topic as another type; a later call may succeed.
+        """
+        if (kind, qos) == (self.type, self.qos):
+            return
+        waits = self.type not in (None, kind)
+        self.close()
+        if not waits:
+            self._subscribe(kind, qos)
+
+    def close(self) -> None:
+        """End the subscription, if there is one; ``update`` makes a new one."""
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        self._subscription = self.type = self.qos = None
+
+    def _subscribe(self, kind: str, qos: QoSProfile) -> None:
+        received = partial(self._received, kind)
+        try:
+            self._subscription = self._node.create_subscription(
+                self._message_class(kind), self._topic, received, qos, raw=self._raw
+            )
+        except RCLError as error:
+            raise TypeConflictError(
+                f"{self._topic} cannot be subscribed to as {kind}: "
+                "this node holds it as another type"
+            ) from error
+        self.type, self.qos = kind, qos
