@@ -31,6 +31,7 @@ Parameters:
     open_browser (bool, true): open the page, if there is a display.
 """
 
+import contextlib
 import math
 import queue
 import sys
@@ -47,7 +48,6 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
@@ -63,6 +63,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.node import LATCHED, run_node
 from onebot_description.parameters.reader import declare, parameter, read
 from onebot_description.parameters.values import MAX_PORT
+from onebot_description.topic_subscription import RCLError, TopicSubscription, TypeConflictError
 from onebot_description.wire.messages import odometry_sample
 
 # The parameters of the steering page's node -----------------------------------------------------
@@ -152,8 +153,6 @@ def _topic(node: Node, name: str, text: str) -> str:
 
 
 # The topic that the steering page publishes on, and who listens there.
-
-RCLError = rclpy_implementation.RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
@@ -374,38 +373,41 @@ _LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class OdometryTopic:
-    """Hears where the robot is.
+    """Subscribes to the robot's odometry.
 
     Attributes:
-        topic: the one that is heard, in full; "" while there is none.
+        topic: its full name; "" while there is none.
     """
 
     def __init__(self, node: Node, fixed: str) -> None:
-        """Hear ``fixed``, a name in full, or else ("") what ``look`` finds."""
+        """Subscribe to ``fixed``, a full name, or else ("") to what ``update`` finds."""
         self._node, self._fixed = node, fixed
-        self._subscription: Any = None
+        self._subscription: TopicSubscription | None = None
         self._data: tuple[bytes, float] | None = None
         self.topic = ""
 
-    def look(self, commands: str) -> None:
+    def update(self, commands: str) -> None:
         """Follow the robot that takes ``commands``; to be called some times a second.
 
         Its odometry is the sibling "odom" of that topic, or else the only Odometry there is.
         """
         wanted = self._fixed or self._found(commands)
-        if wanted == self.topic:
-            return
+        if wanted != self.topic:
+            self._change(wanted)
         if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription, self.topic, self._data = None, "", None
-        elif wanted:
-            try:
-                self._subscription = self._node.create_subscription(
-                    Odometry, wanted, self._hear, _LATEST, raw=True
-                )
-            except RCLError:
-                return  # it has another type; it may have the right one later
-            self.topic = wanted
+            # A topic of another type may have the right one later.
+            with contextlib.suppress(TypeConflictError):
+                self._subscription.update(_ODOMETRY, _LATEST)
+
+    def _change(self, topic: str) -> None:
+        if self._subscription is not None:
+            self._subscription.close()
+        self.topic, self._data = topic, None
+        self._subscription = (
+            TopicSubscription(self._node, topic, self._receive, lambda _: Odometry)
+            if topic
+            else None
+        )
 
     def fields(self) -> dict[str, Any] | None:
         """Return the latest as the page's state has it: m, rad, m/s, rad/s, and its age in s.
@@ -432,7 +434,7 @@ class OdometryTopic:
         rounded = {name: round(value, 6) for name, value in values.items()}
         return {"topic": self.topic, **rounded}
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, _: str, data: bytes) -> None:
         self._data = data, time.monotonic()
 
     def _found(self, commands: str) -> str:
@@ -564,7 +566,7 @@ class SteeringPage(Node):
         """Follow what comes and goes on the ROS graph."""
         before = self._commands.kind, self._commands.topic, len(self._commands.listeners)
         self._commands.look()
-        self._odometry.look(self._commands.topic)
+        self._odometry.update(self._commands.topic)
         self._topics = command_topics(self)
         found = self._controller.look(self._commands.listeners)
         if found is not None:

@@ -334,7 +334,7 @@ class RerunViewer(Node):
             self._published_page = address
             self._page_publisher.publish(String(data=address))
         try:
-            self._topics.watch()
+            self._topics.update()
         except OneBotError as error:
             self._warn("topics", str(error), every=10.0)
         self._updates.poll()
