@@ -405,7 +405,7 @@ class Log(Protocol):
         """Say what is not as it should be."""
 
 
-class Display:
+class DisplayServer:
     """An open recording and what shows it, until ``close``.
 
     Attributes:
