@@ -52,7 +52,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.steering.access import Access, is_loopback, listen, new_token, reachable_as
+from onebot_bringup.ports import is_loopback, listen, reachable_as
+from onebot_bringup.steering.access import Access, new_token
 from onebot_bringup.steering.arbiter import ZEROS, Helm
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.server import Cockpit, Robot, ServerThread, SteeringServer

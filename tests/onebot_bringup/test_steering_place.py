@@ -2,7 +2,8 @@
 
 import pytest
 
-from onebot_bringup.steering.access import choose_place, listen
+from onebot_bringup.ports import listen
+from onebot_bringup.steering.access import choose_place
 from onebot_description.errors import OneBotError
 
 
