@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable
 
-# Words for error messages: what was probably meant, and what does exist.
-
 _MOST_LISTED = 12
 
 
@@ -63,10 +61,9 @@ class UsageError(OneBotError):
 
 
 class DescriptionError(OneBotError):
-    """A robot description that cannot be used.
+    """A robot description that cannot be used; ``problems`` holds all that was found.
 
-    Attributes:
-        problems: every problem found, each naming file, element and remedy.
+    Each problem names file, element and remedy.
     """
 
     def __init__(self, problems: Iterable[str]) -> None:

@@ -15,7 +15,7 @@ RCLError = rclpy_implementation.RCLError
 
 
 class TypeConflictError(OneBotError):
-    """The node holds the topic as another type already."""
+    """The node has subscribed to the topic as another type already."""
 
 
 def choose_type(offered: Collection[str], current: str | None = None) -> str | None:
@@ -139,14 +139,18 @@ class TopicSubscription:
         self._subscription = self.type = self.qos = None
 
     def _subscribe(self, kind: str, qos: QoSProfile) -> None:
-        received = partial(self._received, kind)
+        received = partial(self._receive, kind)
         try:
             self._subscription = self._node.create_subscription(
                 self._message_class(kind), self._topic, received, qos, raw=self._raw
             )
         except RCLError as error:
             raise TypeConflictError(
-                f"{self._topic} cannot be subscribed to as {kind}: "
-                "this node holds it as another type"
+                f'topic "{self._topic}" cannot be subscribed as {kind}: '
+                f"{self._node.get_name()} has subscribed to it as another type"
             ) from error
         self.type, self.qos = kind, qos
+
+    def _receive(self, kind: str, message: Any) -> None:
+        if kind == self.type:  # not what was in flight when the subscription was closed
+            self._received(kind, message)

@@ -26,19 +26,30 @@ from typing import Any
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
-from onebot_bringup.bags.writer import BagWriter, Qos, Topic
+from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import full_definition, message_class
 from onebot_description.errors import OneBotError
 from onebot_description.node import run_node
 from onebot_description.parameters.reader import REQUIRED, declare, parameter, read
+from onebot_description.topic_subscription import (
+    TopicSubscription,
+    choose_type,
+    compatible_qos,
+    exceeds,
+    is_reliable,
+    is_transient_local,
+    offers,
+)
 
 _POLL_PERIOD = 0.2  # seconds between looking for topics
 _POLLS = 8  # polls, after which every topic is looked at, also where no count has changed
 _WRITE_PERIOD = 1.0  # seconds between checkpoints, and longer where writing takes long:
 _LEAST_IDLE = 10.0  # times as long as a checkpoint takes, there is none
 _DEPTH = 1000  # what may queue up while the disk is slow: 10 s at 100 Hz
+_DEFAULT = QoSProfile(depth=_DEPTH)
+_LATCHED = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _FOREVER = 2**63 - 1  # ns; DDS's infinite duration
 _LIVELINESS = {
     LivelinessPolicy.AUTOMATIC: "automatic",
@@ -124,48 +135,12 @@ class BagRecorder(Node):
         self.get_logger().info(f"{recorded} to {bag.folder}")
 
 
-@dataclass(frozen=True)
-class _Request:
-    """The type and QoS that a topic is subscribed to with."""
-
-    type: str
-    reliable: bool = True
-    transient_local: bool = False
-
-    @classmethod
-    def compatible(cls, kind: str, offers: Iterable[Qos]) -> "_Request":
-        """Return the most that all publishers offer: a stricter request would exclude some."""
-        known = list(offers)
-        return cls(
-            kind,
-            all(offer.reliability == "reliable" for offer in known),
-            all(offer.durability == "transient_local" for offer in known),
-        )
-
-    def exceeds(self, other: "_Request") -> bool:
-        """Whether it excludes publishers that offer no more than ``other``."""
-        return (self.reliable and not other.reliable) or (
-            self.transient_local and not other.transient_local
-        )
-
-    @property
-    def profile(self) -> QoSProfile:
-        """For a subscription."""
-        reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
-        return QoSProfile(
-            depth=_DEPTH,
-            reliability=reliable if self.reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=latched if self.transient_local else DurabilityPolicy.VOLATILE,
-        )
-
-
 @dataclass
 class _Recorded:
     """A topic that is subscribed to; it is added to the recording with its first message."""
 
-    request: _Request
+    subscription: TopicSubscription
     number: int | None = None  # the topic's in the recording
-    subscription: Any = None
 
 
 class TopicRecorder:
@@ -192,11 +167,10 @@ class TopicRecorder:
         self._counts: dict[str, Any] = {}
         self._polls = 0
         self._warned: set[str] = set()
-        self._me = (node.get_name(), node.get_namespace())
         for name, (kind, transient_local) in _KNOWN.items():
             topic = node.resolve_topic_name(name)
             if not self._wanted or topic in self._wanted:
-                self._subscribe(topic, _Request(kind, transient_local=transient_local))
+                self._record(topic, kind, _LATCHED if transient_local else _DEFAULT)
 
     def poll(self) -> None:
         """Subscribe to new topics, and again where the publishers of one have changed."""
@@ -218,48 +192,32 @@ class TopicRecorder:
         return not hidden and topic not in _LEFT_OUT
 
     def _update(self, topic: str) -> None:
+        """Subscribe by the publishers of ``topic``, or else by its other subscribers."""
         recorded = self._topics.get(topic)
-        request = self._request(topic, recorded)
-        if request is None or (recorded is not None and recorded.request == request):
+        current = recorded.subscription.type if recorded is not None else None
+        found = offers(self._node, topic)
+        types = self._installed(topic, found)
+        kind = choose_type(types, current)
+        if kind is None:
             return
-        if recorded is None:
-            self._subscribe(topic, request)
-        elif recorded.request.type != request.type:
-            self._change_type(topic, recorded, request)
-        elif recorded.request.exceeds(request) or recorded.number is None:
-            self._node.destroy_subscription(self._topics.pop(topic).subscription)
-            self._subscribe(topic, request, recorded.number)
-
-    def _change_type(self, topic: str, recorded: _Recorded, request: _Request) -> None:
-        if recorded.number is not None:
-            self._warn(
-                f"{topic} is recorded as {recorded.request.type}, not as {request.type} as well"
-            )
-            return
-        # A process can subscribe to a topic as one type only, and the executor releases the old
-        # subscription after this callback: the next poll makes the new one.
-        self._node.destroy_subscription(self._topics.pop(topic).subscription)
-        del self._counts[topic]
-
-    def _request(self, topic: str, recorded: _Recorded | None) -> _Request | None:
-        """What to request of ``topic``, by its publishers, or else by its other subscribers."""
-        publishers = self._node.get_publishers_info_by_topic(topic)
-        ends = publishers or [
-            end
-            for end in self._node.get_subscriptions_info_by_topic(topic)
-            if (end.node_name, end.node_namespace) != self._me
-        ]
-        types = self._installed(topic, {end.topic_type for end in ends})
-        if not types:
-            return None
-        known = recorded is not None and recorded.request.type in types
-        kind = recorded.request.type if recorded is not None and known else types[0]
         if len(types) > 1:
             self._warn(f"{topic} has several types ({', '.join(types)}); it is recorded as {kind}")
-        offers = [offered_qos(end.qos_profile) for end in publishers if end.topic_type == kind]
-        if not offers:
-            return recorded.request if recorded is not None and known else _Request(kind)
-        return _Request.compatible(kind, offers)
+        if recorded is None:
+            self._record(topic, kind, compatible_qos(found[kind], _DEPTH))
+        elif kind != current or found[kind]:
+            self._change(topic, recorded, kind, compatible_qos(found[kind], _DEPTH))
+
+    def _change(self, topic: str, recorded: _Recorded, kind: str, qos: QoSProfile) -> None:
+        """Subscribe anew, but once recorded only with a relaxed QoS: that misses no publisher."""
+        subscription = recorded.subscription
+        if recorded.number is None:
+            subscription.update(kind, qos)
+        elif kind != subscription.type:
+            self._warn(f"{topic} is recorded as {subscription.type}, not as {kind} as well")
+        elif subscription.qos is not None and exceeds(subscription.qos, qos):
+            subscription.update(kind, qos)
+        if subscription.type is None:
+            del self._counts[topic]  # the next poll subscribes
 
     def _installed(self, topic: str, types: Iterable[str]) -> list[str]:
         """Those of the types that are installed, sorted; it warns of the others."""
@@ -274,21 +232,18 @@ class TopicRecorder:
             found.append(kind)
         return found
 
-    def _subscribe(self, topic: str, request: _Request, number: int | None = None) -> None:
-        recorded = _Recorded(request, number)
-
-        def on_message(data: bytes) -> None:
+    def _record(self, topic: str, kind: str, qos: QoSProfile) -> None:
+        def received(kind: str, data: bytes) -> None:
             now = self._now()
             if recorded.number is None:
-                recorded.number = self._bag.add_topic(self._described(topic, request.type))
+                recorded.number = self._bag.add_topic(self._described(topic, kind))
             self._bag.write(recorded.number, now, data)
 
-        recorded.subscription = self._node.create_subscription(
-            message_class(request.type), topic, on_message, request.profile, raw=True
-        )
-        self._topics[topic] = recorded
+        subscription = TopicSubscription(self._node, topic, received, message_class)
+        recorded = self._topics[topic] = _Recorded(subscription)
+        subscription.update(kind, qos)
 
-    def _described(self, name: str, kind: str) -> Topic:
+    def _described(self, name: str, kind: str) -> RecordedTopic:
         """The topic as it is added to the recording, with what its publishers offer now."""
         publishers = self._node.get_publishers_info_by_topic(name)
         publishers = [end for end in publishers if end.topic_type == kind]
@@ -297,7 +252,7 @@ class TopicRecorder:
         hashes = [str(end.topic_type_hash) for end in ends if end.topic_type == kind]
         known = next((text for text in hashes if text.startswith("RIHS")), "")
         offered = tuple(dict.fromkeys(offered_qos(end.qos_profile) for end in publishers))
-        return Topic(name, kind, known, offered)
+        return RecordedTopic(name, kind, known, offered)
 
     def _now(self) -> int:
         """When a message is received, ns: on this computer's clock, or else in simulated time."""
@@ -314,11 +269,9 @@ class TopicRecorder:
 
 def offered_qos(profile: QoSProfile) -> Qos:
     """Return what a publisher offers in rosbag2's words; DDS does not report its history."""
-    reliable = profile.reliability == ReliabilityPolicy.RELIABLE
-    latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     return Qos(
-        reliability="reliable" if reliable else "best_effort",
-        durability="transient_local" if latched else "volatile",
+        reliability="reliable" if is_reliable(profile) else "best_effort",
+        durability="transient_local" if is_transient_local(profile) else "volatile",
         liveliness=_LIVELINESS.get(profile.liveliness, "automatic"),
         deadline=_limit(profile.deadline),
         lifespan=_limit(profile.lifespan),

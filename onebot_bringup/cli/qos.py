@@ -1,4 +1,4 @@
-"""Quality of service on the command line: the ``--qos-*`` options, and adaptive subscriptions."""
+"""Quality of service on the command line: ``--qos-*``, and what suits the publishers there are."""
 
 import argparse
 import sys
@@ -25,7 +25,7 @@ _LIVELINESS = ("automatic", "manual_by_topic", "system_default", "best_available
 
 
 def add_arguments(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add the options; ``default`` describes the profile without them in the help."""
+    """Add the options; ``default`` says in the help what holds without them."""
     group = parser.add_argument_group("quality of service", f"Without these: {default}.")
     group.add_argument("--qos-profile", choices=PRESETS, help="a preset to start from")
     group.add_argument("--qos-depth", type=int, metavar="N", help="queue size")
@@ -42,12 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def given(args: argparse.Namespace) -> bool:
-    """Whether any of the options was given."""
+    """Say if any of the options was given."""
     return any(value is not None for name, value in vars(args).items() if name.startswith("qos_"))
 
 
 def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
-    """Return the profile that the options define, starting from a preset."""
+    """Return the profile that the options ask for, starting from a preset."""
     from rclpy.duration import Duration
     from rclpy.qos import (
         DurabilityPolicy,
@@ -67,7 +67,7 @@ def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
     if args.qos_durability:
         found.durability = DurabilityPolicy.get_from_short_key(args.qos_durability)
         if found.durability == DurabilityPolicy.TRANSIENT_LOCAL and found.depth == 0:
-            found.depth = 1  # depth 0 would keep nothing for late subscribers
+            found.depth = 1  # nothing would be kept for those who come late
     if args.qos_liveliness:
         found.liveliness = LivelinessPolicy.get_from_short_key(args.qos_liveliness)
     if args.qos_lease is not None:
@@ -80,28 +80,24 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
 
     The options take precedence. Without publishers it is ``sensor_data``, compatible with any.
     """
-    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+    from onebot_description.topic_subscription import (
+        compatible_qos,
+        is_reliable,
+        is_transient_local,
+    )
 
     found = profile(args, "sensor_data")
-    publishers = node.get_publishers_info_by_topic(topic)
-    if given(args) or not publishers:
+    offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
+    if given(args) or not offered:
         return found
-    offered = [info.qos_profile for info in publishers]
-    reliable = [o.reliability == ReliabilityPolicy.RELIABLE for o in offered]
-    latched = [o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offered]
-    found.reliability = (
-        ReliabilityPolicy.RELIABLE if all(reliable) else ReliabilityPolicy.BEST_EFFORT
-    )
-    found.durability = (
-        DurabilityPolicy.TRANSIENT_LOCAL if all(latched) else DurabilityPolicy.VOLATILE
-    )
-    if any(reliable) and not all(reliable):
+    suited = compatible_qos(offered, found.depth)
+    if any(map(is_reliable, offered)) and not is_reliable(suited):
         _warn_fallback("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
-    if any(latched) and not all(latched):
+    if any(map(is_transient_local, offered)) and not is_transient_local(suited):
         _warn_fallback("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
-    # A latched topic delivers everything that its publishers keep.
-    found.depth = max(found.depth, 100) if all(latched) else found.depth
-    return found
+    if is_transient_local(suited):  # a latched topic delivers everything that its publishers keep
+        suited.depth = max(suited.depth, 100)
+    return suited
 
 
 def _warn_fallback(best: str, fallback: str) -> None:

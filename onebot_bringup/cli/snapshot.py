@@ -362,7 +362,7 @@ class RunningRobot:
             self._broken = error  # another bad message is no reason to give up
 
     def _tick(self) -> None:
-        self._topics.watch()
+        self._topics.update()
         now_ns = int(self._session.node.get_clock().now().nanoseconds)
         warnings = self._view.tick(now_ns)
         self._warnings += warnings if self._view.robot is not None else []

@@ -139,8 +139,8 @@ def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
 
 def _answers(address: str) -> bool:
     """Whether the page still responds; its address stays on the latched topic."""
+    from onebot_bringup.ports import answers
     from onebot_bringup.steering.view_proxy import View
-    from onebot_bringup.viewer.display_server import answers
 
     view = View.parse(address)
     return view is not None and answers(view.page_port)

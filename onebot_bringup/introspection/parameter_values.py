@@ -134,7 +134,7 @@ def _int64(value: int) -> int:
 
 
 def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
-    """Return a node's parameters as a parameter file has them.
+    """Return a node's parameters as a parameter file has them: those that have a value.
 
     Args:
         node: its full name.
@@ -143,7 +143,8 @@ def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
     """
     tree: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
-        _insert(tree, name.split("."), _yaml_value(value_of(value)))
+        if value.type != NOT_SET:  # rcl reads no file with a null in it
+            _insert(tree, name.split("."), _yaml_value(value_of(value)))
     return yaml.safe_dump({node: {"ros__parameters": tree}}, default_flow_style=False)
 
 

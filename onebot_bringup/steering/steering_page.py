@@ -31,6 +31,7 @@ Parameters:
     open_browser (bool, true): open the page, if there is a display.
 """
 
+import contextlib
 import math
 import queue
 import sys
@@ -47,12 +48,12 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.steering.access import Access, is_loopback, listen, new_token, reachable_as
+from onebot_bringup.ports import is_loopback, listen, reachable_as
+from onebot_bringup.steering.access import Access, new_token
 from onebot_bringup.steering.arbiter import ZEROS, ThreadSafeArbiter
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.server import (
@@ -68,6 +69,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.node import LATCHED, run_node
 from onebot_description.parameters.reader import declare, parameter, read
 from onebot_description.parameters.values import MAX_PORT
+from onebot_description.topic_subscription import RCLError, TopicSubscription, TypeConflictError
 from onebot_description.wire.messages import odometry_sample
 
 DEFAULT_LIMITS = Velocity(1.0, 2.0)  # if neither a parameter nor the controller sets them
@@ -92,7 +94,8 @@ _RESPONSE_TIMEOUT = 5.0  # s; a running controller responds at once
 _LIMITS = ("linear.x.max_velocity", "angular.z.max_velocity")
 _DOUBLE, _INTEGER = 3, 2  # rcl_interfaces/msg/ParameterType
 
-RCLError = rclpy_implementation.RCLError
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def _limit(unit: str) -> Any:
@@ -362,49 +365,41 @@ def _parameter_number(value: Any) -> float:
     return float(number) if math.isfinite(number) and number > 0.0 else math.nan
 
 
-# The odometry that the steering page shows.
-
-
-_ODOMETRY = "nav_msgs/msg/Odometry"
-_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
 class OdometryTopic:
-    """Hears where the robot is.
-
-    Attributes:
-        topic: the one that is heard, in full; "" while there is none.
-    """
+    """Subscribes to the robot's odometry."""
 
     def __init__(self, node: Node, fixed: str) -> None:
-        """Hear ``fixed``, a name in full, or else ("") what ``look`` finds."""
+        """Subscribe to ``fixed``, a full name, or else ("") to what ``update`` finds."""
         self._node, self._fixed = node, fixed
-        self._subscription: Any = None
+        self._subscription: TopicSubscription | None = None
         self._data: tuple[bytes, float] | None = None
-        self.topic = ""
+        self.topic = ""  # full name; "" for none
 
-    def look(self, commands: str) -> None:
-        """Follow the robot that takes ``commands``; to be called some times a second.
+    def update(self, commands: str) -> None:
+        """Follow the robot that subscribes to ``commands``; to be called several times per second.
 
         Its odometry is the sibling "odom" of that topic, or else the only Odometry there is.
         """
         wanted = self._fixed or self._found(commands)
-        if wanted == self.topic:
-            return
+        if wanted != self.topic:
+            self._change(wanted)
         if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription, self.topic, self._data = None, "", None
-        elif wanted:
-            try:
-                self._subscription = self._node.create_subscription(
-                    Odometry, wanted, self._hear, _LATEST, raw=True
-                )
-            except RCLError:
-                return  # it has another type; it may have the right one later
-            self.topic = wanted
+            # A topic of another type may have the right one later.
+            with contextlib.suppress(TypeConflictError):
+                self._subscription.update(_ODOMETRY, _LATEST)
+
+    def _change(self, topic: str) -> None:
+        if self._subscription is not None:
+            self._subscription.close()
+        self.topic, self._data = topic, None
+        self._subscription = (
+            TopicSubscription(self._node, topic, self._receive, lambda _: Odometry)
+            if topic
+            else None
+        )
 
     def fields(self) -> dict[str, Any] | None:
-        """Return the latest as the page's state has it: m, rad, m/s, rad/s, and its age in s.
+        """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
 
         None if there is none, if it cannot be decoded, or if its numbers are not finite.
         """
@@ -428,7 +423,7 @@ class OdometryTopic:
         rounded = {name: round(value, 6) for name, value in values.items()}
         return {"topic": self.topic, **rounded}
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, _: str, data: bytes) -> None:
         self._data = data, time.monotonic()
 
     def _found(self, commands: str) -> str:
@@ -561,7 +556,7 @@ class SteeringPage(Node):
         """Update topics, subscribers and limits from the ROS graph."""
         before = self._commands.kind, self._commands.topic, len(self._commands.listeners)
         self._commands.poll()
-        self._odometry.look(self._commands.topic)
+        self._odometry.update(self._commands.topic)
         self._topics = command_topics(self)
         found = self._controller.poll(self._commands.listeners)
         if found is not None:

@@ -14,13 +14,14 @@ import aiohttp
 from aiohttp import web
 from yarl import URL
 
+from onebot_bringup.ports import LOOPBACK
+
 VIEW_POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
     "connect-src 'self' data: blob:; frame-ancestors 'self'; base-uri 'none'; form-action 'none'"
 )
 _SERVICE = "/rerun.sdk_comms.v1alpha1.MessageProxyService"
 _METHODS = frozenset({"ReadMessages", "ReadTables"})
-_LOOPBACK = "127.0.0.1"
 _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
 _DATA = re.compile(r"rerun\+http://127\.0\.0\.1:(\d{1,5})/proxy")
 _ANSWER_HEADERS = ("Content-Type", "Content-Length", "Content-Encoding", "rerun-final-length")
@@ -106,14 +107,14 @@ class ViewProxy:
         if not request.query_string and not request.match_info["path"]:
             raise web.HTTPFound(view.path(request.host))
         path = request.rel_url.raw_path_qs.removeprefix("/view")
-        url = URL(f"http://{_LOOPBACK}:{view.page_port}{path}", encoded=True)
+        url = URL(f"http://{LOOPBACK}:{view.page_port}{path}", encoded=True)
         return await self._pass_on(request, "GET", url, {})
 
     async def _data(self, request: web.Request) -> web.StreamResponse:
         view, method = self._known(), request.match_info["method"]
         if method not in _METHODS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
-        url = URL(f"http://{_LOOPBACK}:{view.data_port}{_SERVICE}/{method}", encoded=True)
+        url = URL(f"http://{LOOPBACK}:{view.data_port}{_SERVICE}/{method}", encoded=True)
         headers = {
             name: value
             for name, value in request.headers.items()

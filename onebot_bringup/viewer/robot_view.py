@@ -15,7 +15,7 @@ from onebot_bringup.viewer.displays.display import (
     Context,
     Display,
     MessageType,
-    Topic,
+    WantedTopic,
     one_by_one,
 )
 from onebot_bringup.viewer.displays.tf import TransformStream
@@ -31,7 +31,7 @@ DESCRIPTION: MessageType[str] = MessageType(
     one_by_one(lambda data: str(deserialize_message(data, String).data)),
     lambda _: 0,
 )
-_DESCRIPTION_TOPIC = Topic("robot_description", (DESCRIPTION,), latched=True)
+_DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=True)
 # How long the view waits for every link's frame before it is laid out without them (seconds).
 _PATIENCE = 1.0
 # How long a link or a frame may be missing before that is reported (seconds).
@@ -106,7 +106,7 @@ class RobotView:
     # --- messages -------------------------------------------------------------------------------
 
     @property
-    def topics(self) -> dict[str, Topic]:
+    def topics(self) -> dict[str, WantedTopic]:
         """What to subscribe now, by full names; another view may want others."""
         return self._topics
 
@@ -138,15 +138,15 @@ class RobotView:
             What the user should know now, a sentence each.
         """
         warnings = self._update(now_ns)
-        if self._robot is None:
+        if self.robot is None:
             return self._warnings.waiting()
         wanted = self._view.fixed_frame
-        self._lay_out(complete=self._resolution.is_complete(self._robot, wanted))
+        self._lay_out(complete=self._resolution.is_complete(self.robot, wanted))
         late = []
         for shown in self._displays:
             late += shown.display.warnings()
         if self._clock() - self._changed >= _WARN_AFTER:
-            late += self._resolution.warnings(self._robot, wanted)
+            late += self._resolution.warnings(self.robot, wanted)
         return warnings + self._warnings.once(late)
 
     def finish(self) -> list[str]:
@@ -193,7 +193,7 @@ class RobotView:
             What cannot be subscribed, a sentence each.
         """
         queues: dict[tuple[str, str], _Queue] = {}
-        topics: dict[str, Topic] = {}
+        topics: dict[str, WantedTopic] = {}
         problems = []
         for display, topic in self._wanted():
             name = self._resolve(topic.name)
@@ -213,7 +213,7 @@ class RobotView:
         self._queues, self._topics = queues, topics
         return problems
 
-    def _wanted(self) -> Iterable[tuple[Display[Any] | None, Topic]]:
+    def _wanted(self) -> Iterable[tuple[Display[Any] | None, WantedTopic]]:
         yield None, _DESCRIPTION_TOPIC
         for shown in self._displays:
             for topic in shown.display.topics():
@@ -224,10 +224,6 @@ class RobotView:
     @property
     def robot(self) -> Description | None:
         """The robot shown now."""
-        return self._robot
-
-    @property
-    def _robot(self) -> Description | None:
         return self._context.robot
 
     @property
@@ -237,23 +233,23 @@ class RobotView:
         The view's, also with the frame_prefix before it; while no such frame is known, the one
         above the robot's root link.
         """
-        if self._robot is None:
+        if self.robot is None:
             return self._view.fixed_frame
-        return self._resolution.fixed_frame(self._robot, self._view.fixed_frame)
+        return self._resolution.fixed_frame(self.robot, self._view.fixed_frame)
 
     @property
     def missing(self) -> list[str]:
         """The frames of links that no transform connects with the fixed frame."""
-        if self._robot is None:
+        if self.robot is None:
             return []
-        return self._resolution.missing(self._robot, self.fixed_frame)
+        return self._resolution.missing(self.robot, self.fixed_frame)
 
     @property
     def has_fixed_frame(self) -> bool:
         """The frame that the view names, if any, is known."""
         wanted = self._view.fixed_frame
         return not wanted or (
-            self._robot is not None and bool(self._resolution.known_as(self._robot, wanted))
+            self.robot is not None and bool(self._resolution.known_as(self.robot, wanted))
         )
 
     def set_view(self, view: ViewConfig) -> list[str]:
@@ -295,7 +291,7 @@ class RobotView:
         return warnings
 
     def _set_robot(self, urdf: str) -> list[str]:
-        robot, before = read_description(urdf, _DESCRIPTION_TOPIC.name), self._robot
+        robot, before = read_description(urdf, _DESCRIPTION_TOPIC.name), self.robot
         warnings = self._scene.set_robot(robot)
         self._context.robot = robot
         for shown in self._displays:
@@ -308,9 +304,9 @@ class RobotView:
 
     def _wrong_names(self) -> list[str]:
         follow = self._view.camera.follow
-        if self._robot is None or not follow or follow in self._robot.link_names:
+        if self.robot is None or not follow or follow in self.robot.link_names:
             return []
-        known = did_you_mean(follow, self._robot.link_names, "links")
+        known = did_you_mean(follow, self.robot.link_names, "links")
         return [f'camera.follow: the robot has no link "{follow}"{known}']
 
     def _lay_out(self, complete: bool) -> None:
@@ -412,7 +408,7 @@ class Warnings:
         ]
 
 
-def _merged(topic: Topic, other: Topic | None) -> Topic:
+def _merged(topic: WantedTopic, other: WantedTopic | None) -> WantedTopic:
     """Return one subscription for two displays, of the types that both take.
 
     Raises:
@@ -429,7 +425,7 @@ def _merged(topic: Topic, other: Topic | None) -> Topic:
         )
     reliable, latched = topic.reliable or other.reliable, topic.latched or other.latched
     optional = topic.optional and other.optional
-    return Topic(topic.name, both, reliable, latched, optional)
+    return WantedTopic(topic.name, both, reliable, latched, optional)
 
 
 def _raise(_: str, error: Exception) -> None:

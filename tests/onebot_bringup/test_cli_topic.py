@@ -155,7 +155,9 @@ def test_echo_into_head(ros_domain: int) -> None:
             f"{sys.executable} -m {MODULE} topic echo /chatter | head -n 2",
             shell=True, capture_output=True, text=True, timeout=180,
         )  # fmt: skip
-        assert done.stdout == "data: hello\n---\n" and done.stderr == ""
+        assert done.stdout == "data: hello\n---\n"
+        # On a busy machine it may wait for the topic first, and says so.
+        assert [line for line in done.stderr.splitlines() if "waiting for it" not in line] == []
 
 
 def test_echo_of_nothing(ros_domain: int) -> None:

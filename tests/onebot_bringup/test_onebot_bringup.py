@@ -9,6 +9,7 @@ import psutil
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -131,6 +132,8 @@ def test_record_keeps_all_that_is_said(ros_domain, tmp_path):
         odom, publisher = peer.hear(Odometry, ODOM), peer.publisher(Twist, CMD_VEL, subscribers=2)
         for _ in range(5):
             publisher.publish(Twist())
+        # A subscriber that discovers the publisher late gets them with the next heartbeat.
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
         wait_for(lambda: len(odom) > 60, "a second of odometry")
         assert node.interrupt() == 0
     with AnyReader([folder]) as reader:

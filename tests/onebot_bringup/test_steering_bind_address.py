@@ -2,7 +2,8 @@
 
 import pytest
 
-from onebot_bringup.steering.access import choose_bind_address, listen
+from onebot_bringup.ports import listen
+from onebot_bringup.steering.access import choose_bind_address
 from onebot_description.errors import OneBotError
 
 

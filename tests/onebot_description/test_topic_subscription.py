@@ -137,7 +137,7 @@ def test_a_topic_held_as_another_type_is_refused_until_it_is_free(subscriber):
     )
     refused = subscriber.run(lambda: topic.update(STRING, DEFAULT))
     assert isinstance(refused, TypeConflictError)
-    assert "/topic cannot be subscribed to as std_msgs/msg/String" in str(refused)
+    assert 'topic "/topic" cannot be subscribed as std_msgs/msg/String' in str(refused)
     assert topic.type is None
     subscriber.run(lambda: subscriber.peer.node.destroy_subscription(holder))
     assert subscriber.run(lambda: topic.update(STRING, DEFAULT)) is None
