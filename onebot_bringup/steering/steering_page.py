@@ -82,7 +82,7 @@ _SHORT_TOKEN = 8  # characters; a token shorter than this can be guessed
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
-_PASSIVE_NODES = (  # they subscribe to commands, but are not robots
+_OBSERVERS = (  # they subscribe to commands, but are not robots
     "rerun_viewer",
     "steering_viewer",
     "bag_recorder",
@@ -180,21 +180,21 @@ def _topic(node: Node, name: str, text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Listener:
+class CommandSubscriber:
     """A node that subscribes to commands."""
 
     node: str  # full name
     kind: str  # the type that it subscribes to
 
 
-def listeners(node: Node, topic: str) -> list[Listener]:
-    """Return the nodes that subscribe to commands on ``topic``, without passive ones."""
+def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
+    """Return the nodes that subscribe to commands on ``topic``, without observers."""
     found = []
     for end in node.get_subscriptions_info_by_topic(topic):
-        passive = end.node_name.startswith("_") or end.node_name in _PASSIVE_NODES
-        if end.topic_type in _TYPES and not passive:
+        observes = end.node_name.startswith("_") or end.node_name in _OBSERVERS
+        if end.topic_type in _TYPES and not observes:
             name = f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-            found.append(Listener(name, end.topic_type))
+            found.append(CommandSubscriber(name, end.topic_type))
     return found
 
 
@@ -205,7 +205,7 @@ def command_topics(node: Node) -> tuple[str, ...]:
         for name, kinds in node.get_topic_names_and_types()
         if any(kind in _TYPES for kind in kinds)
     ]
-    return tuple(sorted(named, key=lambda name: (not listeners(node, name), name)))
+    return tuple(sorted(named, key=lambda name: (not command_subscribers(node, name), name)))
 
 
 def foreign_type(node: Node, topic: str) -> str:
@@ -238,7 +238,7 @@ class CommandTopic:
         self._driven = False  # a page has driven
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
-        self.listeners: list[Listener] = []  # the nodes that subscribe to the topic
+        self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
 
     def publish(self, velocity: Velocity) -> None:
         """Publish a command, if there is a publisher."""
@@ -250,19 +250,19 @@ class CommandTopic:
     def choose(self, topic: str) -> None:
         """Switch to another topic; the robot of the old one is stopped."""
         self._destroy_publisher()
-        self.topic, self.listeners, self._driven = topic, [], False
-        self.poll()
+        self.topic, self.subscribers, self._driven = topic, [], False
+        self.update()
 
-    def poll(self) -> None:
+    def update(self) -> None:
         """Adapt to the type that the robot subscribes to; to be called several times per second."""
-        self.listeners = listeners(self._node, self.topic)
+        self.subscribers = command_subscribers(self._node, self.topic)
         foreign = foreign_type(self._node, self.topic)
         if foreign:  # do not add a second type to the topic
             self._destroy_publisher()
             if self._driven:
                 self._warn_foreign_type(foreign)
             return
-        kinds = {listener.kind for listener in self.listeners}
+        kinds = {robot.kind for robot in self.subscribers}
         if kinds and self.kind not in kinds:
             self._destroy_publisher()
             self.kind = min(kinds)
@@ -285,7 +285,7 @@ class CommandTopic:
         try:
             publisher = self._node.create_publisher(_TYPES[self.kind], self.topic, _DEPTH)
         except RCLError:
-            # The last publisher, of the other type, still exists; the next poll tries again.
+            # The last publisher, of the other type, still exists; the next update tries again.
             return
         with self._lock:
             self._publisher = publisher
@@ -323,7 +323,7 @@ class ControllerLimits:
         self._client: Any = None
         self._answer: Any = None
 
-    def poll(self, robots: Iterable[Listener]) -> Velocity | None:
+    def update(self, robots: Iterable[CommandSubscriber]) -> Velocity | None:
         """Request the limits of a new robot; return them once, when they are received.
 
         A limit that is not set, or not above zero, is NaN.
@@ -524,7 +524,7 @@ class SteeringPage(Node):
             commands.topic,
             commands.kind,
             self._topics,
-            len(commands.listeners),
+            len(commands.subscribers),
             self._odometry.fields(),
         )
 
@@ -554,16 +554,16 @@ class SteeringPage(Node):
 
     def _poll_graph(self) -> None:
         """Update topics, subscribers and limits from the ROS graph."""
-        before = self._commands.kind, self._commands.topic, len(self._commands.listeners)
-        self._commands.poll()
+        before = self._commands.kind, self._commands.topic, len(self._commands.subscribers)
+        self._commands.update()
         self._odometry.update(self._commands.topic)
         self._topics = command_topics(self)
-        found = self._controller.poll(self._commands.listeners)
+        found = self._controller.update(self._commands.subscribers)
         if found is not None:
             self._arbiter.set_limits(self._settings.limits(found))
         if self._view.view is not None and not self.count_publishers(self._page_topic):
             self._set_view(None)
-        after = self._commands.kind, self._commands.topic, len(self._commands.listeners)
+        after = self._commands.kind, self._commands.topic, len(self._commands.subscribers)
         if before != after:
             self._arbiter.changed()
 
