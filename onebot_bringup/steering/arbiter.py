@@ -41,7 +41,7 @@ class Arbiter:
         self.moving = False
         self._pages: dict[str, _Page] = {}
         self._wanted = Velocity()
-        self._heard = 0.0
+        self._received_at = 0.0
         self._zeros = 0
 
     @property
@@ -77,7 +77,7 @@ class Arbiter:
                 self._halt()  # nothing of the last driver's is left over
             self.driver = page
         if self.driver == page:
-            self._wanted, self._heard, self.moving, self._zeros = velocity, now, True, ZEROS
+            self._wanted, self._received_at, self.moving, self._zeros = velocity, now, True, ZEROS
 
     def release(self, page: str) -> None:
         """A page let go."""
@@ -96,9 +96,9 @@ class Arbiter:
         self._drop(page)
         self._pages[page].holding = True
 
-    def watch(self, now: float) -> None:
+    def check(self, now: float) -> None:
         """Stop the robot when its driver has fallen silent."""
-        silence = now - self._heard
+        silence = now - self._received_at
         if self.moving and silence > DEAD_MAN:
             self._halt()
             self.lapses += 1
@@ -197,10 +197,10 @@ class Helm:
         """Set the most that is commanded."""
         self.take("", SetLimits(limits))
 
-    def watch(self) -> None:
+    def check(self) -> None:
         """Stop the robot when its driver has fallen silent; to be called every 50 ms."""
         with self._at_once():
-            self._arbiter.watch(time.monotonic())
+            self._arbiter.check(time.monotonic())
 
     def tick(self) -> None:
         """Send what is to be sent at the fixed rate."""

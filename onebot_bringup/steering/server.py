@@ -88,8 +88,8 @@ class Robot:
     Attributes:
         topic: the one that is steered, in full.
         topic_type: its type, such as geometry_msgs/msg/Twist.
-        topics: those that could be, the ones that somebody listens to first.
-        listeners: how many listen.
+        topics: those that could be, the ones with subscribers first.
+        listeners: how many robots subscribe to it.
         odometry: its fields in the state, None while there is none.
     """
 
@@ -111,7 +111,7 @@ class Cockpit:
         robot: what is known about it.
         choose_topic: called with the name of a page and that of the topic that it wants to steer;
             ``SteeringServer.refuse`` tells it if it cannot.
-        complain: told of every message that was refused.
+        warn: called with the reason of every message that was refused.
         rate: of the commands, Hz.
     """
 
@@ -120,7 +120,7 @@ class Cockpit:
     view: ViewProxy
     robot: Callable[[], Robot]
     choose_topic: Callable[[str, str], None]
-    complain: Callable[[str], None]
+    warn: Callable[[str], None]
     rate: float
 
 
@@ -193,7 +193,7 @@ class SteeringServer:
         try:
             async for message in socket:
                 if message.type == WSMsgType.ERROR:
-                    self._cockpit.complain("too large, or no WebSocket frame")
+                    self._cockpit.warn("too large, or no WebSocket frame")
                     break
                 await self._hear(page, message.data if message.type == WSMsgType.TEXT else None)
         except ConnectionError:
@@ -212,7 +212,7 @@ class SteeringServer:
             message = parse(text)
         except ProtocolError as error:
             cockpit.helm.refuse(page.name)
-            cockpit.complain(str(error))
+            cockpit.warn(str(error))
             await page.socket.send_str(error_text(f"Refused: {error}."))
             return
         if isinstance(message, ChooseTopic):

@@ -153,12 +153,12 @@ def _topic(node: Node, name: str, text: str) -> str:
         raise OneBotError(f"{name}: {text} is no name of a topic: {reason}") from None
 
 
-# The topic that the steering page publishes on, and who listens there.
+# The topic that the steering page publishes on, and its subscribers.
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
 _WARN_EVERY = 5.0  # s
-_ONLOOKERS = (
+_OBSERVERS = (
     "rerun_viewer",
     "steering_viewer",
     "bag_recorder",
@@ -168,32 +168,32 @@ _ONLOOKERS = (
 
 
 @dataclass(frozen=True)
-class Listener:
+class CommandSubscriber:
     """A robot that takes commands: its node's full name, and the type it takes."""
 
     node: str
     kind: str
 
 
-def listeners(node: Node, topic: str) -> list[Listener]:
-    """Return who takes commands on ``topic``, in full, without those that only look on."""
+def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
+    """Return who takes commands on ``topic`` (its full name), without those that only observe."""
     found = []
     for end in node.get_subscriptions_info_by_topic(topic):
-        looks_on = end.node_name.startswith("_") or end.node_name in _ONLOOKERS
-        if end.topic_type in _TYPES and not looks_on:
+        observes = end.node_name.startswith("_") or end.node_name in _OBSERVERS
+        if end.topic_type in _TYPES and not observes:
             name = f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-            found.append(Listener(name, end.topic_type))
+            found.append(CommandSubscriber(name, end.topic_type))
     return found
 
 
 def command_topics(node: Node) -> tuple[str, ...]:
-    """Return all topics of commands, the ones that somebody listens to first."""
+    """Return all topics of commands, the ones with subscribers first."""
     named = [
         name
         for name, kinds in node.get_topic_names_and_types()
         if any(kind in _TYPES for kind in kinds)
     ]
-    return tuple(sorted(named, key=lambda name: (not listeners(node, name), name)))
+    return tuple(sorted(named, key=lambda name: (not command_subscribers(node, name), name)))
 
 
 def foreign_type(node: Node, topic: str) -> str:
@@ -221,7 +221,7 @@ class CommandTopic:
     Attributes:
         topic: in full.
         kind: its type.
-        listeners: who takes commands there.
+        subscribers: who takes commands there.
     """
 
     def __init__(self, node: Node, topic: str) -> None:
@@ -232,7 +232,7 @@ class CommandTopic:
         self._wanted = False  # somebody drives
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
-        self.listeners: list[Listener] = []
+        self.subscribers: list[CommandSubscriber] = []
 
     def publish(self, velocity: Velocity) -> None:
         """Send a command, if there is anything to send it with."""
@@ -244,19 +244,19 @@ class CommandTopic:
     def choose(self, topic: str) -> None:
         """Publish on another topic from now on; the robot of the old one is stopped."""
         self._leave()
-        self.topic, self.listeners, self._wanted = topic, [], False
-        self.look()
+        self.topic, self.subscribers, self._wanted = topic, [], False
+        self.update()
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Follow the type that the robot takes; to be called some times a second."""
-        self.listeners = listeners(self._node, self.topic)
+        self.subscribers = command_subscribers(self._node, self.topic)
         foreign = foreign_type(self._node, self.topic)
         if foreign:  # whoever looks there must not find commands' type
             self._leave()
             if self._wanted:
-                self._complain(foreign)
+                self._warn_of_type(foreign)
             return
-        kinds = {listener.kind for listener in self.listeners}
+        kinds = {robot.kind for robot in self.subscribers}
         if kinds and self.kind not in kinds:
             self._leave()
             self.kind = min(kinds)
@@ -269,7 +269,7 @@ class CommandTopic:
         if publisher is not None and publisher.get_subscription_count():
             publisher.wait_for_all_acked(Duration(seconds=0.1))
 
-    def _complain(self, kind: str) -> None:
+    def _warn_of_type(self, kind: str) -> None:
         self._node.get_logger().warning(
             f"{self.topic} holds {kind}, not Twist or TwistStamped: nothing is sent",
             throttle_duration_sec=_WARN_EVERY,
@@ -279,7 +279,7 @@ class CommandTopic:
         try:
             publisher = self._node.create_publisher(_TYPES[self.kind], self.topic, _DEPTH)
         except RCLError:
-            # The last one, of the other type, is not gone yet; the next look tries again.
+            # The last one, of the other type, is not gone yet; the next update tries again.
             return
         with self._lock:
             self._publisher = publisher
@@ -324,7 +324,7 @@ class ControllerLimits:
         self._client: Any = None
         self._answer: Any = None
 
-    def look(self, robots: Iterable[Listener]) -> Velocity | None:
+    def update(self, robots: Iterable[CommandSubscriber]) -> Velocity | None:
         """Ask, if it is a new robot; return its limits, once, as soon as they are there.
 
         A limit that it does not tell, or that is none, comes out as NaN.
@@ -448,8 +448,8 @@ class OdometryTopic:
         return sibling if sibling in known else known[0] if len(known) == 1 else ""
 
 
-_WATCH_PERIOD = 0.05  # s between looks at whether the driver is still there
-_LOOK_PERIOD = 0.25  # s between looks at the ROS graph
+_CHECK_PERIOD = 0.05  # s between checks that the driver is still there
+_UPDATE_PERIOD = 0.25  # s between queries of the ROS graph
 _SHORT = 8  # characters of a token that can be guessed
 
 
@@ -481,8 +481,8 @@ class SteeringPage(Node):
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / settings.rate, self._helm.tick, clock=steady)
-        self.create_timer(_WATCH_PERIOD, self._watch, clock=steady)
-        self.create_timer(_LOOK_PERIOD, self._look, clock=steady)
+        self.create_timer(_CHECK_PERIOD, self._check, clock=steady)
+        self.create_timer(_UPDATE_PERIOD, self._update, clock=steady)
 
     # --- the page -------------------------------------------------------------------------------
 
@@ -494,7 +494,7 @@ class SteeringPage(Node):
             self.get_logger().warning(f"port {wanted} is in use; using {port} instead")
         access = Access(self._token(address), address, port)
         cockpit = Cockpit(
-            self._helm, access, self._view, self._robot, self._wish, self._complain, rate
+            self._helm, access, self._view, self._robot, self._wish, self._warn_refused, rate
         )
         server = SteeringServer(cockpit)
         self._server = thread = ServerThread(server.app, listener)
@@ -522,7 +522,7 @@ class SteeringPage(Node):
     def _wish(self, page: str, topic: str) -> None:
         self._wishes.put((page, topic))
 
-    def _complain(self, problem: str) -> None:
+    def _warn_refused(self, problem: str) -> None:
         self._refused += 1
         self.get_logger().warning(
             f"refused a message of a page ({self._refused} so far): {problem}",
@@ -535,15 +535,15 @@ class SteeringPage(Node):
             commands.topic,
             commands.kind,
             self._topics,
-            len(commands.listeners),
+            len(commands.subscribers),
             self._odometry.fields(),
         )
 
     # --- the robot ------------------------------------------------------------------------------
 
-    def _watch(self) -> None:
+    def _check(self) -> None:
         lapses = self._helm.lapses
-        self._helm.watch()
+        self._helm.check()
         if self._helm.lapses > lapses:
             self.get_logger().warning(
                 "stopped: the page that drives fell silent", throttle_duration_sec=_WARN_EVERY
@@ -561,20 +561,20 @@ class SteeringPage(Node):
         else:
             self._helm.halt()
             self._commands.choose(topic)
-            self._look()
+            self._update()
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         """Follow what comes and goes on the ROS graph."""
-        before = self._commands.kind, self._commands.topic, len(self._commands.listeners)
-        self._commands.look()
+        before = self._commands.kind, self._commands.topic, len(self._commands.subscribers)
+        self._commands.update()
         self._odometry.update(self._commands.topic)
         self._topics = command_topics(self)
-        found = self._controller.look(self._commands.listeners)
+        found = self._controller.update(self._commands.subscribers)
         if found is not None:
             self._helm.set_limits(self._settings.limits(found))
         if self._view.view is not None and not self.count_publishers(self._page_topic):
             self._show(None)
-        after = self._commands.kind, self._commands.topic, len(self._commands.listeners)
+        after = self._commands.kind, self._commands.topic, len(self._commands.subscribers)
         if before != after:
             self._helm.changed()
 

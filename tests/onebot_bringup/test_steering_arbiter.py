@@ -48,7 +48,7 @@ def test_what_is_held_is_published_within_the_limits(arbiter):
         lambda arbiter: arbiter.leave("a"),
         lambda arbiter: arbiter.refuse("a"),
         lambda arbiter: arbiter.stop(),
-        lambda arbiter: arbiter.watch(DEAD_MAN + 0.01),
+        lambda arbiter: arbiter.check(DEAD_MAN + 0.01),
     ],
     ids=["let go", "closed", "malformed", "stop button", "silent"],
 )
@@ -102,9 +102,9 @@ def test_a_page_that_lost_the_wheel_stops_nobody_by_letting_go(arbiter):
 def test_a_short_silence_stops_but_keeps_the_wheel(arbiter):
     """A hitch of the network stops the robot; the same grip goes on when it is over."""
     arbiter.drive("a", FORWARD, 0.0)
-    arbiter.watch(DEAD_MAN - 0.01)
+    arbiter.check(DEAD_MAN - 0.01)
     assert arbiter.command == FORWARD
-    arbiter.watch(DEAD_MAN + 0.01)
+    arbiter.check(DEAD_MAN + 0.01)
     assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.lapses == 1
     arbiter.drive("a", FORWARD, GRIP - 0.1)
     assert arbiter.command == FORWARD
@@ -113,7 +113,7 @@ def test_a_short_silence_stops_but_keeps_the_wheel(arbiter):
 def test_a_long_silence_loses_the_wheel(arbiter):
     """What was queued up meanwhile must not set the robot going."""
     arbiter.drive("a", FORWARD, 0.0)
-    arbiter.watch(GRIP + 0.01)
+    arbiter.check(GRIP + 0.01)
     arbiter.drive("a", FORWARD, GRIP + 0.02)
     assert arbiter.driver is None and arbiter.command == ZERO
 
@@ -135,7 +135,7 @@ def test_the_robot_moves_only_while_its_driver_says_so(events):
     for kind, page, wait in events:
         if kind == "wait":
             now += wait
-            arbiter.watch(now)
+            arbiter.check(now)
         elif kind == "stop":
             arbiter.stop()
         elif kind == "take":
@@ -157,12 +157,12 @@ def test_the_robot_moves_only_while_its_driver_says_so(events):
 def test_the_times_of_silence_are_exceeded_not_reached(arbiter):
     """At the limit itself nothing happens yet; nor does an old time undo anything."""
     arbiter.drive("a", FORWARD, 10.0)
-    arbiter.watch(10.0 + DEAD_MAN)
+    arbiter.check(10.0 + DEAD_MAN)
     assert arbiter.command == FORWARD and arbiter.lapses == 0
     arbiter.drive("a", FORWARD, 20.0)
-    arbiter.watch(20.0 + GRIP)
+    arbiter.check(20.0 + GRIP)
     assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.lapses == 1
-    arbiter.watch(20.0 + GRIP + 0.001)
+    arbiter.check(20.0 + GRIP + 0.001)
     assert arbiter.driver is None and arbiter.lapses == 1
 
 

@@ -86,18 +86,18 @@ def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:
     steered.helm.take("a", Drive(FORWARD))
     steered.said()
     steered.now += DEAD_MAN
-    steered.helm.watch()
+    steered.helm.check()
     assert steered.said() == [] and steered.helm.lapses == 0
     steered.now = 100.0 + DEAD_MAN + 0.001
-    steered.helm.watch()
+    steered.helm.check()
     assert steered.said() == [ZERO] and steered.helm.lapses == 1 and steered.changes == 1
-    steered.helm.watch()
+    steered.helm.check()
     assert steered.said() == [] and steered.helm.lapses == 1
     steered.now = 100.0 + GRIP
-    steered.helm.watch()
+    steered.helm.check()
     assert steered.helm.now.driver == "a" and steered.changes == 1
     steered.now = 100.0 + GRIP + 0.001
-    steered.helm.watch()
+    steered.helm.check()
     assert steered.helm.now.driver is None and steered.changes == 2
     assert steered.helm.lapses == 1
 
@@ -107,7 +107,7 @@ def test_silence_counts_from_the_last_word(steered: Steered) -> None:
     for _ in range(10):
         steered.helm.take("a", Drive(FORWARD))
         steered.now += DEAD_MAN * 0.9
-        steered.helm.watch()
+        steered.helm.check()
     assert steered.helm.now.command == FORWARD and steered.helm.lapses == 0
 
 

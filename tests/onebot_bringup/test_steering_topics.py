@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from onebot_bringup.steering.protocol import Velocity
-from onebot_bringup.steering.steering_page import ControllerLimits, Listener
+from onebot_bringup.steering.steering_page import CommandSubscriber, ControllerLimits
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
@@ -178,7 +178,7 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     """The next one of its name tells its limits, whether or not it was seen to be gone."""
     monkeypatch.setattr("onebot_bringup.steering.steering_page._ANSWER_BY", patience)
     limits = ControllerLimits(peer.node)
-    robots = [Listener("/robot", "geometry_msgs/msg/Twist")]
+    robots = [CommandSubscriber("/robot", "geometry_msgs/msg/Twist")]
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain, args=[])
     mute = rclpy.create_node("robot", context=context, start_parameter_services=False)
@@ -191,7 +191,7 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     executor.add_node(mute)
 
     def asked() -> bool:
-        assert limits.look(robots) is None
+        assert limits.update(robots) is None
         try:
             executor.spin_once(0.1)
         except _Dies:
@@ -203,11 +203,11 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     mute.destroy_node()
     rclpy.shutdown(context=context)
     if seen:
-        assert limits.look([]) is None
+        assert limits.update([]) is None
     with Peer(ros_domain, "robot") as robot:
         robot.node.declare_parameter("linear.x.max_velocity", 0.4)
         robot.node.declare_parameter("angular.z.max_velocity", 0.5)
-        found = wait_for(lambda: limits.look(robots), "the second robot's limits")
+        found = wait_for(lambda: limits.update(robots), "the second robot's limits")
     assert found == Velocity(0.4, 0.5)
 
 
