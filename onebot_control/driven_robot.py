@@ -312,7 +312,7 @@ class Fleet:
 
         Raises:
             OneBotError: config and description do not suit each other, cannot be simulated, or two
-                robots stand in the same place.
+                robots start in the same place.
         """
         left, right = config.left_wheel_names, config.right_wheel_names
         check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)

@@ -149,7 +149,7 @@ class ViewProxy:
                     self._passing.discard(found)
         except aiohttp.ClientConnectorError:
             raise web.HTTPBadGateway(text=f"{_AWAY}\n") from None
-        except (aiohttp.ClientError, ConnectionResetError):
+        except (aiohttp.ClientError, ConnectionError):
             # One of both ends has left in the middle: so ends this connection, too.
             if request.transport is not None:
                 request.transport.close()

@@ -1,7 +1,7 @@
 """Checks of a robot description beyond single values, which ``reading`` checks.
 
 Names, the tree of links, joints that follow others, masses, mesh files, materials, elements and
-attributes that URDF does not know, and xacro that nobody has expanded.
+attributes that are not part of URDF, and xacro that is not expanded.
 """
 
 import re
@@ -378,7 +378,7 @@ _XACRO_LEFT = re.compile(r"\$\{[^}]*\}?|\$\([^)]*\)?")
 
 
 def check_schema(findings: Findings) -> None:
-    """Warn of what URDF does not know, and refuse xacro that nobody has expanded."""
+    """Warn of what is not part of URDF, and refuse xacro that is not expanded."""
     leftovers: list[tuple[Element, str]] = []
     waiting = [findings.document.root]
     while waiting:

@@ -194,7 +194,7 @@ class _File(_Yaml):
                 else "put quotes around its texts"
             )
             self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
-        # rcl cannot know the type of an empty list, and takes it as not given.
+        # rcl cannot infer the type of an empty list, and treats it as not given.
         return values or None
 
     def _scalar(self, name: str, node: yaml.ScalarNode) -> bool | int | float | str:

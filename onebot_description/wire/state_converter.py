@@ -243,7 +243,7 @@ class _CompiledCall:
     """Makes the builtin and the layouts that it recognises."""
 
     def __init__(self, times: PublishedTimes) -> None:
-        """Know no layout yet; ``times`` are shared with the way through ordinary messages."""
+        """Begin without layouts; ``times`` are shared with the way through ordinary messages."""
         self._times = times
         self._state = _State(
             times.interval_ns,
