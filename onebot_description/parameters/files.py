@@ -418,7 +418,7 @@ class LiveParameters:
         return {**changes, **dict.fromkeys(gone)}
 
     def overridden(self, file: Parameters) -> list[str]:
-        """Names that were edited in ``file`` in vain, as the command line decides them."""
+        """Names edited in ``file`` without effect, as the command line overrides them."""
         edited = (n for n in self._pinned if file.values.get(n) != self.file.values.get(n))
         return list(edited)
 

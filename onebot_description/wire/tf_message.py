@@ -205,7 +205,7 @@ def _check_versions() -> None:
 def _find_version(package: str) -> str | None:
     """Return the version in an installed package.xml; None if there is no such file.
 
-    importlib.metadata would know as well, but for wheels only, and its import takes 15 ms.
+    importlib.metadata has it as well, but for wheels only, and its import takes 15 ms.
     """
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     for prefix in filter(None, prefixes):
