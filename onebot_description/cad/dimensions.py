@@ -52,7 +52,7 @@ class Caster:
 
     @property
     def axle_drop(self) -> float:
-        """How far the wheel's axle lies below the mount, when the wheel stands on the ground."""
+        """The distance of the wheel's axle below the mount, with the wheel on the ground."""
         return self.mount_height - self.wheel.radius
 
 
