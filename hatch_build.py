@@ -31,10 +31,10 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[misc]
 
         Args:
             version: "editable" for an editable install, "standard" for a wheel with all files.
-            build_data: what hatchling reads from a hook; told the library and the wheel's tag.
+            build_data: what hatchling reads from a hook; gets the library and the wheel's tag.
 
         Raises:
-            BuildError: nothing here can compile C; the message says what to install.
+            BuildError: nothing here can compile C; the message names what to install.
         """
         if self.target_name != "wheel":
             return

@@ -1,4 +1,7 @@
-"""``onebot accuracy``: measure, print the table, and write it where it is asked for."""
+"""``onebot accuracy``: odometry and motion accuracy of a simulated robot, as a table.
+
+`measure` drives the paths and compares command, odometry and true pose; `table` prints the result.
+"""
 
 import argparse
 import math
@@ -17,72 +20,75 @@ from onebot_control.poses import PlanarPose, yaw_of
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
 
-# The paths that are driven: what is commanded, for how long.
-
+_SUMMARY = "Measure the accuracy of odometry and motion in simulation, and print it as a table."
 LINEAR = 0.2  # m/s
 ANGULAR = 0.5  # rad/s
 _CROSSING = 0.5  # s
 _REST = 1.0  # s, long enough for OneBot's limiter to stop
 
+# The goals of the project: shares, m, simulated seconds per second.
+ODOMETRY_GOAL = 0.0005
+TRUTH_GOAL = 0.005
+REST_GOAL = 1e-5
+FACTOR_GOAL = 15.0
+
+BEGIN, END = "<!-- accuracy -->", "<!-- /accuracy -->"
+_HEAD = (
+    "Path",
+    "Commanded: x, y, heading",
+    "Odometry",
+    "Truth",
+    "Odometry to truth",
+    "Truth to command",
+)
+
 
 class Segment(NamedTuple):
-    """A command held for a while.
+    """A constant command."""
 
-    Attributes:
-        linear: m/s, forward.
-        angular: rad/s, to the left.
-        duration: s.
-    """
-
-    linear: float
-    angular: float
-    duration: float
+    linear: float  # m/s, forward
+    angular: float  # rad/s, to the left
+    duration: float  # s
 
     def cycles(self, period: float) -> int:
-        """Control cycles of ``period`` seconds it takes, the last one whole."""
+        """The number of control cycles of ``period`` seconds, rounded up."""
         return math.ceil(self.duration / period - 1e-9)
 
     def command(self, period: float) -> tuple[float, float]:
-        """Linear and angular velocity that cover the same way in whole cycles.
+        """Linear and angular velocity that cover the same distance in whole cycles.
 
-        They are slower by less than a cycle's share. A limiter that brakes as it accelerates does
-        not change the way covered: what is missing at one end comes at the other.
+        A limiter with equal acceleration and deceleration does not change the distance: what is
+        missing at the start is added at the end.
         """
         share = self.duration / (self.cycles(period) * period)
         return self.linear * share, self.angular * share
 
 
 class DrivenPath(NamedTuple):
-    """Segments driven one after the other, from rest.
+    """Segments driven one after the other, from rest."""
 
-    Attributes:
-        name: for the table.
-        segments: what is commanded.
-        turning: a turn on the spot, whose error is one of heading, not of place.
-    """
-
-    name: str
+    name: str  # for the table
     segments: tuple[Segment, ...]
-    turning: bool = False
+    turning: bool = False  # a turn on the spot, whose error is in heading, not in position
 
 
-def straight(way: float, speed: float = LINEAR) -> tuple[Segment, ...]:
-    """``way`` metres ahead, then rest."""
-    return Segment(speed, 0.0, way / speed), Segment(0.0, 0.0, _REST)
+def straight(distance: float, speed: float = LINEAR) -> tuple[Segment, ...]:
+    """Drive ``distance`` metres ahead, then rest."""
+    return Segment(speed, 0.0, distance / speed), Segment(0.0, 0.0, _REST)
 
 
 def turn(angle: float, speed: float = ANGULAR) -> tuple[Segment, ...]:
-    """``angle`` radians to the left on the spot, then rest."""
+    """Turn ``angle`` radians to the left on the spot, then rest."""
     return Segment(0.0, speed, angle / speed), Segment(0.0, 0.0, _REST)
 
 
 def eight(radius: float, speed: float = LINEAR) -> tuple[Segment, ...]:
-    """A circle to the left, a little straight on, and a circle to the right without a stop."""
+    """Drive a circle to the left, a short straight and a circle to the right, without a stop."""
     rate = speed / radius
     once_round = 2.0 * math.pi / rate
     return (
         Segment(speed, rate, once_round),
-        # Long enough for the limiter to straighten out; without it the circles would not close.
+        # Long enough for the limiter to reach zero turn rate; else the circles would not close.
         Segment(speed, 0.0, _CROSSING),
         Segment(speed, -rate, once_round),
         Segment(0.0, 0.0, _REST),
@@ -97,88 +103,61 @@ PATHS = (
 )
 
 
-# Driving the paths, and comparing where the robot should be, believes to be, and is.
-
-
 class Deviation(NamedTuple):
-    """How far one pose is from another.
+    """The distance between two poses."""
 
-    Attributes:
-        place: m.
-        heading: rad.
-    """
-
-    place: float
-    heading: float
+    position: float  # m
+    heading: float  # rad
 
 
 class Result(NamedTuple):
-    """What a path came to. All poses are relative to the start, headings are not wrapped.
-
-    Attributes:
-        path: that was driven.
-        commanded: end of the path that the limited command describes, followed along exact arcs.
-        odometry: end by wheel odometry.
-        truth: where the robot is.
-        length: m, of the way commanded.
-        turned: rad, all turning commanded, left and right added up.
-        odometry_worst: m, the farthest odometry was from truth on the way.
-        truth_worst: m, the same of truth from command.
-    """
+    """The result of a path. All poses are relative to the start, headings are not wrapped."""
 
     path: DrivenPath
-    commanded: PlanarPose
-    odometry: PlanarPose
-    truth: PlanarPose
-    length: float
-    turned: float
-    odometry_worst: float
-    truth_worst: float
+    commanded: PlanarPose  # final pose of the limited command, integrated along exact arcs
+    odometry: PlanarPose  # final pose by wheel odometry
+    truth: PlanarPose  # final pose of the simulated robot
+    length: float  # m, of the commanded path
+    turned: float  # rad, all commanded turning, left and right added up
+    odometry_worst: float  # m, the largest distance of odometry from truth on the path
+    truth_worst: float  # m, the largest distance of truth from the command
 
     @property
     def odometry_error(self) -> float:
-        """Of odometry against truth, as a share; see ``share``."""
+        """The error of odometry relative to truth; see ``share``."""
         return self.share(deviation(self.odometry, self.truth))
 
     @property
     def truth_error(self) -> float:
-        """Of truth against the command, as a share; see ``share``."""
+        """The error of truth relative to the command; see ``share``."""
         return self.share(deviation(self.truth, self.commanded))
 
-    def share(self, apart: Deviation) -> float:
-        """An error at the end of the path, relative to the path.
+    def share(self, error: Deviation) -> float:
+        """The final error relative to the path.
 
-        The distance between the ends divided by the length of the way (the closing error of a
-        survey), or the difference of headings divided by all turning, whichever is greater. A turn
-        on the spot has no length, so only its heading counts.
+        The greater of the distance divided by the length of the path (the closing error of a
+        survey) and the difference of headings divided by all turning. A turn on the spot has no
+        length, so only its heading counts.
         """
-        shares = [apart.heading / self.turned if self.turned > 1e-9 else 0.0]
+        shares = [error.heading / self.turned if self.turned > 1e-9 else 0.0]
         if not self.path.turning:
-            shares.append(apart.place / self.length)
-        # Unlike max(), it lets no NaN pass for a small number.
+            shares.append(error.position / self.length)
+        # Unlike max(), this returns NaN if any is NaN.
         return float(np.max(shares))
 
 
 class Report(NamedTuple):
-    """The whole experiment.
-
-    Attributes:
-        results: of the paths.
-        rest_drift: m, the farthest that a robot at rest was from its start within ``rest`` seconds.
-        rest: s.
-        real_time_factor: simulated seconds for each second of processor time while driving.
-        rate: control cycles a second.
-    """
+    """The results of all paths, of a robot at rest, and of the simulation's speed."""
 
     results: tuple[Result, ...]
-    rest_drift: float
-    rest: float
-    real_time_factor: float
-    rate: float
+    rest_drift: float  # m, the largest distance of a robot at rest from its start
+    rest: float  # s, the duration of that rest
+    real_time_factor: float  # simulated seconds per second of processor time while driving
+    rate: float  # control cycles per second
 
 
 def deviation(one: PlanarPose, other: PlanarPose) -> Deviation:
-    """How far apart two poses are."""
+    """Return the distance between two poses."""
     return Deviation(math.hypot(one.x - other.x, one.y - other.y), abs(one.yaw - other.yaw))
 
 
@@ -188,16 +167,16 @@ def measure(
     paths: tuple[DrivenPath, ...],
     rest: float = 60.0,
 ) -> Report:
-    """Drive ``paths``, each from the robot's start, and let it rest.
+    """Drive ``paths``, each from the robot's start, then measure its drift at rest.
 
     Args:
         description: of the robot.
         config: of its controller.
-        paths: to drive.
-        rest: s to stand still for.
+        paths: the paths to drive.
+        rest: duration of the rest, s.
 
     Raises:
-        OneBotError: robot and config do not suit each other, or cannot be simulated.
+        OneBotError: robot and config do not match, or cannot be simulated.
     """
     robot = DrivenRobot.of(description, config)
     try:
@@ -209,32 +188,32 @@ def measure(
         spent = time.process_time() - began
         simulated = (robot.ticks - ticks) * robot.period
         robot.reset()
-        standing = follow(robot, DrivenPath("rest", (Segment(0.0, 0.0, rest),)))
+        at_rest = follow(robot, DrivenPath("rest", (Segment(0.0, 0.0, rest),)))
         factor = simulated / max(spent, 1e-9)
-        return Report(tuple(results), standing.truth_worst, rest, factor, config.update_rate)
+        return Report(tuple(results), at_rest.truth_worst, rest, factor, config.update_rate)
     finally:
         robot.plant.close()
 
 
 def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
-    """Drive one path with a robot that stands at its odometry's zero."""
+    """Drive one path; the odometry of the robot must be at zero."""
     commanded = Odometry(robot.controller.odometry.kinematics)
     start = robot.true_pose
     heading = start.yaw
     length = turned = odometry_worst = truth_worst = 0.0
     truth = odometry = planned = PlanarPose()
     for command in (*_commands(path, robot.period), None):
-        # Without a command this is a look at the end, at rest.
+        # None: compare the final poses, at rest.
         if command is not None:
             robot.accept(*command)
         snapshot = robot.begin()
         position, rotation = snapshot.pose.translation.tolist(), snapshot.pose.rotation.tolist()
-        # Headings are followed round and round.
+        # Headings are unwrapped.
         heading += math.remainder(yaw_of(*rotation) - heading, 2.0 * math.pi)
         truth = start.inverse().then(PlanarPose(position[0], position[1], heading))
         odometry = snapshot.odometry
-        odometry_worst = max(odometry_worst, deviation(odometry, truth).place)
-        truth_worst = max(truth_worst, deviation(truth, planned).place)
+        odometry_worst = max(odometry_worst, deviation(odometry, truth).position)
+        truth_worst = max(truth_worst, deviation(truth, planned).position)
         if command is None:
             break
         robot.finish()
@@ -252,26 +231,6 @@ def _commands(path: DrivenPath, period: float) -> Iterator[tuple[float, float]]:
             yield segment.command(period)
 
 
-# The experiment as a table in Markdown, and putting it where it belongs.
-
-BEGIN, END = "<!-- accuracy -->", "<!-- /accuracy -->"
-
-# What the project promises: shares, metres, simulated seconds a second.
-ODOMETRY_GOAL = 0.0005
-TRUTH_GOAL = 0.005
-REST_GOAL = 1e-5
-FACTOR_GOAL = 15.0
-
-_HEAD = (
-    "Path",
-    "Commanded: x, y, heading",
-    "Odometry",
-    "Truth",
-    "Odometry to truth",
-    "Truth to command",
-)
-
-
 def table(report: Report) -> str:
     """Return the report as Markdown."""
     rows = [_HEAD, ("---",) * len(_HEAD), *(_row(result) for result in report.results)]
@@ -286,7 +245,7 @@ def table(report: Report) -> str:
 
 
 def missed(report: Report) -> list[str]:
-    """Return a sentence for each goal that is missed."""
+    """Return a sentence for each missed goal."""
     sentences = []
     for result in report.results:
         for what, error, goal in (
@@ -305,17 +264,17 @@ def missed(report: Report) -> list[str]:
 
 
 def write(file: Path, text: str) -> None:
-    """Put ``text`` between the marks in ``file``; a file that is not there is made.
+    """Write ``text`` between the markers in ``file``; create a file that does not exist.
 
     Raises:
-        OneBotError: the file has no marks, or cannot be read or written.
+        OneBotError: the file has no markers, or cannot be read or written.
     """
     try:
         old = file.read_text(encoding="utf-8") if file.exists() else f"{BEGIN}\n{END}\n"
         before, begin, rest = old.partition(BEGIN)
         _, end, after = rest.partition(END)
         if not (begin and end):
-            raise OneBotError(f"{file}: has no lines {BEGIN} and {END} to put the table between")
+            raise OneBotError(f"{file}: has no lines {BEGIN} and {END} to write the table between")
         file.write_text(f"{before}{BEGIN}\n{text}{END}{after}", encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise OneBotError(f"{file}: {error}") from None
@@ -344,12 +303,12 @@ def main(argv: Sequence[str]) -> int:
     """Run the command.
 
     Returns:
-        0 if every goal is met, else 1; the goals missed are on stderr.
+        0 if every goal is met, else 1; missed goals are printed on stderr.
 
     Raises:
         OneBotError: a file is missing or wrong.
     """
-    parser = argparse.ArgumentParser(prog="onebot accuracy", description=__doc__)
+    parser = argparse.ArgumentParser(prog="onebot accuracy", description=_SUMMARY)
     parser.add_argument(
         "--robot",
         default="package://onebot_description/urdf/onebot.urdf.xacro",
@@ -360,7 +319,7 @@ def main(argv: Sequence[str]) -> int:
         "--write",
         type=Path,
         metavar="FILE",
-        help=f"also put the table into FILE, between the lines {BEGIN} and {END}",
+        help=f"also write the table to FILE, between the lines {BEGIN} and {END}",
     )
     arguments = parser.parse_args(argv)
     file = arguments.control or default_control_file()

@@ -25,12 +25,7 @@ from onebot_control.simulation import (
     Twist,
     World,
 )
-from onebot_control.wheel_geometry import (
-    WheelGeometry,
-    check_wheel_names,
-    wheel_radius,
-    wheel_separation,
-)
+from onebot_control.wheel_geometry import WheelGeometry, check_wheel_names, wheel_geometry
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -287,10 +282,12 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
     Raises:
         OneBotError: a wheel joint is missing, or the description does not determine it.
     """
-    left, right = config.left_wheel_names, config.right_wheel_names
-    separation = config.wheel_separation or wheel_separation(description, left, right)
-    return WheelGeometry(
-        separation, config.wheel_radius or wheel_radius(description, [*left, *right])
+    return wheel_geometry(
+        description,
+        config.left_wheel_names,
+        config.right_wheel_names,
+        separation=config.wheel_separation,
+        radius=config.wheel_radius,
     )
 
 
@@ -301,9 +298,7 @@ def _mean(values: Floats, rows: Sequence[int]) -> float:
 class Fleet:
     """Robots of one kind in one world, each with its controller, driven together.
 
-    Attributes:
-        world: which they share.
-        robots: for commands and parameters.
+    ``world`` is what they share; ``robots`` take commands and parameters.
     """
 
     def __init__(
@@ -317,7 +312,7 @@ class Fleet:
 
         Raises:
             OneBotError: config and description do not suit each other, cannot be simulated, or two
-                robots stand in the same place.
+                robots start in the same place.
         """
         left, right = config.left_wheel_names, config.right_wheel_names
         check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)

@@ -87,7 +87,7 @@ class PlanarPose(NamedTuple):
     yaw: float = 0.0
 
     def then(self, other: "PlanarPose") -> "PlanarPose":
-        """Return ``other``, which is given in the frame that this pose is of, in this one's own."""
+        """Return the composition: ``other``, given relative to this pose, in this pose's frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return PlanarPose(
             self.x + c * other.x - s * other.y,

@@ -49,16 +49,21 @@ def check_wheel_names(description: Description, **sides: Sequence[str]) -> None:
 
 
 def wheel_geometry(
-    description: Description, left_names: Sequence[str], right_names: Sequence[str]
+    description: Description,
+    left_names: Sequence[str],
+    right_names: Sequence[str],
+    *,
+    separation: float = 0.0,
+    radius: float = 0.0,
 ) -> WheelGeometry:
-    """Read the drive's geometry from a description.
+    """Return the drive's geometry: what is given, and the description's where that is 0.
 
     Raises:
-        OneBotError: a joint is missing, or the description does not define it.
+        OneBotError: a wheel joint is missing, or the description does not define the geometry.
     """
     return WheelGeometry(
-        wheel_separation(description, left_names, right_names),
-        wheel_radius(description, [*left_names, *right_names]),
+        separation or wheel_separation(description, left_names, right_names),
+        radius or wheel_radius(description, [*left_names, *right_names]),
     )
 
 

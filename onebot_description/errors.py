@@ -1,27 +1,25 @@
-"""Errors that a user can cause and can mend: each message is complete in itself."""
+"""Errors that a user can cause and fix, and the hints in their messages."""
 
 from collections.abc import Iterable
 
-# Words for error messages: what was probably meant, and what does exist.
-
-_MOST_LISTED = 12
+_MAX_LISTED = 12
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the candidate that ``name`` was probably meant to be, or None if none is alike.
+    """Return the candidate most similar to ``name``, or None if none is similar.
 
-    A difference in case only always counts as alike; otherwise about six letters in ten must agree.
+    Case is ignored; about six in ten letters must agree.
     """
-    from difflib import get_close_matches  # slow to import, and commands start with this module
+    from difflib import get_close_matches  # slow to import, and all commands import this module
 
     known = sorted(set(candidates))
-    # Compared without case, but answered as it is written.
+    # Compared without case, but returned as written.
     lowered = {candidate.lower(): candidate for candidate in reversed(known)}
     found = get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
     return lowered[found[0]] if found else None
 
 
-def listing(names: Iterable[str], most: int = _MOST_LISTED) -> str:
+def listing(names: Iterable[str], most: int = _MAX_LISTED) -> str:
     """Return ``names`` sorted and joined by commas; if there are many, the first ``most``."""
     known = sorted(set(names))
     if not known:
@@ -31,25 +29,25 @@ def listing(names: Iterable[str], most: int = _MOST_LISTED) -> str:
 
 
 def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> str:
-    """Return what to append to a message about an unknown ``name``.
+    """Return a hint to append to a message about an unknown ``name``.
 
-    It reads for example `` (did you mean "link1"? known: base_link, link1)``, with a leading space.
-    Of many candidates only the most alike are listed.
+    For example `` (did you mean "link1"? known: base_link, link1)``, with a leading space. Of many
+    candidates only the most similar are listed.
 
     Args:
-        name: what was written.
-        candidates: what would have been right.
+        name: the unknown name.
+        candidates: the valid names.
         what: the word before the list, such as "declared" or "joints".
     """
     known = list(candidates)
     guess = nearest(name, known)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
-    rest = len(set(known)) - _MOST_LISTED
+    rest = len(set(known)) - _MAX_LISTED
     if rest > 0:
-        # The likeliest first: an alphabet's beginning would help nobody.
+        # The most similar ones: the first of the alphabet would be no help.
         from difflib import get_close_matches
 
-        alike = get_close_matches(name, set(known), n=_MOST_LISTED, cutoff=0.0)
+        alike = get_close_matches(name, set(known), n=_MAX_LISTED, cutoff=0.0)
         return f" ({question}{what}: {', '.join(alike)}, and {rest} more)"
     return f" ({question}{what}: {listing(known)})"
 
@@ -59,14 +57,13 @@ class OneBotError(Exception):
 
 
 class UsageError(OneBotError):
-    """A command was called in a way it does not know; commands exit with code 2."""
+    """A wrong command line; commands exit with code 2."""
 
 
 class DescriptionError(OneBotError):
-    """A robot description that cannot be used.
+    """A robot description that cannot be used; ``problems`` holds all that was found.
 
-    Attributes:
-        problems: every problem found, each naming file, element and remedy.
+    Each problem names file, element and remedy.
     """
 
     def __init__(self, problems: Iterable[str]) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from selenium import webdriver
+from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.chrome.service import Service
 
-from tests.support import require_program
+from tests.support import require_program, wait_for
 
 # Without the background flags Chromium itself talks to other hosts, which is not the page's doing.
 _FLAGS = (
@@ -34,6 +35,18 @@ def browser(profile: Path) -> Iterator[webdriver.Chrome]:
         yield driver
     finally:
         driver.quit()
+
+
+def screenshot(driver: webdriver.Chrome) -> bytes:
+    """The page as PNG; on a busy machine Chromium gives up after 10 s, and is asked again."""
+
+    def taken() -> bytes:
+        try:
+            return driver.get_screenshot_as_png()
+        except TimeoutException:
+            return b""
+
+    return wait_for(taken, "a picture of the page", timeout=240.0)
 
 
 def hosts_reached(driver: webdriver.Chrome) -> set[str]:

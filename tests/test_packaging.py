@@ -87,7 +87,12 @@ def test_every_data_folder_is_in_the_table():
 
 
 def _environment_without_ros_variables() -> dict[str, str]:
-    dropped = ("AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")
+    dropped = (
+        "PYTHONPATH",
+        "AMENT_PREFIX_PATH",
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE",
+        "LD_LIBRARY_PATH",
+    )
     return {name: value for name, value in os.environ.items() if name not in dropped}
 
 

@@ -28,7 +28,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
-from onebot_bringup.bags.writer import BagWriter, Qos, Topic
+from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import full_definition, message_class
 from onebot_description.errors import OneBotError
 from onebot_description.node import run_node
@@ -243,7 +243,7 @@ class TopicRecorder:
         recorded = self._topics[topic] = _Recorded(subscription)
         subscription.update(kind, qos)
 
-    def _described(self, name: str, kind: str) -> Topic:
+    def _described(self, name: str, kind: str) -> RecordedTopic:
         """The topic as it is added to the recording, with what its publishers offer now."""
         publishers = self._node.get_publishers_info_by_topic(name)
         publishers = [end for end in publishers if end.topic_type == kind]
@@ -252,7 +252,7 @@ class TopicRecorder:
         hashes = [str(end.topic_type_hash) for end in ends if end.topic_type == kind]
         known = next((text for text in hashes if text.startswith("RIHS")), "")
         offered = tuple(dict.fromkeys(offered_qos(end.qos_profile) for end in publishers))
-        return Topic(name, kind, known, offered)
+        return RecordedTopic(name, kind, known, offered)
 
     def _now(self) -> int:
         """When a message is received, ns: on this computer's clock, or else in simulated time."""

@@ -267,7 +267,7 @@ def _guarded(found: _Found, path: Path, warn: Callable[[str], None]) -> _Found:
 
 
 def _in_order(file: IO[bytes], warn: Callable[[str], None]) -> _Found:
-    """Yield messages as they stand in the file, up to its end or the first damage."""
+    """Yield messages in the order of the file, up to its end or the first damage."""
     file.seek(0)
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}

@@ -24,7 +24,7 @@ _TICK = 500_000_000  # ns of the recording between two calls into Rerun
 _SETTLE = 10.0  # s after its end, for what is shown only once nothing better came
 _REPORT_EVERY = 2.0  # s
 
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ def log_bag(
     frame_prefix: str = "",
     namespace: str = "",
     from_start: bool = True,
-    progress: Say = print,
-    warn: Say = print,
+    progress: Log = print,
+    warn: Log = print,
 ) -> Shown:
     """Log all that ``bag`` holds of a robot.
 
@@ -112,7 +112,7 @@ def log_bag(
 class _Player:
     """Plays a bag into a view whose clock is the bag's."""
 
-    def __init__(self, bag: Bag, warn: Say) -> None:
+    def __init__(self, bag: Bag, warn: Log) -> None:
         self._bag = bag
         self._warn = warn
         self._bad: dict[str, int] = {}  # messages by topic
@@ -124,7 +124,7 @@ class _Player:
         if self._bad[topic] == 1:
             self._warn(f"a message of {topic} is left out: {error}")
 
-    def play(self, view: RobotView, progress: Say) -> Shown:
+    def play(self, view: RobotView, progress: Log) -> Shown:
         """Show all of the bag; ``progress`` is called if it takes over two seconds."""
         bag = self._bag
         count, start, last_tick = 0, None, 0

@@ -36,8 +36,8 @@ class Qos:
 
 
 @dataclass(frozen=True)
-class Topic:
-    """A topic in a recording."""
+class RecordedTopic:
+    """A topic of a recording."""
 
     name: str
     type: str  # package/msg/Type
@@ -76,7 +76,7 @@ class BagWriter:
         self.message_count = 0
         self._start = self._end = 0  # ns, of the messages
         self._counts: dict[int, int] = {}  # of messages, by the topic's number
-        self._topics: dict[int, Topic] = {}
+        self._topics: dict[int, RecordedTopic] = {}
         self._schemas: dict[str, int] = {}
         self._changed = False
         with self._explained():
@@ -93,7 +93,7 @@ class BagWriter:
         """Topics added so far."""
         return len(self._topics)
 
-    def add_topic(self, topic: Topic) -> int:
+    def add_topic(self, topic: RecordedTopic) -> int:
         """Add a topic; return its number for ``write``.
 
         Raises:
@@ -300,7 +300,7 @@ class _McapFile:
         os.close(self._file)
 
 
-def _topic(topic: Topic, count: int) -> dict[str, Any]:
+def _topic(topic: RecordedTopic, count: int) -> dict[str, Any]:
     metadata = {
         "name": topic.name,
         "type": topic.type,

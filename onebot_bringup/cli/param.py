@@ -39,8 +39,16 @@ class ParameterClient:
         return list(self._call("ListParameters", prefixes=list(prefixes)).result.names)
 
     def values(self, names: Sequence[str]) -> list[Any]:
-        """Return a ParameterValue for each name, if all exist."""
-        return list(self._call("GetParameters", names=list(names)).values)
+        """Return a ParameterValue for each name; its type is NOT_SET where there is no value."""
+        from rcl_interfaces.msg import ParameterValue
+
+        found = list(self._call("GetParameters", names=list(names)).values)
+        if len(found) == len(names):
+            return found
+        # rclpy and rclcpp return no value at all when one parameter of the request has none.
+        if len(names) == 1:
+            return [ParameterValue()]
+        return [value for name in names for value in self.values([name])]
 
     def describe(self, names: Sequence[str]) -> list[Any]:
         """Return a ParameterDescriptor for each name, if all exist."""
@@ -52,13 +60,12 @@ class ParameterClient:
         Raises:
             OneBotError: the parameter does not exist; the message lists similar names.
         """
-        values = self.values([name])
-        known = self.names() if not values or values[0].type == NOT_SET else [name]
-        if not values or name not in known:
+        [value] = self.values([name])
+        if value.type == NOT_SET and name not in (known := self.names()):
             raise OneBotError(
                 f'{self._node} has no parameter "{name}"{did_you_mean(name, known, "parameters")}'
             )
-        return values[0]
+        return value
 
     def set(self, pairs: Sequence[tuple[str, str]]) -> list[Any]:
         """Set parameters to values in YAML; return a SetParametersResult each."""

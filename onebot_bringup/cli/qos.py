@@ -1,4 +1,4 @@
-"""Quality of service on the command line: ``--qos-*``, and what suits the publishers there are."""
+"""Quality of service on the command line: the ``--qos-*`` options, and compatible profiles."""
 
 import argparse
 import sys
@@ -25,7 +25,7 @@ _LIVELINESS = ("automatic", "manual_by_topic", "system_default", "best_available
 
 
 def add_arguments(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add the options; ``default`` says in the help what holds without them."""
+    """Add the options; ``default`` describes the profile without them in the help."""
     group = parser.add_argument_group("quality of service", f"Without these: {default}.")
     group.add_argument("--qos-profile", choices=PRESETS, help="a preset to start from")
     group.add_argument("--qos-depth", type=int, metavar="N", help="queue size")
@@ -42,12 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def given(args: argparse.Namespace) -> bool:
-    """Say if any of the options was given."""
+    """Whether any of the options was given."""
     return any(value is not None for name, value in vars(args).items() if name.startswith("qos_"))
 
 
 def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
-    """Return the profile that the options ask for, starting from a preset."""
+    """Return the profile that the options define, starting from a preset."""
     from rclpy.duration import Duration
     from rclpy.qos import (
         DurabilityPolicy,
@@ -67,7 +67,7 @@ def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
     if args.qos_durability:
         found.durability = DurabilityPolicy.get_from_short_key(args.qos_durability)
         if found.durability == DurabilityPolicy.TRANSIENT_LOCAL and found.depth == 0:
-            found.depth = 1  # nothing would be kept for those who come late
+            found.depth = 1  # depth 0 would keep nothing for late subscribers
     if args.qos_liveliness:
         found.liveliness = LivelinessPolicy.get_from_short_key(args.qos_liveliness)
     if args.qos_lease is not None:

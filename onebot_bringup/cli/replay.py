@@ -13,7 +13,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
-    from onebot_bringup.viewer.display_server import Display
+    from onebot_bringup.viewer.display_server import DisplayServer
 
 
 HELP = """\
@@ -77,17 +77,17 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
         from onebot_bringup.bags.reader import Bag
 
         bag = Bag(source)
-    with _display(values) as display:
+    with _server(values) as server:
         if rrd:
             for file in filter(None, (source, view)):
-                display.stream.log_file_from_path(file)
+                server.stream.log_file_from_path(file)
             print(f"showing {source}", flush=True)
         else:
             from onebot_bringup.bags.replay import log_bag
 
             shown = log_bag(
                 bag,
-                display.stream,
+                server.stream,
                 view=view,
                 fixed_frame=values["fixed_frame"],
                 frame_prefix=values["frame_prefix"],
@@ -99,7 +99,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
             print(f"showing {shown.seconds:.1f} s{robot}: {shown.messages} messages", flush=True)
         while values["viewer"] != "none":
             interrupts.check()
-            display.watch()
+            server.watch()
             time.sleep(_WATCH_EVERY)
     return 0
 
@@ -138,11 +138,11 @@ class _Log:
 
 
 @contextmanager
-def _display(values: Mapping[str, str]) -> "Iterator[Display]":
-    from onebot_bringup.viewer.display_server import Display  # slower to import
+def _server(values: Mapping[str, str]) -> "Iterator[DisplayServer]":
+    from onebot_bringup.viewer.display_server import DisplayServer  # slower to import
 
     save = Path(values["save"]).expanduser().absolute() if values["save"] else None
-    display = Display(
+    server = DisplayServer(
         values["viewer"],
         save,
         grpc_port=int(values["grpc_port"]),
@@ -152,9 +152,9 @@ def _display(values: Mapping[str, str]) -> "Iterator[Display]":
         log=_Log(),
     )
     try:
-        yield display
+        yield server
     finally:
-        display.close()
+        server.close()
 
 
 def _checked(

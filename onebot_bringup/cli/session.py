@@ -9,7 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_description.description.packages import use_environment_prefix
@@ -105,11 +105,6 @@ class Session:
         while (left := moment - time.monotonic()) > 0.0:
             # Signals are handled between two waits only.
             self._executor.spin_once(timeout_sec=min(left, 0.1))
-
-    def spin_forever(self) -> NoReturn:
-        """Run callbacks until Ctrl-C."""
-        while True:
-            self._executor.spin_once(timeout_sec=0.1)
 
     def discover(self) -> None:
         """Wait until discovery is complete: no change for some time, or ``spin_time``."""

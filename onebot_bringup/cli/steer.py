@@ -22,7 +22,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.bringup import environment
 from onebot_bringup.launch.nodes import NICE_VIEWER, RosNodes
 from onebot_bringup.launcher.launcher import Launcher
-from onebot_bringup.steering.access import Place, choose_place
+from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_description.errors import OneBotError
 
 _TOPIC = "velocity_controller/cmd_vel"
@@ -82,19 +82,21 @@ def run(argv: Sequence[str]) -> int:
     given = {**topic, **arguments.given}
     values = complete(_ARGUMENTS, given)
     _check(values)
-    place = choose_place(values["host"], int(values["port"]), values["token"])
-    if place.warning:
-        print(f"warning: {place.warning}", file=sys.stderr)
+    bind_address = choose_bind_address(values["host"], int(values["port"]), values["token"])
+    if bind_address.warning:
+        print(f"warning: {bind_address.warning}", file=sys.stderr)
     os.environ.update(environment(values, forced="discovery" in given))
     with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        return _launch(Path(folder), values, place, arguments.ros_args)
+        return _launch(Path(folder), values, bind_address, arguments.ros_args)
 
 
-def _launch(folder: Path, values: Mapping[str, str], place: Place, ros_args: Sequence[str]) -> int:
+def _launch(
+    folder: Path, values: Mapping[str, str], bind_address: BindAddress, ros_args: Sequence[str]
+) -> int:
     own = _needs_viewer(values, ros_args)
     page: dict[str, object] = {name: values[name] for name in ("topic", "odom_topic")}
     page |= {name: float(values[name]) for name in _NUMBERS}
-    page |= {**place.parameters, "open_browser": values["open_browser"] == "true"}
+    page |= {**bind_address.parameters, "open_browser": values["open_browser"] == "true"}
     page["viewer_page"] = f"{_VIEWER if own else 'rerun_viewer'}/page"
     make = RosNodes(folder, values["namespace"], ros_args)
     nodes = [make.node("steering_page", "onebot_bringup.steering.steering_page", page)]
@@ -137,8 +139,8 @@ def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
 
 def _answers(address: str) -> bool:
     """Whether the page still responds; its address stays on the latched topic."""
+    from onebot_bringup.ports import answers
     from onebot_bringup.steering.view_proxy import View
-    from onebot_bringup.viewer.display_server import answers
 
     view = View.parse(address)
     return view is not None and answers(view.page_port)

@@ -1,1 +1,1 @@
-"""Messages as text and text as messages, for any installed type; nothing here imports rclpy."""
+"""Conversion of messages of any installed type to text and back; no module imports rclpy."""

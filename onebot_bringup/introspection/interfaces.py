@@ -1,4 +1,4 @@
-"""Which message and service types are installed, and the Python classes they have.
+"""The installed message and service types, their definitions and Python classes.
 
 The types are listed in the ament index; ``tf2_msgs/msg/TFMessage`` is this project's own where
 tf2_msgs is not installed.
@@ -32,7 +32,7 @@ def message_class(name: str) -> Any:
         name: ``geometry_msgs/msg/Twist``, or short ``geometry_msgs/Twist``.
 
     Raises:
-        OneBotError: it is no installed message; the message lists near names.
+        OneBotError: the message type is not installed; the message lists similar names.
     """
     full = full_name(name, "msg")
     if full == _TF_MESSAGE:
@@ -49,7 +49,7 @@ def service_class(name: str) -> Any:
         name: ``std_srvs/srv/SetBool``, or short ``std_srvs/SetBool``.
 
     Raises:
-        OneBotError: it is no installed service; the message lists near names.
+        OneBotError: the service type is not installed; the message lists similar names.
     """
     return _import(full_name(name, "srv"))
 
@@ -58,7 +58,7 @@ def full_name(name: str, kind: str) -> str:
     """Return ``package/kind/Type`` for a full or short name of an installed type.
 
     Args:
-        name: what the user wrote.
+        name: as the user wrote it.
         kind: ``msg``, ``srv`` or ``action``.
 
     Raises:
@@ -73,7 +73,7 @@ def full_name(name: str, kind: str) -> str:
 
 
 def _suggestion(name: str, known: tuple[str, ...]) -> str:
-    """Which types may be meant, also of the same name in another package."""
+    """A hint on similar types, also with the same name in another package."""
     package, _, kind = name.rpartition("/")
     package = package.partition("/")[0]
     namesakes = [full for full in known if full.rpartition("/")[2].lower() == kind.lower()]
@@ -130,14 +130,14 @@ def definition(name: str) -> str:
         path = Path(prefix) / "share" / package / kind / f"{type_name}.{kind}"
         if path.is_file():
             return path.read_text()
-    if name == _TF_MESSAGE:  # ours, where tf2_msgs is not installed
+    if name == _TF_MESSAGE:  # of this project, if tf2_msgs is not installed
         return "geometry_msgs/TransformStamped[] transforms\n"
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
 
 
 @cache
 def full_definition(name: str) -> str:
-    """Return the definition of a message type as rosbag2 keeps it with the messages.
+    """Return the definition of a message type as rosbag2 stores it with the messages.
 
     The .msg file comes first; those it refers to follow, each once and under a line of its own.
 

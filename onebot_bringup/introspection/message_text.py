@@ -1,7 +1,7 @@
 """Messages as YAML and YAML as messages, as ``ros2 topic echo`` prints and ``pub`` reads them.
 
-What is printed may be cut short. What is read is read strictly: a value that does not fit its field
-is an error that names the field, and nothing is rounded or cut off.
+Printed values may be truncated. Reading is strict: a value that does not fit its field is an error
+that names the field, and nothing is rounded or truncated.
 """
 
 import array
@@ -65,13 +65,13 @@ def to_csv(message: Any, style: Style | None = None) -> str:
 
 
 def is_message(value: Any) -> bool:
-    """Tell messages from the values of their fields."""
+    """Whether ``value`` is a message, not a plain value of a field."""
     return hasattr(value, "get_fields_and_field_types")
 
 
 class _Dumper(yaml.SafeDumper):
     def ignore_aliases(self, data: Any) -> bool:
-        """Write everything out, even what occurs twice."""
+        """Write repeated objects in full, without YAML aliases."""
         return True
 
 
@@ -142,7 +142,7 @@ def _summary(values: Any, slot: Any) -> str:
 
 
 def _type_of(slot: Any) -> str:
-    """The type of a field, as a .msg file has it."""
+    """The type of a field, as in a .msg file."""
     if isinstance(slot, BasicType):
         return str(slot.typename)
     if isinstance(slot, NamespacedType):
@@ -153,7 +153,7 @@ def _type_of(slot: Any) -> str:
 
 
 def pick(message: Any, path: str) -> Any:
-    """Return the part of a message that ``path`` names, such as ``pose.pose.position``.
+    """Return the part of a message at ``path``, such as ``pose.pose.position``.
 
     An index picks an item of a list: ``transforms[0].transform``, ``position[1]``.
 
@@ -188,7 +188,7 @@ def _item(value: Any, step: str, path: str) -> Any:
 
 
 def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
-    """Set the fields of ``message`` that YAML text names; the others stay.
+    """Set the fields of ``message`` that YAML text contains; the others are not changed.
 
     Args:
         message: of any type, or the request of a service.
@@ -215,7 +215,7 @@ def stamp(times: list[Any], nanoseconds: int) -> None:
 
 
 class _Filler:
-    """Sets fields, and collects the times that are to be set when the message is sent."""
+    """Sets fields, and collects the times to be set when the message is published."""
 
     def __init__(self, finite: bool) -> None:
         self._finite = finite
@@ -294,7 +294,7 @@ def _string(slot: Any, value: str, path: str) -> str:
 
 
 def read_scalar(kind: str, text: str, finite: bool = True) -> Any:
-    """Return the value that ``text`` stands for.
+    """Return the value of ``text``.
 
     Args:
         kind: rosidl's name of a basic type: ``boolean``, ``double``, ``int32``, ``octet``, ...
@@ -360,7 +360,7 @@ def _integer(kind: str, text: str, _: bool) -> int:
 
 
 def _whole(kind: str, text: str) -> int:
-    """2.0 and 1e3 are whole numbers; 2.5 is not, and is never cut off silently."""
+    """Parse whole numbers such as 2.0 and 1e3; 2.5 is an error, and is not truncated."""
     try:
         number = float(text)
     except ValueError:
@@ -381,7 +381,7 @@ def _character(kind: str, text: str, _: bool) -> str:
 
 
 def _read_fields(text: str) -> dict[str, Any]:
-    """The fields that YAML text names; scalars are strings, what is left empty is ""."""
+    """The fields in YAML text; scalars are strings, empty values are ""."""
     try:
         values = yaml.load(text, Loader=_TextLoader)
     except yaml.YAMLError as error:
@@ -397,7 +397,7 @@ def _read_fields(text: str) -> dict[str, Any]:
 
 
 class _TextLoader(yaml.BaseLoader):
-    """Keeps scalars as text, for each field to read; refuses a key that is given twice."""
+    """Keeps scalars as text, to be parsed by field; rejects duplicate keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Build a dictionary from ``node``."""
@@ -419,5 +419,5 @@ def _where(error: yaml.YAMLError) -> str:
 
 
 def _hint(text: str) -> str:
-    """The remedy for the most common mistake."""
+    """A hint on the most common mistake."""
     return '; write a space after each ":"' if re.search(r"\w:[\[{\d]", text) else ""

@@ -1,4 +1,4 @@
-"""Parameter values as text and text as parameter values, as ``ros2 param`` has them.
+"""Conversion of parameter values to text and back, like ``ros2 param``.
 
 Values are rcl_interfaces/msg/ParameterValue; its ``type`` is one of the numbers named here.
 """
@@ -15,7 +15,7 @@ from onebot_description.errors import OneBotError
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)
 
-# By type: the field of ParameterValue, what `param get` prints, what `param list` calls it.
+# By type: the field of ParameterValue, the label of `param get`, the type name of `param list`.
 _TYPES: dict[int, tuple[str, str, str]] = {
     BOOL: ("bool_value", "Boolean value is:", "boolean"),
     INTEGER: ("integer_value", "Integer value is:", "integer"),
@@ -30,12 +30,12 @@ _TYPES: dict[int, tuple[str, str, str]] = {
 
 
 def value_of(value: Any) -> Any:
-    """Return the value within a ParameterValue, arrays as rclpy has them; None if it is not set."""
+    """Return the value within a ParameterValue, arrays as in rclpy; None if it is not set."""
     return getattr(value, _TYPES[value.type][0]) if value.type in _TYPES else None
 
 
 def label(value: Any) -> str:
-    """Return what is printed before the value, such as ``Double value is:``."""
+    """Return the label before the value, such as ``Double value is:``."""
     return _TYPES[value.type][1] if value.type in _TYPES else "Parameter not set."
 
 
@@ -45,17 +45,17 @@ def type_label(kind: int) -> str:
 
 
 def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
-    """Return (field of ParameterValue, type, value) for what a user wrote, in YAML.
+    """Return (field of ParameterValue, type, value) for a value in YAML.
 
-    Where a double is declared, a whole number becomes one; where a string is declared, anything
-    does: ROS parameters are strictly typed, but nobody writes ``1`` to choose a type.
+    ROS parameters are strictly typed: an integer is converted if a double is declared, and any
+    text if a string is declared.
 
     Args:
         text: such as ``0.5``, ``true``, ``[a, b]``.
-        declared: the type the parameter has; NOT_SET if unknown.
+        declared: the type of the parameter; NOT_SET if unknown.
 
     Raises:
-        OneBotError: no parameter can have such a value.
+        OneBotError: no parameter type can hold the value.
     """
     if declared == STRING:
         kind, value = STRING, _unquoted(text)
@@ -75,7 +75,7 @@ def _load(text: str) -> Any:
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError:
-        return text  # a string with YAML's characters in it, as rclpy does it
+        return text  # a string that is not valid YAML, as in rclpy
 
 
 def _inferred(text: str, value: Any) -> tuple[int, Any]:
@@ -94,7 +94,7 @@ def _inferred(text: str, value: Any) -> tuple[int, Any]:
 
 
 def _number(text: str) -> float | None:
-    """A number that is a string by YAML 1.1, such as 1e-3."""
+    """The value of a number that YAML 1.1 reads as a string, such as 1e-3."""
     try:
         number = float(text)
     except ValueError:
@@ -134,7 +134,7 @@ def _int64(value: int) -> int:
 
 
 def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
-    """Return a node's parameters as a parameter file has them.
+    """Return a node's parameters as a parameter file has them: those that have a value.
 
     Args:
         node: its full name.
@@ -143,7 +143,8 @@ def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
     """
     tree: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
-        _insert(tree, name.split("."), _yaml_value(value_of(value)))
+        if value.type != NOT_SET:  # rcl reads no file with a null in it
+            _insert(tree, name.split("."), _yaml_value(value_of(value)))
     return yaml.safe_dump({node: {"ros__parameters": tree}}, default_flow_style=False)
 
 

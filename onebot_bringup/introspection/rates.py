@@ -1,4 +1,4 @@
-"""Rate, bandwidth and delay of messages, as ``ros2 topic hz``, ``bw`` and ``delay`` print them."""
+"""Rate, bandwidth and delay of messages, printed like ``ros2 topic hz``, ``bw`` and ``delay``."""
 
 import math
 from collections import deque
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Statistics:
-    """Of a number of samples, in their unit."""
+    """Statistics of samples, in their unit."""
 
     mean: float
-    low: float  # the least
-    high: float  # the greatest
+    low: float  # minimum
+    high: float  # maximum
     deviation: float  # standard deviation of the samples themselves (divided by n)
     count: int  # of samples
 
@@ -34,7 +34,7 @@ class Window:
         self._samples.clear()
 
     def statistics(self) -> Statistics | None:
-        """Return those of the samples; None without new ones since the last call."""
+        """Return the statistics; None without new samples since the last call."""
         count = len(self._samples)
         if not count or not self._new:
             return None
@@ -53,7 +53,7 @@ class Intervals:
         self._last: float | None = None
 
     def arrived(self, seconds: float) -> None:
-        """Add a message by when it was received; a clock set back starts anew."""
+        """Add a message by its time of reception; restart if the clock goes backwards."""
         if self._last is not None and seconds >= self._last:
             self._window.add(seconds - self._last)
         elif self._last is not None:
@@ -61,7 +61,7 @@ class Intervals:
         self._last = seconds
 
     def report(self) -> str | None:
-        """Return what ``ros2 topic hz`` prints; None without messages since the last report."""
+        """Return the report of the rate; None without messages since the last report."""
         found = self._window.statistics()
         if found is None:
             return None
@@ -70,7 +70,7 @@ class Intervals:
 
 
 class Delays:
-    """The age of messages when received, by the time in their header, for ``topic delay``."""
+    """The age of messages at reception, by their header's stamp, for ``topic delay``."""
 
     def __init__(self, size: int | None) -> None:
         """Measure over ``size`` messages at most."""
@@ -81,13 +81,13 @@ class Delays:
         self._window.add(delay)
 
     def report(self) -> str | None:
-        """Return what ``ros2 topic delay`` prints; None without messages since the last report."""
+        """Return the report of the delay; None without messages since the last report."""
         found = self._window.statistics()
         return f"average delay: {found.mean:.3f}\n{_details(found)}" if found else None
 
 
 class Bandwidth:
-    """Bytes received a second, for ``topic bw``."""
+    """Bytes received per second, for ``topic bw``."""
 
     def __init__(self, size: int | None) -> None:
         """Measure over ``size`` messages at most."""
@@ -95,12 +95,12 @@ class Bandwidth:
         self._times: deque[float] = deque(maxlen=size)
 
     def arrived(self, seconds: float, size: int) -> None:
-        """Add a message of ``size`` bytes by when it was received."""
+        """Add a message of ``size`` bytes by its time of reception."""
         self._times.append(seconds)
         self._sizes.add(size)
 
     def report(self, now: float) -> str | None:
-        """Return what ``ros2 topic bw`` prints; None without two messages or new ones."""
+        """Return the report of the bandwidth; None without two messages or new ones."""
         if len(self._times) < 2 or now <= self._times[0]:
             return None
         found = self._sizes.statistics()

@@ -98,13 +98,15 @@ class NodeFactory:
         Raises:
             OneBotError: the page cannot be served where it should be.
         """
-        from onebot_bringup.steering.access import choose_place  # few need it
+        from onebot_bringup.steering.access import choose_bind_address  # few need it
 
-        place = choose_place(self.values["host"], int(self.values["port"]), self.values["token"])
-        if place.warning:
-            print(f"warning: {place.warning}", file=sys.stderr)
+        bind_address = choose_bind_address(
+            self.values["host"], int(self.values["port"]), self.values["token"]
+        )
+        if bind_address.warning:
+            print(f"warning: {bind_address.warning}", file=sys.stderr)
         module = "onebot_bringup.steering.steering_page"
-        return self._node("steering_page", module, place.parameters, on_exit="restart")
+        return self._node("steering_page", module, bind_address.parameters, on_exit="restart")
 
     def bag_recorder(self) -> NodeProcess:
         """Return the recorder, whose end stops nothing else."""

@@ -1,1 +1,1 @@
-"""Behind the steering page: who drives, what pages may say, and who may talk at all."""
+"""The steering page: its node, server, protocol, access rules, and the arbiter of its drivers."""

@@ -1,4 +1,8 @@
-"""Who drives: of several pages, the last one to take hold; and nobody who does not say so."""
+"""Decides which of several steering pages drives the robot, and when it is stopped.
+
+The last page that starts to hold a control drives. `Arbiter` decides; `ThreadSafeArbiter` publishes
+the commands, for a server and a node on different threads.
+"""
 
 import math
 import threading
@@ -9,104 +13,103 @@ from dataclasses import dataclass
 
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
-DEAD_MAN = 0.25  # s without a word from the driver until the robot is stopped
-GRIP = 1.0  # s without a word until the driver has to let go and take hold again
-ZEROS = 3  # commands of zero that follow the last one, in case one gets lost
+COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
+DRIVER_TIMEOUT = 1.0  # s without a message until the driver has to release and hold again
+ZEROS = 3  # zero commands after the last one, in case one gets lost
+_NO_CEILING = Velocity(math.inf, math.inf)
 
 
 @dataclass
 class _Page:
-    holding: bool = False  # it has taken hold and not let go, whether it drives or not
+    holding: bool = False  # it holds a control, whether it drives or not
 
 
 class Arbiter:
-    """Turns what pages say into commands. Pure: the time is always handed in, in seconds.
+    """Converts the messages of pages to commands. Does not read a clock: times are arguments, in s.
 
-    A page that lost the wheel, for whatever reason, has to let go before it can take hold again.
-
-    Attributes:
-        driver: the page that drives; None if none does.
-        limits: the most that is commanded.
-        lapses: how often a driver fell silent while it held the wheel.
-        stops: how often the stop button was pressed.
-        moving: the robot is being told to move, if only at a speed of zero.
+    A page that lost control, for any reason, has to release before it can drive again.
     """
 
     def __init__(self, limits: Velocity) -> None:
         """Start without pages."""
-        self.limits = limits
-        self.driver: str | None = None
-        self.lapses = 0
-        self.stops = 0
-        self.moving = False
+        self.limits = limits  # of commands
+        self.driver: str | None = None  # the page that drives
+        self.timeouts = 0  # how often a driver timed out
+        self.stops = 0  # how often the stop button was pressed
+        self.moving = False  # commands are published, even if their velocity is zero
         self._pages: dict[str, _Page] = {}
-        self._wanted = Velocity()
-        self._heard = 0.0
+        self._velocity = Velocity()
+        self._last_message = 0.0
         self._zeros = 0
 
     @property
     def pages(self) -> int:
-        """How many there are."""
+        """The number of open pages."""
         return len(self._pages)
 
     @property
     def command(self) -> Velocity:
-        """What the robot is told now."""
-        return self._wanted.clamped(self.limits) if self.moving else Velocity()
+        """The present command, within the limits."""
+        return self._velocity.clamped(self.limits) if self.moving else Velocity()
 
     @property
     def busy(self) -> bool:
-        """There is something left to publish."""
+        """Whether commands are left to publish."""
         return self.moving or self._zeros > 0
 
     def join(self, page: str) -> None:
-        """A page was opened."""
+        """Add a page that was opened."""
         self._pages[page] = _Page()
 
     def leave(self, page: str) -> None:
-        """A page was closed, or its connection lost."""
+        """Remove a page that was closed or lost its connection."""
         self._drop(page)
         self._pages.pop(page, None)
 
     def drive(self, page: str, velocity: Velocity, now: float) -> None:
-        """A page holds something; the first time after letting go, it takes the wheel."""
+        """Handle a held control; the first message after a release takes control."""
         known = self._pages[page]
         if not known.holding:
             known.holding = True
             if self.driver is not None:
-                self._halt()  # nothing of the last driver's is left over
+                self._halt()  # discard the last driver's command
             self.driver = page
         if self.driver == page:
-            self._wanted, self._heard, self.moving, self._zeros = velocity, now, True, ZEROS
+            self._velocity, self._last_message, self.moving, self._zeros = (
+                velocity,
+                now,
+                True,
+                ZEROS,
+            )
 
     def release(self, page: str) -> None:
-        """A page let go."""
+        """Handle the release of a control."""
         self._drop(page)
         self._pages[page].holding = False
 
     def stop(self) -> None:
-        """Stop, whoever drives; also when nobody does."""
+        """Stop the robot, regardless of which page drives, or whether any does."""
         self.stops += 1
         self.driver = None
         self._halt()
         self._zeros = ZEROS
 
-    def refuse(self, page: str) -> None:
-        """A page said what it must not: it loses the wheel."""
+    def reject(self, page: str) -> None:
+        """Handle an invalid message: the page loses control."""
         self._drop(page)
         self._pages[page].holding = True
 
-    def watch(self, now: float) -> None:
-        """Stop the robot when its driver has fallen silent."""
-        silence = now - self._heard
-        if self.moving and silence > DEAD_MAN:
+    def check_timeout(self, now: float) -> None:
+        """Stop the robot if its driver has timed out."""
+        silence = now - self._last_message
+        if self.moving and silence > COMMAND_TIMEOUT:
             self._halt()
-            self.lapses += 1
-        if self.driver is not None and silence > GRIP:
+            self.timeouts += 1
+        if self.driver is not None and silence > DRIVER_TIMEOUT:
             self.driver = None
 
-    def take(self) -> Velocity | None:
-        """Return the command to publish now; None if there is nothing to say."""
+    def next_command(self) -> Velocity | None:
+        """Return the command to publish now; None for none."""
         if self.moving:
             return self.command
         if self._zeros > 0:
@@ -120,26 +123,21 @@ class Arbiter:
             self._halt()
 
     def _halt(self) -> None:
-        self._wanted, self.moving = Velocity(), False
-
-
-# Between the pages, whose words come on one thread, and the robot, served by another.
-
-_NO_CEILING = Velocity(math.inf, math.inf)
+        self._velocity, self.moving = Velocity(), False
 
 
 @dataclass(frozen=True)
-class Helmsman:
-    """Who drives, how many could, and what the robot is told."""
+class DrivingState:
+    """A snapshot of the arbiter."""
 
-    driver: str | None
-    pages: int
+    driver: str | None  # the page that drives
+    pages: int  # the number of open pages
     limits: Velocity
-    command: Velocity
+    command: Velocity  # the present command, within the limits
 
 
-class Helm:
-    """An Arbiter for several threads: whatever has to happen at once, happens at once."""
+class ThreadSafeArbiter:
+    """An Arbiter with a lock that publishes its commands: stops and new drivers at once."""
 
     def __init__(
         self,
@@ -150,35 +148,35 @@ class Helm:
         """Start without pages.
 
         Args:
-            limits: the most that is commanded.
-            publish: sends a command to the robot; called from any thread, one at a time.
-            ceiling: the most that the limits can be set to.
+            limits: of commands.
+            publish: called with each command, from any thread, one call at a time.
+            ceiling: the upper bound of the limits.
         """
         self._lock = threading.Lock()
         self._arbiter = Arbiter(limits.clamped(ceiling))
         self._publish = publish
         self._ceiling = ceiling
-        self.changed: Callable[[], None] = lambda: None
+        self.changed: Callable[[], None] = lambda: None  # called when pages need a new state
 
     @property
-    def now(self) -> Helmsman:
-        """How things are."""
+    def state(self) -> DrivingState:
+        """The present state."""
         with self._lock:
-            return self._helmsman()
+            return self._state()
 
     def join(self, page: str) -> None:
-        """A page was opened."""
-        with self._at_once():
+        """Add a page that was opened."""
+        with self._update():
             self._arbiter.join(page)
 
     def leave(self, page: str) -> None:
-        """A page was closed, or its connection lost: if it drove, the robot stops."""
-        with self._at_once():
+        """Remove a page; if it drove, the robot stops."""
+        with self._update():
             self._arbiter.leave(page)
 
-    def take(self, page: str, message: Drive | Release | Stop | SetLimits) -> None:
-        """Do as a page says."""
-        with self._at_once():
+    def handle(self, page: str, message: Drive | Release | Stop | SetLimits) -> None:
+        """Handle a message of a page."""
+        with self._update():
             if isinstance(message, Drive):
                 self._arbiter.drive(page, message.velocity, time.monotonic())
             elif isinstance(message, Release):
@@ -188,52 +186,52 @@ class Helm:
             else:
                 self._arbiter.limits = message.limits.clamped(self._ceiling)
 
-    def refuse(self, page: str) -> None:
-        """A page said what it must not: if it drove, the robot stops."""
-        with self._at_once():
-            self._arbiter.refuse(page)
+    def reject(self, page: str) -> None:
+        """Handle an invalid message; if the page drove, the robot stops."""
+        with self._update():
+            self._arbiter.reject(page)
 
     def set_limits(self, limits: Velocity) -> None:
-        """Set the most that is commanded."""
-        self.take("", SetLimits(limits))
+        """Set the limits of commands."""
+        self.handle("", SetLimits(limits))
 
-    def watch(self) -> None:
-        """Stop the robot when its driver has fallen silent; to be called every 50 ms."""
-        with self._at_once():
-            self._arbiter.watch(time.monotonic())
+    def check_timeout(self) -> None:
+        """Stop the robot if its driver has timed out; to be called every 50 ms."""
+        with self._update():
+            self._arbiter.check_timeout(time.monotonic())
 
     def tick(self) -> None:
-        """Send what is to be sent at the fixed rate."""
+        """Publish the present command, if any; to be called at the fixed rate."""
         with self._lock:
-            self._send()
+            self._publish_next()
 
     def halt(self) -> None:
-        """Take the wheel from whoever drives, and stop a robot that was driven, all at once."""
+        """Take control from the driver and publish all zero commands, if the robot was driven."""
         with self._lock:
             driven = self._arbiter.busy
             self._arbiter.stop()
-            while (velocity := self._arbiter.take()) is not None:
+            while (velocity := self._arbiter.next_command()) is not None:
                 if driven:
                     self._publish(velocity)
         self.changed()
 
     @property
-    def lapses(self) -> int:
-        """How often a driver fell silent while it held the wheel."""
-        return self._arbiter.lapses
+    def timeouts(self) -> int:
+        """How often a driver timed out."""
+        return self._arbiter.timeouts
 
     @contextmanager
-    def _at_once(self) -> Iterator[None]:
-        """Tell the robot, and then the pages, if what is done within makes a difference."""
+    def _update(self) -> Iterator[None]:
+        """Lock for a change; publish at once if it matters, and notify pages of a new state."""
         with self._lock:
-            before, moving = self._helmsman(), self._arbiter.moving
-            asked = self._arbiter.stops
+            before, moving = self._state(), self._arbiter.moving
+            stops = self._arbiter.stops
             yield
-            after = self._helmsman()
+            after = self._state()
             if (before.driver, moving) != (after.driver, self._arbiter.moving) or (
-                asked != self._arbiter.stops
+                stops != self._arbiter.stops
             ):
-                self._send()
+                self._publish_next()
         if (before.driver, before.pages, before.limits) != (
             after.driver,
             after.pages,
@@ -241,11 +239,11 @@ class Helm:
         ):
             self.changed()
 
-    def _send(self) -> None:
-        velocity = self._arbiter.take()
+    def _publish_next(self) -> None:
+        velocity = self._arbiter.next_command()
         if velocity is not None:
             self._publish(velocity)
 
-    def _helmsman(self) -> Helmsman:
+    def _state(self) -> DrivingState:
         arbiter = self._arbiter
-        return Helmsman(arbiter.driver, arbiter.pages, arbiter.limits, arbiter.command)
+        return DrivingState(arbiter.driver, arbiter.pages, arbiter.limits, arbiter.command)

@@ -1,11 +1,11 @@
-"""What a steering page and its server say to each other: JSON in WebSocket text frames.
+"""The messages between a steering page and its server: JSON in WebSocket text frames.
 
 Page to server, each with a ``type``:
-    drive: ``seq`` (whole number), ``linear`` (m/s), ``angular`` (rad/s); sent all the time while
-        something is held, also when nothing changes: silence stops the robot.
-    release: what was held is let go.
-    stop: the stop button; it takes the wheel from whoever drives.
-    topic: ``topic``, the name of the one to steer.
+    drive: ``seq`` (whole number), ``linear`` (m/s), ``angular`` (rad/s); sent repeatedly while a
+        control is held, even if nothing changes: the robot stops after a timeout.
+    release: the control was released.
+    stop: the stop button; every page loses control.
+    topic: ``topic``, the name of the command topic to publish on.
     limits: ``linear`` (m/s), ``angular`` (rad/s), for all pages.
 
 Server to page: ``welcome`` (``id``, ``rate``), ``state`` (see ``state_text``) and ``error``
@@ -21,13 +21,13 @@ from typing import Any, NoReturn
 
 from onebot_description.errors import OneBotError
 
-MAX_LENGTH = 1024  # characters; what a page has to say is a tenth of it
+MAX_LENGTH = 1024  # characters, ten times the longest message of a page
 _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _MAX_TOPIC = 200  # characters
 
 
 class ProtocolError(OneBotError):
-    """A page said what it must not; the text says what."""
+    """A message of a page is invalid; the text describes how."""
 
 
 @dataclass(frozen=True)
@@ -47,31 +47,31 @@ class Velocity:
 
 @dataclass(frozen=True)
 class Drive:
-    """Something is held."""
+    """A control is held."""
 
     velocity: Velocity
 
 
 @dataclass(frozen=True)
 class Release:
-    """It was let go."""
+    """The control was released."""
 
 
 @dataclass(frozen=True)
 class Stop:
-    """The stop button."""
+    """The stop button was pressed."""
 
 
 @dataclass(frozen=True)
 class ChooseTopic:
-    """Steer this topic from now on."""
+    """Publish commands on this topic from now on."""
 
     topic: str
 
 
 @dataclass(frozen=True)
 class SetLimits:
-    """The most that pages can ask for, each above zero."""
+    """New limits of commands, each above zero."""
 
     limits: Velocity
 
@@ -88,10 +88,10 @@ _FIELDS: Mapping[str, frozenset[str]] = {
 
 
 def parse(text: str) -> Message:
-    """Return what a page said.
+    """Return the message that a page sent.
 
     Raises:
-        ProtocolError: it is not exactly one of the messages above, or a number is not finite.
+        ProtocolError: it is none of the messages above, or a number is not finite.
     """
     fields = _object(text)
     kind = fields.pop("type", None)
@@ -127,7 +127,7 @@ def _object(text: str) -> dict[str, Any]:
 
 
 def _refuse(name: str) -> NoReturn:
-    raise ProtocolError(f"{name} is not JSON, and no number to drive by")
+    raise ProtocolError(f"{name} is not valid JSON")
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -160,22 +160,22 @@ def _topic(value: object) -> str:
 
 
 def welcome_text(page: str, rate: float) -> str:
-    """Return the first message to a page: its name, and the commands' rate in Hz."""
+    """Return the first message to a page: its name, and the rate of commands in Hz."""
     return json.dumps({"type": "welcome", "id": page, "rate": rate})
 
 
 def error_text(message: str) -> str:
-    """Return a message that says, in one sentence, what was wrong."""
+    """Return an error message for a page, one sentence."""
     return json.dumps({"type": "error", "message": message})
 
 
 def velocity_fields(velocity: Velocity) -> dict[str, float]:
-    """Return a velocity as the state has it."""
+    """Return the fields of a velocity in a state message."""
     return {"linear": velocity.linear, "angular": velocity.angular}
 
 
 def state_text(fields: Mapping[str, Any]) -> str:
-    """Return the message that tells a page how things are.
+    """Return a state message for a page.
 
     Args:
         fields: ``driver`` (the name of the page that drives, or None), ``you``, ``pages``,

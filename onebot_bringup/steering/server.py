@@ -14,7 +14,7 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 from onebot_bringup.steering.access import Access
-from onebot_bringup.steering.arbiter import Helm
+from onebot_bringup.steering.arbiter import ThreadSafeArbiter
 from onebot_bringup.steering.protocol import (
     ChooseTopic,
     ProtocolError,
@@ -26,16 +26,26 @@ from onebot_bringup.steering.protocol import (
 )
 from onebot_bringup.steering.view_proxy import ViewProxy
 
-# How the page is served: a thread that answers on a socket.
-
-_PATIENCE = 0.5  # s for what is being answered when the server stops
+STATIC = Path(__file__).parent / "static"
+STATE_PERIOD = 0.1  # s
+_MIN_PERIOD = 0.02  # s between two states, even if more changes
+_HEARTBEAT = 5.0  # s between two pings; a page that does not respond counts as closed
+_MAX_MESSAGE = 1 << 16  # bytes; beyond it the connection is closed
+_MAX_PAGES = 64
+_SHUTDOWN_TIMEOUT = 0.5  # s for pending responses when the server stops
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
 
 
 class ServerThread:
-    """Serves an application until it is stopped."""
+    """Serves an application on a socket, in a thread, until it is stopped."""
 
     def __init__(self, app: web.Application, listener: socket.socket) -> None:
-        """Start."""
+        """Start the thread and wait until its event loop runs."""
         self._app, self._listener = app, listener
         self._end = asyncio.Event()
         self._running = threading.Event()
@@ -46,20 +56,20 @@ class ServerThread:
         self._running.wait()
 
     def call(self, action: Callable[[], None]) -> None:
-        """Have something done in the server's thread, soon; not once it is stopped."""
+        """Call ``action`` in the server's thread; ignored after `stop`."""
         with contextlib.suppress(RuntimeError):
             self._loop.call_soon_threadsafe(action)
 
     def stop(self) -> None:
         """Close all connections and the socket."""
         self.call(self._end.set)
-        self._thread.join(4 * _PATIENCE)
+        self._thread.join(4 * _SHUTDOWN_TIMEOUT)
 
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._running.set()
         runner = web.AppRunner(
-            self._app, access_log=None, handle_signals=False, shutdown_timeout=_PATIENCE
+            self._app, access_log=None, handle_signals=False, shutdown_timeout=_SHUTDOWN_TIMEOUT
         )
         await runner.setup()
         await web.SockSite(runner, self._listener).start()
@@ -67,95 +77,62 @@ class ServerThread:
         await runner.cleanup()
 
 
-STATIC = Path(__file__).parent / "static"
-STATE_PERIOD = 0.1  # s
-_SHORTEST = 0.02  # s between two states, whatever changes
-_HEARTBEAT = 5.0  # s between two pings; a page that does not answer is taken for closed
-_LARGEST = 1 << 16  # bytes; beyond it the connection is closed
-_MOST_PAGES = 64
-_NEVER_CHANGING = {
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cache-Control": "no-cache",
-}
-
-
 @dataclass(frozen=True)
-class Robot:
-    """What pages are told about the robot.
+class RobotStatus:
+    """The part of a page's state that the node provides."""
 
-    Attributes:
-        topic: the one that is steered, in full.
-        topic_type: its type, such as geometry_msgs/msg/Twist.
-        topics: those that could be, the ones that somebody listens to first.
-        listeners: how many listen.
-        odometry: its fields in the state, None while there is none.
-    """
-
-    topic: str
+    topic: str  # the full name of the command topic
     topic_type: str = "geometry_msgs/msg/Twist"
-    topics: tuple[str, ...] = ()
-    listeners: int = 0
-    odometry: Mapping[str, Any] | None = None
+    topics: tuple[str, ...] = ()  # the topics to choose from, those with subscribers first
+    listeners: int = 0  # the number of subscribers
+    odometry: Mapping[str, Any] | None = None  # its fields in the state
 
 
 @dataclass
-class Cockpit:
-    """What the server needs to know; ``robot`` may be replaced at any time, on any thread.
+class ServerContext:
+    """What the server needs of the node."""
 
-    Attributes:
-        helm: who drives.
-        access: who may.
-        view: the way to the robot's view.
-        robot: what is known about it.
-        choose_topic: called with the name of a page and that of the topic that it wants to steer;
-            ``SteeringServer.refuse`` tells it if it cannot.
-        complain: told of every message that was refused.
-        rate: of the commands, Hz.
-    """
-
-    helm: Helm
+    arbiter: ThreadSafeArbiter
     access: Access
     view: ViewProxy
-    robot: Callable[[], Robot]
+    robot: Callable[[], RobotStatus]
+    # Called with the name of a page and of the topic that it chose; ``SteeringServer.show_error``
+    # replies to that page if the topic cannot be used.
     choose_topic: Callable[[str, str], None]
-    complain: Callable[[str], None]
-    rate: float
+    report: Callable[[str], None]  # called with the problem of each rejected message
+    rate: float  # of commands, Hz
 
 
 class SteeringServer:
     """The aiohttp application."""
 
-    def __init__(self, cockpit: Cockpit) -> None:
+    def __init__(self, context: ServerContext) -> None:
         """Make the application, ``app``."""
-        self._cockpit = cockpit
+        self._context = context
         self._pages: dict[web.WebSocketResponse, _Page] = {}
-        self.app = web.Application(middlewares=[self._guard], client_max_size=_LARGEST)
+        self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
         self.app.on_shutdown.append(self._close_pages)
         self.app.router.add_get("/", self._index)
-        self.app.router.add_get("/ws", self._talk)
+        self.app.router.add_get("/ws", self._serve_page)
         self.app.router.add_static("/static", STATIC)
-        cockpit.view.add_to(self.app)
+        context.view.add_to(self.app)
 
-    def tell(self) -> None:
-        """Send all pages the state now; to be called in the server's own thread."""
+    def notify(self) -> None:
+        """Send all pages the state now; to be called in the server's thread."""
         for page in self._pages.values():
-            page.news.set()
+            page.changed.set()
 
-    def refuse(self, name: str, sentence: str) -> None:
-        """Tell one page why nothing came of its wish; to be called in the server's own thread."""
+    def show_error(self, name: str, sentence: str) -> None:
+        """Send one page an error message; to be called in the server's thread."""
         for page in self._pages.values():
             if page.name == name:
-                page.refusals.append(sentence)
-                page.news.set()
-
-    # --- who may --------------------------------------------------------------------------------
+                page.errors.append(sentence)
+                page.changed.set()
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        access = self._cockpit.access
+        access = self._context.access
         refusal = access.refusal(
             request.headers.get("Host", ""),
             request.headers.get("Origin"),
@@ -168,77 +145,81 @@ class SteeringServer:
         return answer
 
     async def _add_headers(self, request: web.Request, answer: web.StreamResponse) -> None:
-        access = self._cockpit.access
-        for name, value in {**_NEVER_CHANGING, **_policy(request, answer.status)}.items():
+        access = self._context.access
+        for name, value in {**_HEADERS, **_policy(request, answer.status)}.items():
             answer.headers.setdefault(name, value)
         if answer.status < 400 and access.is_token(request.query.get("token")):
-            # By hand: when this is called, aiohttp has written out its cookies already.
+            # As a header: aiohttp has already written its cookies when this is called.
             cookie = f"{access.cookie_name}={access.cookie}; Path=/; HttpOnly; SameSite=Strict"
             answer.headers.add("Set-Cookie", cookie)
-
-    # --- pages ----------------------------------------------------------------------------------
 
     async def _index(self, _: web.Request) -> web.FileResponse:
         return web.FileResponse(STATIC / "index.html")
 
-    async def _talk(self, request: web.Request) -> web.WebSocketResponse:
-        if len(self._pages) >= _MOST_PAGES:
+    async def _serve_page(self, request: web.Request) -> web.WebSocketResponse:
+        if len(self._pages) >= _MAX_PAGES:
             raise web.HTTPServiceUnavailable(text="There are too many pages open.\n")
-        socket = web.WebSocketResponse(heartbeat=_HEARTBEAT, max_msg_size=_LARGEST)
+        socket = web.WebSocketResponse(heartbeat=_HEARTBEAT, max_msg_size=_MAX_MESSAGE)
         await socket.prepare(request)
         page = _Page(socket, request.host)
         self._pages[socket] = page
-        self._cockpit.helm.join(page.name)
-        sender = asyncio.ensure_future(self._keep_telling(page))
+        self._context.arbiter.join(page.name)
+        sender = asyncio.ensure_future(self._send_states(page))
         try:
             async for message in socket:
                 if message.type == WSMsgType.ERROR:
-                    self._cockpit.complain("too large, or no WebSocket frame")
+                    self._context.report("too large, or no WebSocket frame")
                     break
-                await self._hear(page, message.data if message.type == WSMsgType.TEXT else None)
+                await self._on_message(
+                    page, message.data if message.type == WSMsgType.TEXT else None
+                )
         except ConnectionError:
-            pass  # the page left before it got an answer
+            pass  # the page was closed before it got a response
         finally:
-            self._cockpit.helm.leave(page.name)
+            self._context.arbiter.leave(page.name)
             self._pages.pop(socket, None)
             sender.cancel()
         return socket
 
-    async def _hear(self, page: "_Page", text: str | None) -> None:
-        cockpit = self._cockpit
+    async def _on_message(self, page: "_Page", text: str | None) -> None:
+        context = self._context
         try:
             if text is None:
                 raise ProtocolError("messages are text")
             message = parse(text)
         except ProtocolError as error:
-            cockpit.helm.refuse(page.name)
-            cockpit.complain(str(error))
+            context.arbiter.reject(page.name)
+            context.report(str(error))
             await page.socket.send_str(error_text(f"Refused: {error}."))
             return
         if isinstance(message, ChooseTopic):
-            cockpit.choose_topic(page.name, message.topic)
+            context.choose_topic(page.name, message.topic)
         else:
-            cockpit.helm.take(page.name, message)
+            context.arbiter.handle(page.name, message)
 
-    async def _keep_telling(self, page: "_Page") -> None:
+    async def _send_states(self, page: "_Page") -> None:
         """Send one page the state, ten times a second and whenever something changes."""
         try:
-            await page.socket.send_str(welcome_text(page.name, self._cockpit.rate))
+            await page.socket.send_str(welcome_text(page.name, self._context.rate))
             while not page.socket.closed:
-                page.news.clear()
-                while page.refusals:
-                    await page.socket.send_str(error_text(page.refusals.popleft()))
+                page.changed.clear()
+                while page.errors:
+                    await page.socket.send_str(error_text(page.errors.popleft()))
                 await page.socket.send_str(state_text(self._state(page)))
-                await asyncio.sleep(_SHORTEST)
+                await asyncio.sleep(_MIN_PERIOD)
                 try:
-                    await asyncio.wait_for(page.news.wait(), STATE_PERIOD - _SHORTEST)
+                    await asyncio.wait_for(page.changed.wait(), STATE_PERIOD - _MIN_PERIOD)
                 except asyncio.TimeoutError:
                     pass
         except ConnectionError:
-            pass  # the page is gone, as the other end will notice
+            pass  # the page was closed; the reader ends, too
 
     def _state(self, page: "_Page") -> dict[str, Any]:
-        now, robot, view = self._cockpit.helm.now, self._cockpit.robot(), self._cockpit.view.view
+        now, robot, view = (
+            self._context.arbiter.state,
+            self._context.robot(),
+            self._context.view.view,
+        )
         return {
             "driver": now.driver,
             "you": now.driver == page.name,
@@ -261,14 +242,14 @@ class SteeringServer:
 @dataclass
 class _Page:
     socket: web.WebSocketResponse
-    host: str  # the name that the browser knows this server by
+    host: str  # of this server, as the browser has it
     name: str = field(default_factory=lambda: secrets.token_hex(4))
-    news: asyncio.Event = field(default_factory=asyncio.Event)
-    refusals: deque[str] = field(default_factory=deque)
+    changed: asyncio.Event = field(default_factory=asyncio.Event)
+    errors: deque[str] = field(default_factory=deque)
 
 
 def _policy(request: web.Request, status: int) -> dict[str, str]:
-    # Some browsers do not take ws: for a part of 'self'. The guard has checked the host's form.
+    # Some browsers do not count ws: as a part of 'self'. The guard has checked the host's form.
     socket = f" ws://{request.host}" if status < 400 else ""
     return {
         "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; object-src 'none'; "

@@ -1,33 +1,33 @@
 #!/usr/bin/env python3
-"""A page to steer a robot from, with the robot's view beside it: rqt_robot_steering in a browser.
+"""A page in the browser to drive a robot from, with its 3D view: like rqt_robot_steering.
 
-It stops the robot as soon as nothing is held any more, whatever the reason; should this node itself
-die, the robot's controller does so after its cmd_vel_timeout.
+The robot stops as soon as no control is held. If this node dies, the robot's controller stops
+it after its cmd_vel_timeout.
 
 Publishes:
-    the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot takes it, reliable, depth
-        10): linear.x in m/s and angular.z in rad/s, at ``rate`` while something is held; then zero,
-        three times, and nothing more, so that others can drive.
+    the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot subscribes, reliable,
+        depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
+        three zero commands, and nothing more, so that other nodes can drive.
 
 Subscribes:
     odometry (nav_msgs/Odometry, best effort, depth 1): see odom_topic.
-    the parameter viewer_page (std_msgs/String, latched): where rerun_viewer's page is.
+    the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
 
 Calls:
     get_parameters of the robot's controller, for its limits.
 
 Parameters:
-    host (string, "127.0.0.1"): where the page is served. Anything that other computers can reach
-        takes a token in the page's address.
-    port (int, 8080): another if it is in use, 0 for any.
-    token (string, ""): asked for in the page's address; made anew where one is needed.
-    topic (string, "velocity_controller/cmd_vel"): to steer at first.
+    host (string, "127.0.0.1"): the address to serve the page on. If other computers can reach it,
+        the page's address has a token.
+    port (int, 8080): another one if it is in use, 0 for any.
+    token (string, ""): required in the page's address; generated where one is needed.
+    topic (string, "velocity_controller/cmd_vel"): the initial command topic.
     odom_topic (string, ""): "" for the sibling "odom" of the topic, or else the only Odometry.
-    rate (double, 20.0 Hz): of the commands; 5 to 100.
-    max_linear (double, 0.0 m/s), max_angular (double, 0.0 rad/s): the most that pages can ask for;
-        0.0 for the controller's linear.x.max_velocity and angular.z.max_velocity, or else 1.0 and
-        2.0, to begin with.
-    viewer_page (string, "rerun_viewer/page"): the topic that says where the view is.
+    rate (double, 20.0 Hz): of commands; 5 to 100.
+    max_linear (double, 0.0 m/s), max_angular (double, 0.0 rad/s): the upper bound of commands; 0.0
+        for the controller's linear.x.max_velocity and angular.z.max_velocity, or else 1.0 and 2.0,
+        as initial limits.
+    viewer_page (string, "rerun_viewer/page"): the topic with the address of the view.
     open_browser (bool, true): open the page, if there is a display.
 """
 
@@ -52,10 +52,16 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.steering.access import Access, is_loopback, listen, new_token, reachable_as
-from onebot_bringup.steering.arbiter import ZEROS, Helm
+from onebot_bringup.ports import is_loopback, listen, reachable_as
+from onebot_bringup.steering.access import Access, new_token
+from onebot_bringup.steering.arbiter import ZEROS, ThreadSafeArbiter
 from onebot_bringup.steering.protocol import Velocity
-from onebot_bringup.steering.server import Cockpit, Robot, ServerThread, SteeringServer
+from onebot_bringup.steering.server import (
+    RobotStatus,
+    ServerContext,
+    ServerThread,
+    SteeringServer,
+)
 from onebot_bringup.steering.view_proxy import View, ViewProxy
 from onebot_bringup.viewer.display_server import has_display
 from onebot_control.poses import yaw_of
@@ -66,40 +72,62 @@ from onebot_description.parameters.values import MAX_PORT
 from onebot_description.topic_subscription import RCLError, TopicSubscription, TypeConflictError
 from onebot_description.wire.messages import odometry_sample
 
-# The parameters of the steering page's node -----------------------------------------------------
+DEFAULT_LIMITS = Velocity(1.0, 2.0)  # if neither a parameter nor the controller sets them
+_MIN_RATE, _MAX_RATE = 5.0, 100.0  # Hz
+_TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
+_GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
+_WARN_EVERY = 5.0  # s
+_SHORT_TOKEN = 8  # characters; a token shorter than this can be guessed
 
-USUAL = Velocity(1.0, 2.0)  # limits where nothing else gives any
-_LEAST_RATE, _MOST_RATE = 5.0, 100.0  # Hz
+_TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
+_TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
+_DEPTH = 10
+_OBSERVERS = (  # they subscribe to commands, but are not robots
+    "rerun_viewer",
+    "steering_viewer",
+    "bag_recorder",
+    "rosbag2_recorder",
+    "rosbag2_player",
+)
+
+_RESPONSE_TIMEOUT = 5.0  # s; a running controller responds at once
+_LIMITS = ("linear.x.max_velocity", "angular.z.max_velocity")
+_DOUBLE, _INTEGER = 3, 2  # rcl_interfaces/msg/ParameterType
+
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def _limit(unit: str) -> Any:
-    description = f"the most that pages can ask for, {unit}; 0: the controller's limit"
+    description = f"upper bound of commands, {unit}; 0: the controller's limit"
     return parameter(0.0, description, at_least=0.0, read_only=True)
 
 
 @dataclass(frozen=True)
 class SteeringParameters:
-    """The values; topics are full names once they are resolved, "" for none."""
+    """The parameters of the node; topics are full names, "" for none."""
 
     host: str = parameter(
-        "127.0.0.1", "where the page is served; 0.0.0.0: to other computers, too", read_only=True
+        "127.0.0.1",
+        "address to serve the page on; 0.0.0.0: for other computers, too",
+        read_only=True,
     )
     port: int = parameter(
-        8080, "another if it is in use; 0: any", at_least=0, at_most=MAX_PORT, read_only=True
+        8080, "another one if it is in use; 0: any", at_least=0, at_most=MAX_PORT, read_only=True
     )
     token: str = parameter(
-        "", "asked for in the page's address; made anew where one is needed", read_only=True
+        "", "required in the page's address; generated where one is needed", read_only=True
     )
     topic: str = parameter(
         "velocity_controller/cmd_vel",
-        "to steer, Twist or TwistStamped",
+        "initial command topic, Twist or TwistStamped",
         not_empty=True,
         write="the name of the topic to steer",
         read_only=True,
     )
     odom_topic: str = parameter("", "Odometry to show; empty: the robot's own", read_only=True)
     rate: float = parameter(
-        20.0, "of the commands, Hz", at_least=_LEAST_RATE, at_most=_MOST_RATE, read_only=True
+        20.0, "of commands, Hz", at_least=_MIN_RATE, at_most=_MAX_RATE, read_only=True
     )
     max_linear: float = _limit("m/s")
     max_angular: float = _limit("rad/s")
@@ -110,10 +138,10 @@ class SteeringParameters:
 
     @classmethod
     def of(cls, node: Node) -> "SteeringParameters":
-        """Declare them on ``node`` and return their values.
+        """Declare the parameters on ``node`` and return their values.
 
         Raises:
-            OneBotError: one is wrong.
+            OneBotError: a value is invalid.
         """
         given = read(cls, declare(node, cls))
         topics: dict[str, Any] = {n: _topic(node, n, getattr(given, n)) for n in _TOPICS}
@@ -121,84 +149,69 @@ class SteeringParameters:
 
     @property
     def fixed(self) -> Velocity:
-        """The most that pages can ask for, m/s and rad/s; 0 for the controller's limit."""
+        """The upper bound of commands, m/s and rad/s; 0 for the controller's limit."""
         return Velocity(self.max_linear, self.max_angular)
 
     @property
     def ceiling(self) -> Velocity:
-        """The most that pages can set as limits."""
+        """The upper bound of the limits that pages can set."""
         return Velocity(self.fixed.linear or math.inf, self.fixed.angular or math.inf)
 
-    def limits(self, found: Velocity = USUAL) -> Velocity:
-        """Return the limits to begin with: as fixed, or else as found, or else the usual ones.
+    def limits(self, found: Velocity = DEFAULT_LIMITS) -> Velocity:
+        """Return the initial limits: the parameters, the controller's, or the default ones.
 
         Args:
-            found: the controller's, m/s and rad/s; nan where it has none.
+            found: the controller's limits, m/s and rad/s; NaN where it has none.
         """
         return Velocity(
-            self.fixed.linear or (USUAL.linear if math.isnan(found.linear) else found.linear),
-            self.fixed.angular or (USUAL.angular if math.isnan(found.angular) else found.angular),
+            self.fixed.linear
+            or (DEFAULT_LIMITS.linear if math.isnan(found.linear) else found.linear),
+            self.fixed.angular
+            or (DEFAULT_LIMITS.angular if math.isnan(found.angular) else found.angular),
         )
-
-
-_TOPICS = ("topic", "odom_topic", "viewer_page")
 
 
 def _topic(node: Node, name: str, text: str) -> str:
     try:
         return str(node.resolve_topic_name(text)) if text else ""
-    except Exception as error:  # rclpy raises several kinds, none of them public
+    except Exception as error:  # rclpy raises several types, none of them public
         reason = " ".join(str(error).split("\n")[0].split())
-        raise OneBotError(f"{name}: {text} is no name of a topic: {reason}") from None
-
-
-# The topic that the steering page publishes on, and who listens there.
-
-_TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
-_DEPTH = 10
-_WARN_EVERY = 5.0  # s
-_ONLOOKERS = (
-    "rerun_viewer",
-    "steering_viewer",
-    "bag_recorder",
-    "rosbag2_recorder",
-    "rosbag2_player",
-)
+        raise OneBotError(f"{name}: {text} is not a valid topic name: {reason}") from None
 
 
 @dataclass(frozen=True)
-class Listener:
-    """A robot that takes commands: its node's full name, and the type it takes."""
+class CommandSubscriber:
+    """A node that subscribes to commands."""
 
-    node: str
-    kind: str
+    node: str  # full name
+    kind: str  # the type that it subscribes to
 
 
-def listeners(node: Node, topic: str) -> list[Listener]:
-    """Return who takes commands on ``topic``, in full, without those that only look on."""
+def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
+    """Return the nodes that subscribe to commands on ``topic``, without observers."""
     found = []
     for end in node.get_subscriptions_info_by_topic(topic):
-        looks_on = end.node_name.startswith("_") or end.node_name in _ONLOOKERS
-        if end.topic_type in _TYPES and not looks_on:
+        observes = end.node_name.startswith("_") or end.node_name in _OBSERVERS
+        if end.topic_type in _TYPES and not observes:
             name = f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-            found.append(Listener(name, end.topic_type))
+            found.append(CommandSubscriber(name, end.topic_type))
     return found
 
 
 def command_topics(node: Node) -> tuple[str, ...]:
-    """Return all topics of commands, the ones that somebody listens to first."""
+    """Return all topics of commands, those with subscribers first."""
     named = [
         name
         for name, kinds in node.get_topic_names_and_types()
         if any(kind in _TYPES for kind in kinds)
     ]
-    return tuple(sorted(named, key=lambda name: (not listeners(node, name), name)))
+    return tuple(sorted(named, key=lambda name: (not command_subscribers(node, name), name)))
 
 
 def foreign_type(node: Node, topic: str) -> str:
-    """Return the type of a topic, in full, that exists with others than commands' only; or "".
+    """Return the type of a topic that exists only with other types than commands; else "".
 
-    The commands of ``node`` itself do not count.
+    The publisher of ``node`` itself does not count.
     """
     ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
     own = node.get_name(), node.get_namespace()
@@ -211,83 +224,77 @@ def foreign_type(node: Node, topic: str) -> str:
 
 
 class CommandTopic:
-    """Publishes commands, as the type that the robot takes; from any thread.
+    """Publishes commands with the type that the robot subscribes to; from any thread.
 
-    One node can publish one type on a topic only, and whoever finds another one there cannot tell
-    any more which it is. So there is no publisher before the robot's type is known, unless somebody
-    drives already.
-
-    Attributes:
-        topic: in full.
-        kind: its type.
-        listeners: who takes commands there.
+    A node can publish only one type on a topic, and a second type on a topic confuses other tools.
+    So the publisher is created when the robot's type is known, or when a page drives.
     """
 
     def __init__(self, node: Node, topic: str) -> None:
-        """Begin with ``topic``, a name in full."""
+        """Start with ``topic``, a full name."""
         self._node = node
         self._lock = threading.Lock()
         self._publisher: Any = None
-        self._wanted = False  # somebody drives
+        self._driven = False  # a page has driven
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
-        self.listeners: list[Listener] = []
+        self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
 
     def publish(self, velocity: Velocity) -> None:
-        """Send a command, if there is anything to send it with."""
+        """Publish a command, if there is a publisher."""
         with self._lock:
-            self._wanted = True
+            self._driven = True
             if self._publisher is not None:
                 self._publisher.publish(self._message(velocity))
 
     def choose(self, topic: str) -> None:
-        """Publish on another topic from now on; the robot of the old one is stopped."""
-        self._leave()
-        self.topic, self.listeners, self._wanted = topic, [], False
-        self.look()
+        """Switch to another topic; the robot of the old one is stopped."""
+        self._destroy_publisher()
+        self.topic, self.subscribers, self._driven = topic, [], False
+        self.update()
 
-    def look(self) -> None:
-        """Follow the type that the robot takes; to be called some times a second."""
-        self.listeners = listeners(self._node, self.topic)
+    def update(self) -> None:
+        """Adapt to the type that the robot subscribes to; to be called several times per second."""
+        self.subscribers = command_subscribers(self._node, self.topic)
         foreign = foreign_type(self._node, self.topic)
-        if foreign:  # whoever looks there must not find commands' type
-            self._leave()
-            if self._wanted:
-                self._complain(foreign)
+        if foreign:  # do not add a second type to the topic
+            self._destroy_publisher()
+            if self._driven:
+                self._warn_foreign_type(foreign)
             return
-        kinds = {listener.kind for listener in self.listeners}
+        kinds = {robot.kind for robot in self.subscribers}
         if kinds and self.kind not in kinds:
-            self._leave()
+            self._destroy_publisher()
             self.kind = min(kinds)
-        if self._publisher is None and (kinds or self._wanted):
-            self._enter()
+        if self._publisher is None and (kinds or self._driven):
+            self._create_publisher()
 
     def flush(self) -> None:
-        """Wait until what was sent has arrived, but not long."""
+        """Wait shortly until all commands are acknowledged."""
         publisher = self._publisher
         if publisher is not None and publisher.get_subscription_count():
             publisher.wait_for_all_acked(Duration(seconds=0.1))
 
-    def _complain(self, kind: str) -> None:
+    def _warn_foreign_type(self, kind: str) -> None:
         self._node.get_logger().warning(
-            f"{self.topic} holds {kind}, not Twist or TwistStamped: nothing is sent",
+            f"{self.topic} has the type {kind}, not Twist or TwistStamped: nothing is published",
             throttle_duration_sec=_WARN_EVERY,
         )
 
-    def _enter(self) -> None:
+    def _create_publisher(self) -> None:
         try:
             publisher = self._node.create_publisher(_TYPES[self.kind], self.topic, _DEPTH)
         except RCLError:
-            # The last one, of the other type, is not gone yet; the next look tries again.
+            # The last publisher, of the other type, still exists; the next update tries again.
             return
         with self._lock:
             self._publisher = publisher
 
-    def _leave(self) -> None:
+    def _destroy_publisher(self) -> None:
         publisher = self._publisher
         if publisher is None:
             return
-        if self._wanted:
+        if self._driven:
             for _ in range(ZEROS):
                 self.publish(Velocity())
             self.flush()
@@ -305,42 +312,35 @@ class CommandTopic:
         return message
 
 
-# How fast the steered robot may go, asked of its controller.
-
-_ANSWER_BY = 5.0  # s; a controller that is alive answers at once
-_LIMITS = ("linear.x.max_velocity", "angular.z.max_velocity")
-_DOUBLE, _INTEGER = 3, 2  # rcl_interfaces/msg/ParameterType
-
-
 class ControllerLimits:
-    """Asks the robot's controller how fast it may go, by its parameters."""
+    """Requests the velocity limits of the robot's controller, from its parameters."""
 
     def __init__(self, node: Node) -> None:
-        """Ask nobody yet."""
+        """Start without a controller."""
         self._node = node
-        self._asked = ""
+        self._controller = ""
         self._since = 0.0
         self._client: Any = None
         self._answer: Any = None
 
-    def look(self, robots: Iterable[Listener]) -> Velocity | None:
-        """Ask, if it is a new robot; return its limits, once, as soon as they are there.
+    def update(self, robots: Iterable[CommandSubscriber]) -> Velocity | None:
+        """Request the limits of a new robot; return them once, when they are received.
 
-        A limit that it does not tell, or that is none, comes out as NaN.
+        A limit that is not set, or not above zero, is NaN.
         """
         names = [robot.node for robot in robots]
-        if not names:  # the next one is a new one, whatever its name
+        if not names:  # the next one is a new one, even with the same name
             self._drop()
-            self._asked = ""
-        elif self._asked not in names:
+            self._controller = ""
+        elif self._controller not in names:
             self._drop()
-            self._asked = names[0]
-            service = f"{self._asked}/get_parameters"
+            self._controller = names[0]
+            service = f"{self._controller}/get_parameters"
             self._client = self._node.create_client(GetParameters, service)
         if self._client is None:
             return None
-        if self._answer is not None and time.monotonic() - self._since > _ANSWER_BY:
-            self._forget()  # whom it was sent to may have died, and come back, since then
+        if self._answer is not None and time.monotonic() - self._since > _RESPONSE_TIMEOUT:
+            self._forget()  # the controller may have been restarted since then
         if self._answer is None and self._client.service_is_ready():
             self._answer = self._client.call_async(GetParameters.Request(names=_LIMITS))
             self._since = time.monotonic()
@@ -365,29 +365,18 @@ def _parameter_number(value: Any) -> float:
     return float(number) if math.isfinite(number) and number > 0.0 else math.nan
 
 
-# The odometry that the steering page shows.
-
-
-_ODOMETRY = "nav_msgs/msg/Odometry"
-_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
 class OdometryTopic:
-    """Subscribes to the robot's odometry.
-
-    Attributes:
-        topic: its full name; "" while there is none.
-    """
+    """Subscribes to the robot's odometry."""
 
     def __init__(self, node: Node, fixed: str) -> None:
         """Subscribe to ``fixed``, a full name, or else ("") to what ``update`` finds."""
         self._node, self._fixed = node, fixed
         self._subscription: TopicSubscription | None = None
         self._data: tuple[bytes, float] | None = None
-        self.topic = ""
+        self.topic = ""  # full name; "" for none
 
     def update(self, commands: str) -> None:
-        """Follow the robot that takes ``commands``; to be called some times a second.
+        """Follow the robot that subscribes to ``commands``; to be called several times per second.
 
         Its odometry is the sibling "odom" of that topic, or else the only Odometry there is.
         """
@@ -410,7 +399,7 @@ class OdometryTopic:
         )
 
     def fields(self) -> dict[str, Any] | None:
-        """Return the latest as the page's state has it: m, rad, m/s, rad/s, and its age in s.
+        """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
 
         None if there is none, if it cannot be decoded, or if its numbers are not finite.
         """
@@ -447,11 +436,6 @@ class OdometryTopic:
         return sibling if sibling in known else known[0] if len(known) == 1 else ""
 
 
-_WATCH_PERIOD = 0.05  # s between looks at whether the driver is still there
-_LOOK_PERIOD = 0.25  # s between looks at the ROS graph
-_SHORT = 8  # characters of a token that can be guessed
-
-
 class SteeringPage(Node):
     """The node; see the module's docstring."""
 
@@ -459,31 +443,29 @@ class SteeringPage(Node):
         """Serve the page.
 
         Raises:
-            OneBotError: a parameter is wrong.
+            OneBotError: a parameter is invalid.
         """
         super().__init__("steering_page")
         self._server: ServerThread | None = None
-        self._refuse: Callable[[str, str], None] = lambda page, why: None
+        self._show_error: Callable[[str, str], None] = lambda page, why: None
         self._settings = settings = SteeringParameters.of(self)
         self._commands = CommandTopic(self, settings.topic)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controller = ControllerLimits(self)
         self._topics: tuple[str, ...] = ()
-        self._wishes: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
-        self._helm = Helm(USUAL, self._commands.publish, settings.ceiling)
-        self._helm.set_limits(settings.limits())
+        self._requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
+        self._arbiter = ThreadSafeArbiter(DEFAULT_LIMITS, self._commands.publish, settings.ceiling)
+        self._arbiter.set_limits(settings.limits())
         self._view = ViewProxy()
         self._viewers = 0
-        self._refused = 0
+        self._rejected = 0
         self._page_topic = settings.viewer_page
         self.create_subscription(String, self._page_topic, self._on_viewer, LATCHED)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / settings.rate, self._helm.tick, clock=steady)
-        self.create_timer(_WATCH_PERIOD, self._watch, clock=steady)
-        self.create_timer(_LOOK_PERIOD, self._look, clock=steady)
-
-    # --- the page -------------------------------------------------------------------------------
+        self.create_timer(1.0 / settings.rate, self._arbiter.tick, clock=steady)
+        self.create_timer(_TIMEOUT_PERIOD, self._check_driver, clock=steady)
+        self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
 
     def _serve(self) -> None:
         wanted, rate = self._settings.port, self._settings.rate
@@ -492,16 +474,22 @@ class SteeringPage(Node):
         if wanted not in (0, port):
             self.get_logger().warning(f"port {wanted} is in use; using {port} instead")
         access = Access(self._token(address), address, port)
-        cockpit = Cockpit(
-            self._helm, access, self._view, self._robot, self._wish, self._complain, rate
+        context = ServerContext(
+            self._arbiter,
+            access,
+            self._view,
+            self._robot,
+            self._request_topic,
+            self._report_rejected,
+            rate,
         )
-        server = SteeringServer(cockpit)
+        server = SteeringServer(context)
         self._server = thread = ServerThread(server.app, listener)
-        self._helm.changed = lambda: thread.call(server.tell)
-        self._refuse = lambda page, why: thread.call(lambda: server.refuse(page, why))
+        self._arbiter.changed = lambda: thread.call(server.notify)
+        self._show_error = lambda page, why: thread.call(lambda: server.show_error(page, why))
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
         url = f"http://{reachable_as(listener)}{query}"
-        # Not by the logger: what that says goes to /rosout, and is no place for a token.
+        # Not by the logger, which publishes on /rosout: the token must not get there.
         print(f"open {url}", flush=True)
         if self._settings.open_browser and has_display():
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
@@ -510,45 +498,45 @@ class SteeringPage(Node):
         given = self._settings.token
         if is_loopback(address):
             return given
-        if given and len(given) < _SHORT:
-            self.get_logger().warning("the token is short: whoever guesses it can drive the robot")
+        if given and len(given) < _SHORT_TOKEN:
+            self.get_logger().warning(
+                "the token is short: anyone who guesses it can drive the robot"
+            )
         self.get_logger().warning(
-            "other computers can reach the page: whoever knows its address can drive the robot, and"
-            " whoever listens on the network between learns it (an SSH tunnel keeps it private)"
+            "other computers can reach the page: anyone with its address can drive the robot, and"
+            " the address is not encrypted on the network (use an SSH tunnel to keep it private)"
         )
         return given or new_token()
 
-    def _wish(self, page: str, topic: str) -> None:
-        self._wishes.put((page, topic))
+    def _request_topic(self, page: str, topic: str) -> None:
+        self._requests.put((page, topic))
 
-    def _complain(self, problem: str) -> None:
-        self._refused += 1
+    def _report_rejected(self, problem: str) -> None:
+        self._rejected += 1
         self.get_logger().warning(
-            f"refused a message of a page ({self._refused} so far): {problem}",
+            f"rejected a message of a page ({self._rejected} so far): {problem}",
             throttle_duration_sec=_WARN_EVERY,
         )
 
-    def _robot(self) -> Robot:
+    def _robot(self) -> RobotStatus:
         commands = self._commands
-        return Robot(
+        return RobotStatus(
             commands.topic,
             commands.kind,
             self._topics,
-            len(commands.listeners),
+            len(commands.subscribers),
             self._odometry.fields(),
         )
 
-    # --- the robot ------------------------------------------------------------------------------
-
-    def _watch(self) -> None:
-        lapses = self._helm.lapses
-        self._helm.watch()
-        if self._helm.lapses > lapses:
+    def _check_driver(self) -> None:
+        timeouts = self._arbiter.timeouts
+        self._arbiter.check_timeout()
+        if self._arbiter.timeouts > timeouts:
             self.get_logger().warning(
-                "stopped: the page that drives fell silent", throttle_duration_sec=_WARN_EVERY
+                "stopped: no message from the page that drives", throttle_duration_sec=_WARN_EVERY
             )
-        while not self._wishes.empty():
-            self._choose(*self._wishes.get())
+        while not self._requests.empty():
+            self._choose(*self._requests.get())
 
     def _choose(self, page: str, name: str) -> None:
         topic = str(self.resolve_topic_name(name))
@@ -556,43 +544,47 @@ class SteeringPage(Node):
             return
         kind = foreign_type(self, topic)
         if kind:
-            self._refuse(page, f"{topic} holds {kind}, not Twist or TwistStamped: choose another.")
+            self._show_error(
+                page, f"{topic} has the type {kind}, not Twist or TwistStamped: choose another."
+            )
         else:
-            self._helm.halt()
+            self._arbiter.halt()
             self._commands.choose(topic)
-            self._look()
+            self._poll_graph()
 
-    def _look(self) -> None:
-        """Follow what comes and goes on the ROS graph."""
-        before = self._commands.kind, self._commands.topic, len(self._commands.listeners)
-        self._commands.look()
+    def _poll_graph(self) -> None:
+        """Update topics, subscribers and limits from the ROS graph."""
+        before = self._commands.kind, self._commands.topic, len(self._commands.subscribers)
+        self._commands.update()
         self._odometry.update(self._commands.topic)
         self._topics = command_topics(self)
-        found = self._controller.look(self._commands.listeners)
+        found = self._controller.update(self._commands.subscribers)
         if found is not None:
-            self._helm.set_limits(self._settings.limits(found))
+            self._arbiter.set_limits(self._settings.limits(found))
         if self._view.view is not None and not self.count_publishers(self._page_topic):
-            self._show(None)
-        after = self._commands.kind, self._commands.topic, len(self._commands.listeners)
+            self._set_view(None)
+        after = self._commands.kind, self._commands.topic, len(self._commands.subscribers)
         if before != after:
-            self._helm.changed()
+            self._arbiter.changed()
 
     def _on_viewer(self, message: String) -> None:
         self._viewers += bool(message.data)
         view = View.parse(message.data, self._viewers)
         if message.data and view is None:
-            self.get_logger().warning(f"{self._page_topic} names no page on this computer")
-        self._show(view)
+            self.get_logger().warning(
+                f"{self._page_topic} has no address of a page on this computer"
+            )
+        self._set_view(view)
 
-    def _show(self, view: View | None) -> None:
+    def _set_view(self, view: View | None) -> None:
         self._view.view = view
-        self._helm.changed()
+        self._arbiter.changed()
 
     def destroy_node(self) -> None:
         """Stop the robot, then the server and the node."""
         if self._server is not None:
             self._server.stop()
-            self._helm.halt()
+            self._arbiter.halt()
             self._commands.flush()
         super().destroy_node()
 

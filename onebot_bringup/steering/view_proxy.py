@@ -1,9 +1,9 @@
-"""The robot's view on the page's own address: Rerun's page and its data, passed on.
+"""A proxy of the robot's view: Rerun's page and its data on the steering page's address.
 
 Rerun's page gets its data by gRPC-web from the host and port of its ``url=`` parameter, at
-``/rerun.sdk_comms.v1alpha1.MessageProxyService/...``. Here that is the server that it came from
-itself, so that one port (of an SSH tunnel, say) and one token are enough. What writes into the
-recording is not passed on.
+``/rerun.sdk_comms.v1alpha1.MessageProxyService/...``. Here that is the steering page's server,
+so that one port (such as of an SSH tunnel) and one token are enough. Requests that write into the
+recording are rejected.
 """
 
 import re
@@ -14,13 +14,14 @@ import aiohttp
 from aiohttp import web
 from yarl import URL
 
+from onebot_bringup.ports import LOOPBACK
+
 VIEW_POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
     "connect-src 'self' data: blob:; frame-ancestors 'self'; base-uri 'none'; form-action 'none'"
 )
 _SERVICE = "/rerun.sdk_comms.v1alpha1.MessageProxyService"
 _METHODS = frozenset({"ReadMessages", "ReadTables"})
-_LOOPBACK = "127.0.0.1"
 _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
 _DATA = re.compile(r"rerun\+http://127\.0\.0\.1:(\d{1,5})/proxy")
 _ANSWER_HEADERS = ("Content-Type", "Content-Length", "Content-Encoding", "rerun-final-length")
@@ -29,23 +30,16 @@ _AWAY = "The robot's view does not answer at the moment."
 
 @dataclass(frozen=True)
 class View:
-    """A viewer's page.
+    """The address of a viewer's page on this computer."""
 
-    Attributes:
-        page_port: of the server of the page, on 127.0.0.1.
-        data_port: of the server of the recording, on 127.0.0.1.
-        options: what follows the recording's address in the page's.
-        serial: counts the viewers, so that a page can tell that it has to load the view anew.
-    """
-
-    page_port: int
-    data_port: int
-    options: tuple[str, ...] = ()
-    serial: int = 0
+    page_port: int  # of the page's server, on 127.0.0.1
+    data_port: int  # of the recording's server, on 127.0.0.1
+    options: tuple[str, ...] = ()  # the other parameters of the page's address
+    serial: int = 0  # the number of the viewer: a page reloads the view when it changes
 
     @classmethod
     def parse(cls, address: str, serial: int = 0) -> "View | None":
-        """Return what rerun_viewer's ~/page says; None if that is no page on this computer."""
+        """Parse the message of rerun_viewer's ~/page; None if it is no page on this computer."""
         page = _PAGE.fullmatch(address)
         if page is None:
             return None
@@ -67,15 +61,11 @@ class View:
 
 
 class ViewProxy:
-    """Passes requests on to the viewer's servers.
-
-    Attributes:
-        view: where they are; None while there is no viewer.
-    """
+    """Forwards requests to the viewer's servers."""
 
     def __init__(self) -> None:
-        """Know of no viewer yet."""
-        self.view: View | None = None
+        """Start without a viewer."""
+        self.view: View | None = None  # the viewer, if there is one
         self._session: aiohttp.ClientSession | None = None
         self._passing: set[aiohttp.ClientResponse] = set()
 
@@ -106,14 +96,14 @@ class ViewProxy:
         if not request.query_string and not request.match_info["path"]:
             raise web.HTTPFound(view.path(request.host))
         path = request.rel_url.raw_path_qs.removeprefix("/view")
-        url = URL(f"http://{_LOOPBACK}:{view.page_port}{path}", encoded=True)
+        url = URL(f"http://{LOOPBACK}:{view.page_port}{path}", encoded=True)
         return await self._pass_on(request, "GET", url, {})
 
     async def _data(self, request: web.Request) -> web.StreamResponse:
         view, method = self._known(), request.match_info["method"]
         if method not in _METHODS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
-        url = URL(f"http://{_LOOPBACK}:{view.data_port}{_SERVICE}/{method}", encoded=True)
+        url = URL(f"http://{LOOPBACK}:{view.data_port}{_SERVICE}/{method}", encoded=True)
         headers = {
             name: value
             for name, value in request.headers.items()
@@ -134,7 +124,7 @@ class ViewProxy:
         headers: dict[str, str],
         body: bytes | None = None,
     ) -> web.StreamResponse:
-        """Ask a server of the viewer's, and hand on what it answers as it comes."""
+        """Send the request to a server of the viewer, and stream its response."""
         assert self._session is not None
         try:
             asked = self._session.request(
@@ -148,7 +138,7 @@ class ViewProxy:
                     self._passing.discard(found)
         except aiohttp.ClientConnectorError:
             raise web.HTTPBadGateway(text=f"{_AWAY}\n") from None
-        except (aiohttp.ClientError, ConnectionResetError):
+        except (aiohttp.ClientError, ConnectionError):
             # One of both ends has left in the middle: so ends this connection, too.
             if request.transport is not None:
                 request.transport.close()

@@ -1,12 +1,10 @@
 """Where the robot can be seen: the recording, and the page or the window that shows it."""
 
-import contextlib
 import ctypes
 import http.client
 import os
 import re
 import signal
-import socket
 import subprocess
 import tempfile
 import threading
@@ -22,11 +20,11 @@ from urllib.parse import quote
 import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
+from onebot_bringup.ports import LOOPBACK, answers, free_port
 from onebot_description.errors import OneBotError
 
 # Rerun's own program as a child process that can never outlive us, whatever ends us.
 
-LOOPBACK = "127.0.0.1"
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
 
@@ -106,35 +104,6 @@ def _die_with(parent: int) -> Callable[[], None]:
             os._exit(1)
 
     return arrange
-
-
-def free_port(wanted: int) -> int:
-    """Return ``wanted`` if nobody listens there on this host, else (or for 0) any free port.
-
-    Raises:
-        OneBotError: ``wanted`` is no port.
-    """
-    if not 0 <= wanted <= 65535:
-        raise OneBotError(f"{wanted} is no port: write a number from 1 to 65535, or 0 for any")
-    for port in (wanted, 0):
-        # No SO_REUSEADDR alone: a port in use must be refused, one in TIME_WAIT may be taken.
-        with contextlib.closing(socket.socket()) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((LOOPBACK, port))
-            except OSError:
-                continue
-            return int(probe.getsockname()[1])
-    raise OneBotError("there is no free port on 127.0.0.1")
-
-
-def answers(port: int) -> bool:
-    """Return whether something accepts connections on 127.0.0.1:``port``."""
-    try:
-        with socket.create_connection((LOOPBACK, port), timeout=0.2):
-            return True
-    except OSError:
-        return False
 
 
 # Rerun's page, passed on with an order to the browser: stay on this machine.
@@ -247,7 +216,7 @@ class WebPage:
             f"/?url={quote(recording_uri, safe=':/')}"
             "&hide_welcome_screen&theme=dark&persist=0&notebook=1"
         )
-        self.port = free_port(port)
+        self.port = free_port(port, "web_port")
         self.url = f"http://{LOOPBACK}:{self.port}"
         self.address = self.url + start
         self._server = PageServer(self.port, self._backend, start)
@@ -360,7 +329,7 @@ def open_recording(
     """
     sinks: list[rr.GrpcServerSink | rr.FileSink] = []
     if port is not None:
-        port = free_port(port)
+        port = free_port(port, "grpc_port")
         sinks.append(
             rr.GrpcServerSink(bind_ip=LOOPBACK, port=port, server_memory_limit=memory_limit)
         )
@@ -405,7 +374,7 @@ class Log(Protocol):
         """Say what is not as it should be."""
 
 
-class Display:
+class DisplayServer:
     """An open recording and what shows it, until ``close``.
 
     Attributes:

@@ -46,7 +46,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from onebot_bringup.viewer.display_server import Display
+from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_config import ViewConfig
@@ -109,13 +109,13 @@ class ViewerParameters:
         """The file to write, if any."""
         return Path(self.save).expanduser().absolute() if self.save else None
 
-    def open_display(self, log: Any) -> Display:
+    def open_server(self, log: Any) -> DisplayServer:
         """Open the recording and the viewer.
 
         Raises:
             OneBotError: it cannot be opened.
         """
-        return Display(
+        return DisplayServer(
             self.viewer,
             self.recording,
             grpc_port=self.grpc_port,
@@ -291,15 +291,15 @@ class RerunViewer(Node):
         super().__init__("rerun_viewer")
         parameters = read(ViewerParameters, declare(self, ViewerParameters))
         self._warn = Throttled(self.get_logger().warning)
-        self._display: Display | None = None
+        self._server: DisplayServer | None = None
         if parameters.viewer == "none" and parameters.recording is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
         source = ViewSource(parameters.view)
         settings = ViewParameters(self, source, lambda: self._updates.apply())
-        self._display = parameters.open_display(self.get_logger())
+        self._server = parameters.open_server(self.get_logger())
         self._view = RobotView(
-            self._display.stream,
+            self._server.stream,
             source.view,
             blueprint=source.layout,
             frame_prefix=parameters.frame_prefix,
@@ -327,9 +327,9 @@ class RerunViewer(Node):
             self._updates.apply_view_of(robot.robot_name)
 
     def _poll(self) -> None:
-        assert self._display is not None
-        self._display.watch()
-        address = self._display.page_address
+        assert self._server is not None
+        self._server.watch()
+        address = self._server.page_address
         if address != self._published_page:
             self._published_page = address
             self._page_publisher.publish(String(data=address))
@@ -348,9 +348,9 @@ class RerunViewer(Node):
 
     def destroy_node(self) -> None:
         """Write out the recording, end the viewers and the node."""
-        if self._display is not None:
+        if self._server is not None:
             self._view.finish()
-            self._display.close()
+            self._server.close()
         super().destroy_node()
 
 

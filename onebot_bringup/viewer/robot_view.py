@@ -15,7 +15,7 @@ from onebot_bringup.viewer.displays.display import (
     Context,
     Display,
     MessageType,
-    Topic,
+    WantedTopic,
     one_by_one,
 )
 from onebot_bringup.viewer.displays.tf import TransformStream
@@ -31,7 +31,7 @@ DESCRIPTION: MessageType[str] = MessageType(
     one_by_one(lambda data: str(deserialize_message(data, String).data)),
     lambda _: 0,
 )
-_DESCRIPTION_TOPIC = Topic("robot_description", (DESCRIPTION,), latched=True)
+_DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=True)
 # How long the view waits for every link's frame before it is laid out without them (seconds).
 _PATIENCE = 1.0
 # How long a link or a frame may be missing before that is reported (seconds).
@@ -106,7 +106,7 @@ class RobotView:
     # --- messages -------------------------------------------------------------------------------
 
     @property
-    def topics(self) -> dict[str, Topic]:
+    def topics(self) -> dict[str, WantedTopic]:
         """What to subscribe now, by full names; another view may want others."""
         return self._topics
 
@@ -193,7 +193,7 @@ class RobotView:
             What cannot be subscribed, a sentence each.
         """
         queues: dict[tuple[str, str], _Queue] = {}
-        topics: dict[str, Topic] = {}
+        topics: dict[str, WantedTopic] = {}
         problems = []
         for display, topic in self._wanted():
             name = self._resolve(topic.name)
@@ -213,7 +213,7 @@ class RobotView:
         self._queues, self._topics = queues, topics
         return problems
 
-    def _wanted(self) -> Iterable[tuple[Display[Any] | None, Topic]]:
+    def _wanted(self) -> Iterable[tuple[Display[Any] | None, WantedTopic]]:
         yield None, _DESCRIPTION_TOPIC
         for shown in self._displays:
             for topic in shown.display.topics():
@@ -408,7 +408,7 @@ class Warnings:
         ]
 
 
-def _merged(topic: Topic, other: Topic | None) -> Topic:
+def _merged(topic: WantedTopic, other: WantedTopic | None) -> WantedTopic:
     """Return one subscription for two displays, of the types that both take.
 
     Raises:
@@ -425,7 +425,7 @@ def _merged(topic: Topic, other: Topic | None) -> Topic:
         )
     reliable, latched = topic.reliable or other.reliable, topic.latched or other.latched
     optional = topic.optional and other.optional
-    return Topic(topic.name, both, reliable, latched, optional)
+    return WantedTopic(topic.name, both, reliable, latched, optional)
 
 
 def _raise(_: str, error: Exception) -> None:

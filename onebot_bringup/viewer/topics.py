@@ -6,7 +6,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.introspection.interfaces import message_class
-from onebot_bringup.viewer.displays.display import Topic
+from onebot_bringup.viewer.displays.display import WantedTopic
 from onebot_description.errors import OneBotError
 from onebot_description.topic_subscription import (
     TopicSubscription,
@@ -29,10 +29,10 @@ class TopicSubscriptions:
         """Subscribe on ``node``; ``take`` gets the messages."""
         self._node = node
         self._take = take
-        self._wanted: Mapping[str, Topic] = {}
+        self._wanted: Mapping[str, WantedTopic] = {}
         self._subscriptions: dict[str, TopicSubscription] = {}
 
-    def set_topics(self, topics: Mapping[str, Topic]) -> None:
+    def set_topics(self, topics: Mapping[str, WantedTopic]) -> None:
         """Subscribe to ``topics`` (by full names), and to nothing else.
 
         Raises:
@@ -68,7 +68,7 @@ class TopicSubscriptions:
 
         return TopicSubscription(self._node, name, received, message_class)
 
-    def _update(self, name: str, topic: Topic) -> None:
+    def _update(self, name: str, topic: WantedTopic) -> None:
         subscription = self._subscriptions[name]
         known = [kind.name for kind in topic.types]
         found = offers(self._node, name, known)

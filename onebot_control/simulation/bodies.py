@@ -1,8 +1,8 @@
-"""Rigid bodies of a robot, and the URDF that PyBullet is given of them.
+"""Rigid bodies of a robot, and the URDF of these bodies for PyBullet.
 
-PyBullet gives a link without ``<inertial>`` a kilogram, computes every fixed joint as if it could
-move, and merges them, on request, with that kilogram. Here the masses of links that fixed joints
-hold together are added up as written, and each rigid body becomes one link.
+PyBullet gives a link without ``<inertial>`` a mass of 1 kg, computes fixed joints like moving ones,
+and includes that kilogram when it merges links. Here the masses of links connected by fixed
+joints are added up as written, and each rigid body becomes one link.
 """
 
 import math
@@ -31,20 +31,23 @@ from onebot_description.model import quaternions
 
 Floats = NDArray[np.float64]
 
+# Tolerance of moments of inertia, as in the description's checks: they are written with few digits.
+_ROUNDING = 0.01
+
 
 @dataclass
 class Body:
-    """One rigid body, in the frame of its first link, which is nobody's child by a fixed joint."""
+    """One rigid body, in the frame of its first link, which no fixed joint attaches."""
 
     link: str  # name of that link
     mass: float = 0.0  # kg
     center: Floats = field(default_factory=lambda: np.zeros(3))  # of mass, m
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
     collisions: list[tuple[Shape, Floats]] = field(default_factory=list)  # pose (4, 4) in the body
-    friction: float | None = None  # lateral, the least of what its links state
+    friction: float | None = None  # lateral, the minimum of its links'
 
     def add(self, link: Link, pose: Floats) -> None:
-        """Add the mass and the shapes of ``link``, whose frame lies at ``pose`` (4, 4)."""
+        """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""
         for collision in link.collisions:
             self.collisions.append((collision.shape, pose @ matrix(collision.origin)))
         if link.friction is not None:
@@ -59,7 +62,7 @@ class Body:
             self._add_mass(link.inertial.mass, where[:3, 3], turn @ moments @ turn.T)
 
     def _add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
-        """Sum of two bodies by the parallel axis theorem."""
+        """Add a body by the parallel axis theorem."""
         total = self.mass + mass
         if total > 0:
             apart = center - self.center
@@ -74,7 +77,7 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     """Return the bodies by the name of their first link, the root's first.
 
     Raises:
-        OneBotError: a joint is of a kind that is not simulated, or a friction is negative.
+        OneBotError: a joint type is not supported, or a friction is negative.
     """
     for joint in description.joints:
         if joint.kind in ("floating", "planar"):
@@ -92,7 +95,7 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
 
 
 def link_poses(description: Description) -> dict[str, tuple[str, Floats]]:
-    """Return, for each link, the first link of its body and its pose (4, 4) in that."""
+    """Return the first link of each link's body, and the link's pose (4, 4) in its frame."""
     above = {joint.child: joint for joint in description.joints if joint.kind == "fixed"}
     poses = {}
     for link in description.link_names:
@@ -108,7 +111,7 @@ def link_poses(description: Description) -> dict[str, tuple[str, Floats]]:
 def matrix(origin: Origin) -> Floats:
     """Homogeneous transform (4, 4) of a URDF origin."""
     result = np.eye(4)
-    if any(origin.rpy):  # Most are not turned.
+    if any(origin.rpy):  # Most are not rotated.
         rotation = quaternions.from_rpy(np.array(origin.rpy, float))
         result[:3, :3] = quaternions.to_matrix(rotation)
     result[:3, 3] = origin.xyz
@@ -116,33 +119,27 @@ def matrix(origin: Origin) -> Floats:
 
 
 def _check_friction(value: float, owner: str) -> None:
-    """Refuse what the description's checks let pass, because only a simulation uses it."""
+    """Check friction, which the description's checks skip as only the simulation uses it."""
     if value < 0:
         raise OneBotError(f"{owner}: {value:g} must be 0 or more")
-
-
-# The URDF that PyBullet is given: bodies instead of links, and nothing that does not matter.
-
-# As the description's checks have it: moments are written with few digits.
-_ROUNDING = 0.01
 
 
 def physics_urdf(
     description: Description, bodies: Mapping[str, Body], meshes: Mapping[str, str]
 ) -> str:
-    """Return URDF text that moves as ``description`` does.
+    """Return URDF text of the rigid bodies, which moves like ``description``.
 
-    Links joined by fixed joints are one, visuals and extensions are gone, inertias are written
-    along their principal axes. A body's name is its number in ``bodies``, a joint's its number
-    among those that move: PyBullet crashes on very long names.
+    Links connected by fixed joints are merged, visuals and extensions removed, inertias diagonal in
+    their principal axes. Bodies and moving joints are named by their index: PyBullet crashes on
+    very long names.
 
     Args:
         description: the robot.
         bodies: its rigid bodies.
-        meshes: URI of each collision mesh to the file that PyBullet reads in its place.
+        meshes: the converted file for each URI of a collision mesh.
 
     Raises:
-        OneBotError: the robot cannot be simulated; the message says what to correct.
+        OneBotError: the robot cannot be simulated; the message names the remedy.
     """
     robot = Element("robot", name="robot")
     numbers = {link: str(number) for number, link in enumerate(bodies)}
@@ -189,13 +186,13 @@ def _shape(shape: Shape, meshes: Mapping[str, str]) -> Element:
 
 
 def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
-    """Principal moments (3,), kg m^2, and axes (3, 3) of a body that has some."""
+    """Principal moments (3,), kg m^2, and axes (3, 3) of a body."""
     where = f'{description.source}: link "{body.link}"'
     if body.mass <= 0:
         what = (
-            "is the root, and stands in mid-air"
+            "is the root, and is fixed in the air"
             if body.link == description.root_link
-            else ("moves, and cannot be moved")
+            else "moves, and cannot be moved"
         )
         raise OneBotError(
             f"{where} {what} without a mass; give it (or a link fixed to it) an <inertial> with "
@@ -207,7 +204,7 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
         moments, axes = np.diag(diagonal).copy(), np.eye(3)
     else:
         moments, axes = np.linalg.eigh(body.inertia)
-        # The axes of a rotation are right-handed.
+        # A rotation needs right-handed axes.
         axes[:, 2] *= np.sign(np.linalg.det(axes))
     greatest = int(np.argmax(moments))
     others = float(moments.sum() - moments[greatest])
@@ -217,13 +214,13 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
             f"{where} has the principal moments of inertia {shown} kg m^2; all must be above 0 and "
             "none greater than the sum of the others, else it cannot be simulated"
         )
-    # PyBullet drops the whole inertia where rounding puts one moment above that sum.
+    # PyBullet ignores the whole inertia if rounding lifts one moment above that sum.
     moments[greatest] = min(moments[greatest], others * (1 - 1e-9))
     return moments, axes
 
 
 def _joint(joint: Joint, pose: Floats) -> Element:
-    """``joint``, nameless, in the body in which its parent link lies at ``pose``."""
+    """``joint`` without a name, in the body in which its parent link is at ``pose``."""
     result = Element("joint", type=joint.kind)
     result.append(_origin(pose @ matrix(joint.origin)))
     SubElement(result, "axis", xyz=_words(joint.axis))
@@ -247,7 +244,7 @@ def _origin(pose: Floats) -> Element:
     flat = math.hypot(turn[0, 0], turn[1, 0])
     if flat > 1e-9:
         roll, yaw = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
-    else:  # Upright, roll and yaw turn about the same axis.
+    else:  # Gimbal lock: roll and yaw rotate about the same axis.
         roll, yaw = 0.0, math.atan2(-turn[0, 1], turn[1, 1])
     rpy = (roll, math.atan2(-turn[2, 0], flat), yaw)
     return Element("origin", xyz=_words(pose[:3, 3]), rpy=_words(rpy))

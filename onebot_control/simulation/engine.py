@@ -1,4 +1,4 @@
-"""PyBullet as ``engine``; what its C code writes past Python is caught and logged."""
+"""PyBullet as ``engine``; output of its C code on stdout is captured and logged."""
 
 import contextlib
 import ctypes
@@ -17,19 +17,19 @@ logger = logging.getLogger("onebot_control.simulation")
 # File descriptors belong to the process: two captures at once would restore each other's.
 _lock = threading.RLock()
 _LIBC = ctypes.CDLL(None)
-# Bullet opens each warning with the place in its sources.
+# Bullet's prefix of each warning: the place in its sources.
 _ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
 
 
 @contextlib.contextmanager
 def captured(*descriptors: int) -> Iterator[list[str]]:
-    """Catch everything the process writes to ``descriptors`` (default: 1, stdout) meanwhile.
+    """Capture everything that the process writes to ``descriptors`` (default: 1, stdout).
 
-    Other threads' output to them is caught too, which is why it should not be thrown away. A
-    descriptor that is closed is left alone.
+    The output of other threads is captured too, so the lines should be logged. Closed descriptors
+    are skipped.
 
     Yields:
-        A list that, once the block has ended (well or badly), holds the lines written.
+        A list that is filled with the written lines when the block ends, also by an exception.
     """
     lines: list[str] = []
     with _lock, _memory() as file, contextlib.ExitStack() as restoring:
@@ -50,20 +50,20 @@ def captured(*descriptors: int) -> Iterator[list[str]]:
 
 
 def log(lines: list[str]) -> None:
-    """Log caught lines as warnings."""
+    """Log captured lines as warnings."""
     for line in lines:
         logger.warning("PyBullet: %s", line)
 
 
 def _memory() -> BinaryIO:
-    """A file that is on no disk."""
+    """A file in memory."""
     return open(os.memfd_create("captured"), "w+b")
 
 
 def _flush() -> None:
-    """Push out what C's and Python's own buffers hold, so that it lands where it belongs."""
+    """Flush the buffers of C and Python to the present descriptors."""
     for stream in (sys.stdout, sys.stderr):
-        # Under a test runner or without a terminal there may be none, or a closed one.
+        # Under a test runner or without a terminal a stream may be None or closed.
         with contextlib.suppress(AttributeError, ValueError, OSError):
             stream.flush()
     _LIBC.fflush(None)
@@ -75,7 +75,7 @@ def _restore(saved: int, descriptor: int) -> None:
 
 
 def _lines(text: str) -> list[str]:
-    """Cut the C code's output into messages; it ends some of them without a new line."""
+    """Split the C code's output into messages; some of them do not end with a newline."""
     return [line.strip() for line in _ORIGIN.sub("\n", text).splitlines() if line.strip()]
 
 

@@ -1,4 +1,4 @@
-"""A world with level ground, and a robot loaded into it."""
+"""Creates PyBullet worlds with level ground, and loads robots into them."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,8 +14,8 @@ from onebot_description.description.description import Description, Mesh
 from onebot_description.description.packages import resolve
 from onebot_description.errors import OneBotError
 
-# Points of two bodies farther apart than this, m, are left out by the solver. PyBullet remembers
-# the points where a rolling wheel has touched the ground, up to four a wheel, and solves them all:
+# The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
+# points where a rolling wheel has touched the ground, up to four per wheel, and solves them all:
 # at 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
 
@@ -23,7 +23,7 @@ _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
 class LoadedRobot(NamedTuple):
-    """PyBullet's numbers of a robot and its parts."""
+    """PyBullet's indices of a robot and its parts."""
 
     body: int
     joints: Mapping[str, int]  # the moving ones, by name
@@ -31,17 +31,17 @@ class LoadedRobot(NamedTuple):
     # Centre of mass and principal axes of the root body in the root link's frame; that frame, not
     # the link's, is PyBullet's base.
     mass_frame: Transform
-    link_frame: Transform  # the root link's frame in that one
+    link_frame: Transform  # the root link's frame in ``mass_frame``
 
 
 def make_world(client: int, settings: Settings) -> int:
-    """Set up the physics of the empty world ``client``; return the number of its ground."""
+    """Set up the physics of the empty world ``client``; return the index of its ground."""
     engine.setTimeStep(1.0 / settings.rate, physicsClientId=client)
     engine.setGravity(0.0, 0.0, -settings.gravity, physicsClientId=client)
     engine.setPhysicsEngineParameter(
         numSolverIterations=settings.iterations,
         solverResidualThreshold=0.0,
-        # Otherwise a changed file would be loaded as it was.
+        # With the cache a changed file would be loaded in its old version.
         enableFileCaching=0,
         physicsClientId=client,
     )
@@ -63,7 +63,7 @@ def load_robot(
 ) -> LoadedRobot:
     """Load a robot into the world ``client``, its root link's frame at the origin.
 
-    What PyBullet prints becomes log lines.
+    PyBullet's output is logged.
 
     Args:
         client: the world.
@@ -72,7 +72,7 @@ def load_robot(
         settings: of the world.
 
     Raises:
-        OneBotError: the robot cannot be loaded; the message says why.
+        OneBotError: the robot cannot be loaded.
     """
     bodies = rigid_bodies(description)
     if not any(body.collisions for body in bodies.values()):
@@ -88,14 +88,14 @@ def load_robot(
         info = engine.getJointInfo(body, index, physicsClientId=client)
         row = int(info[1])
         joints[names[row]] = index
-        # A motor at rest that is as strong as the joint's friction is that friction.
+        # The joint's friction: a motor with target 0 and that torque.
         engine.setJointMotorControl2(
             body, index, engine.VELOCITY_CONTROL, force=info[7], physicsClientId=client
         )
         _set_contact(client, body, index, moved[row], description, settings)
     _set_contact(client, body, -1, root, description, settings)
     for damping in ("linearDamping", "angularDamping"):
-        # One key a call: with either of these PyBullet ignores which link is meant.
+        # One key per call: with either of these PyBullet ignores the link index.
         engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
     dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
     mass_frame = dynamics[3], dynamics[4]
@@ -122,7 +122,7 @@ def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> 
 
 @contextmanager
 def _file(text: str) -> Iterator[str]:
-    """The path of a file with ``text``, in memory."""
+    """The path of a file in memory with ``text``."""
     with open(os.memfd_create("robot.urdf"), "w", encoding="utf-8") as file:
         file.write(text)
         file.flush()
@@ -136,8 +136,8 @@ def _set_contact(
     found = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
     if found < len(body.collisions):
         raise OneBotError(
-            f"{description.source}: PyBullet took {found} of the {len(body.collisions)} collision "
-            f'shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
+            f"{description.source}: PyBullet loaded {found} of the {len(body.collisions)} "
+            f'collision shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
         )
     friction = settings.friction if body.friction is None else body.friction
     engine.changeDynamics(
@@ -153,10 +153,10 @@ def _set_contact(
 def converted_meshes(
     description: Description, bodies: Iterable[Body]
 ) -> Iterator[Mapping[str, str]]:
-    """Write the collision meshes of ``bodies`` to files that last as long as the block.
+    """Convert the collision meshes of ``bodies`` to files that exist within the block.
 
     Yields:
-        URI of each mesh to its file.
+        The file of each mesh by URI.
 
     Raises:
         OneBotError: a mesh cannot be read.
@@ -171,7 +171,7 @@ def converted_meshes(
     if not meshes:
         yield written
         return
-    # Imported late, as trimesh below: shapes to collide are mostly simple.
+    # Imported late, like trimesh below: most robots have no collision meshes.
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
@@ -192,7 +192,7 @@ def _as_obj(path: Path, link: str) -> str:
         if path.suffix.lower() == ".dae":
             scene = scene.convert_units("meters")
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # trimesh and its parsers raise exceptions of all kinds
+    except Exception as error:  # trimesh and its parsers raise exceptions of many types
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise OneBotError(f"{owner} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):

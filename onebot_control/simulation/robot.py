@@ -25,9 +25,7 @@ class JointStates(NamedTuple):
 
     positions: Floats  # (M,), rad (never wrapped), m for prismatic joints
     velocities: Floats  # (M,), rad/s or m/s
-    efforts: (
-        Floats  # (M,), mean of what motors applied in the last ``step``, Nm or N; 0 without one
-    )
+    efforts: Floats  # (M,), mean motor effort during the last ``step``, Nm or N; 0 without a motor
 
 
 class Pose(NamedTuple):
@@ -38,14 +36,14 @@ class Pose(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """Velocity of the root link's frame, in that frame's own axes, as nav_msgs/Odometry has it."""
+    """Velocity of the root link's frame in its own axes, as in nav_msgs/Odometry."""
 
     linear: Floats  # (3,), of the frame's origin, m/s
     angular: Floats  # (3,), rad/s
 
 
 class Motors:
-    """Velocity motors, each as strong and as fast as its joint's ``<limit>`` says."""
+    """Velocity motors, limited by the effort and velocity of the joints' ``<limit>``."""
 
     def __init__(self, description: Description, driven: Sequence[str]) -> None:
         """Find the driven joints.
@@ -56,7 +54,7 @@ class Motors:
         joints = {joint.name: joint for joint in description.moving_joints}
         source = description.source
         if not driven:
-            raise OneBotError(f"{source}: the simulation was given no driven joints")
+            raise OneBotError(f"{source}: the simulation has no driven joints")
         self.driven = tuple(driven)
         self._efforts = []
         for name in self.driven:
@@ -69,16 +67,16 @@ class Motors:
             if not effort:
                 raise OneBotError(
                     f'{source}: driven joint "{name}" needs <limit effort="..." velocity="...">; '
-                    "the effort (Nm, or N) is what its motor can do, and must be above 0"
+                    "the effort (Nm, or N) of its motor must be above 0"
                 )
             self._efforts.append(effort)
         speeds = [joints[name].velocity for name in self.driven]
-        # No infinity, so that whatever is not finite is beyond.
+        # Not infinity, so that every value that is not finite is out of range.
         self._fastest = [sys.float_info.max if speed is None else speed for speed in speeds]
         self._names = frozenset(self.driven)
 
     def targets(self, velocities: Mapping[str, float] | ArrayLike) -> list[float]:
-        """Return the speeds in the order of ``driven``, no faster than the joints' limits.
+        """Return the velocities in the order of ``driven``, within the joints' limits.
 
         Raises:
             ValueError: one is missing, unknown or not finite.
@@ -89,7 +87,7 @@ class Motors:
                     f"velocities must be of exactly {', '.join(self.driven)}, "
                     f"not of {', '.join(map(str, velocities)) or 'nothing'}"
                 )
-            # Plain floats: for a handful of numbers arrays take longer than all the rest.
+            # Plain floats: for a few numbers arrays would be slower than the rest.
             values = [float(velocities[name]) for name in self.driven]
         else:
             wanted = np.asarray(velocities, float)
@@ -104,22 +102,22 @@ class Motors:
         return values
 
     def _limited(self, value: float, fastest: float) -> float:
-        """The speed nearest to ``value`` that is not too fast."""
+        """``value`` limited to ``fastest``."""
         if not math.isfinite(value):
-            # One NaN would make the whole world NaN for good.
+            # A single NaN would make the whole world NaN permanently.
             raise ValueError(f"velocities must be finite, not {value}")
         return math.copysign(fastest, value)
 
     def drive(
         self, client: int, body: int, indices: Sequence[int], targets: Sequence[float]
     ) -> None:
-        """Have the motors keep up ``targets`` from now on.
+        """Set the target velocities of the motors.
 
         Args:
-            client: PyBullet's number of the world.
-            body: and of the robot in it.
-            indices: and of the joints, in the order of ``driven``.
-            targets: likewise, rad/s or m/s.
+            client: PyBullet's index of the world.
+            body: PyBullet's index of the robot.
+            indices: PyBullet's indices of the joints, in the order of ``driven``.
+            targets: rad/s or m/s, in the same order.
         """
         engine.setJointMotorControlArray(
             body,
@@ -136,18 +134,18 @@ _POSITION, _VELOCITY, _EFFORT = 0, 1, 3
 
 
 class RobotBody:
-    """One robot among those of a world."""
+    """One robot of a world."""
 
-    joints: tuple[str, ...]  # all that move, in the description's order
-    driven: tuple[str, ...]  # those that have a motor, in the order given
-    finite: bool  # all of its state was finite when it was last read
+    joints: tuple[str, ...]  # the moving joints, in the description's order
+    driven: tuple[str, ...]  # the joints with a motor, in the given order
+    finite: bool  # whether the last state was finite
     parts: LoadedRobot
 
     def __init__(self, description: Description, driven: Sequence[str]) -> None:
-        """Find the joints; ``enter`` puts the robot into a world.
+        """Find the joints; ``enter`` adds the robot to a world.
 
         Raises:
-            OneBotError: a driven joint is none.
+            OneBotError: a driven joint is invalid.
         """
         self.joints = tuple(joint.name for joint in description.moving_joints)
         self.driven = tuple(driven)
@@ -157,31 +155,30 @@ class RobotBody:
         self._driven_rows = [self.joints.index(name) for name in self.driven]
 
     def enter(self, client: int, parts: LoadedRobot) -> None:
-        """Control a loaded robot from now on, its motors holding still."""
+        """Control a loaded robot, with target velocities of 0."""
         self._client, self.parts = client, parts
         self._indices = [parts.joints[name] for name in self.joints]
         self._driven_indices = [parts.joints[name] for name in self.driven]
         body = parts.body
-        self._ask_joints = partial(engine.getJointStates, body, self._indices, client)
-        self._ask_driven = partial(engine.getJointStates, body, self._driven_indices, client)
-        self._ask_velocity = partial(engine.getBaseVelocity, body, client)
+        self._read_joints = partial(engine.getJointStates, body, self._indices, client)
+        self._read_driven = partial(engine.getJointStates, body, self._driven_indices, client)
+        self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._stop_motors()
 
     def check(self) -> None:
-        """Raise OneBotError if the state last read was not finite."""
+        """Raise OneBotError if the last state was not finite."""
         if not self.finite:
             raise OneBotError(
-                f"{self._source}: the simulation broke down: its state is no longer finite; "
-                "reset it"
+                f"{self._source}: the simulation diverged: its state is no longer finite; reset it"
             )
 
     def targets(self, velocities: Mapping[str, float] | ArrayLike) -> list[float]:
-        """Return what ``turn`` takes; see ``Motors.targets``."""
+        """Return the targets for ``turn``; see ``Motors.targets``."""
         return self._motors.targets(velocities)
 
     def turn(self, targets: list[float]) -> None:
-        """Have the motors keep up ``targets`` from now on."""
-        # PyBullet keeps them as well, and setting them takes as long as reading the joints.
+        """Set the target velocities of the motors."""
+        # PyBullet keeps the targets, and setting them takes as long as reading the joints.
         if targets != self._targets:
             self._drive(targets)
 
@@ -190,24 +187,24 @@ class RobotBody:
         self._recorded: list[float] = []
 
     def record_efforts(self) -> None:
-        """Record what the motors applied in a physics step."""
-        # Numbers only: whole states would fill the processor's caches with 100 robots.
-        for state in self._ask_driven():
+        """Record the efforts of the motors in a physics step."""
+        # Floats only: whole states of 100 robots would not fit into the processor's caches.
+        for state in self._read_driven():
             self._recorded.append(state[_EFFORT])
 
     def read(self, steps: int) -> None:
-        """Fetch the state after the last of ``steps`` physics steps since ``begin``."""
-        states = self._ask_joints()
+        """Read the state after the last of ``steps`` physics steps since ``begin``."""
+        states = self._read_joints()
         for number, row in enumerate(self._driven_rows):
             total = 0.0
-            # Not by sum(), which rounds otherwise from Python 3.12 on.
+            # Not sum(), which rounds differently from Python 3.12 on.
             for effort in self._recorded[number :: len(self._driven_rows)]:
                 total += effort
             self._efforts[row] = (total + states[row][_EFFORT]) / steps
-        self._take(states)
+        self._update(states)
 
     def joint_states(self) -> JointStates:
-        """Return position, speed and motor effort of all joints, in the order of ``joints``."""
+        """Return positions, velocities and motor efforts, in the order of ``joints``."""
         return JointStates(
             np.array(self._positions), np.array(self._velocities), np.array(self._efforts)
         )
@@ -223,24 +220,24 @@ class RobotBody:
         linear, angular = self._velocity
         x, y, z = rotate(back, linear)
         turning = rotate(back, angular)
-        # PyBullet gives the velocity of the centre of mass.
+        # PyBullet returns the velocity of the centre of mass.
         a, b, c = cross(turning, self.parts.mass_frame[0])
         return Twist(np.array((x - a, y - b, z - c)), np.array(turning))
 
     def stand(self, rest_pose: RestPose, where: SpawnPose, start: bool) -> None:
-        """Set the robot down at x, y, yaw (m and rad), all of it still.
+        """Place the robot at rest at x, y, yaw.
 
         Args:
-            rest_pose: how it stands.
-            where: of the root link's frame.
-            start: joints go to 0; else they stay where they are.
+            rest_pose: its height and tilt.
+            where: of the root link's frame, m and rad.
+            start: set the joints to 0; else keep their positions.
         """
         positions = [0.0] * len(self.joints) if start else self._positions
         place(self._client, self.parts, rest_pose.at(*where))
         self._set_joints(positions)
 
     def brake(self) -> None:
-        """Stop at once: all speeds are exactly 0, and no position changes."""
+        """Stop at once: all velocities are exactly 0, positions do not change."""
         place(self._client, self.parts, self.pose)
         self._set_joints(self._positions)
 
@@ -248,10 +245,10 @@ class RobotBody:
         body, client = self.parts.body, self._client
         for index, position in zip(self._indices, positions, strict=True):
             engine.resetJointState(body, index, position, 0.0, client)
-        # A saved state holds no targets of motors, nor what they did last.
+        # A saved state contains neither targets nor efforts of motors.
         self._stop_motors()
         self._efforts = [0.0] * len(self.joints)
-        self._take(self._ask_joints())
+        self._update(self._read_joints())
 
     def _stop_motors(self) -> None:
         self._drive([0.0] * len(self.driven))
@@ -260,12 +257,12 @@ class RobotBody:
         self._targets = targets
         self._motors.drive(self._client, self.parts.body, self._driven_indices, targets)
 
-    def _take(self, states: Sequence[Sequence[float]]) -> None:
-        """Keep the joints' state, read the base's, and find whether all is finite."""
+    def _update(self, states: Sequence[Sequence[float]]) -> None:
+        """Store the joints' state, read the base's, and check that all values are finite."""
         self._positions = [state[_POSITION] for state in states]
         self._velocities = [state[_VELOCITY] for state in states]
         self.pose = link_pose(self._client, self.parts)
-        self._velocity = self._ask_velocity()
+        self._velocity = self._read_velocity()
         (x, y, z), (a, b, c, d) = self.pose
         (vx, vy, vz), (wx, wy, wz) = self._velocity
         total = x + y + z + a + b + c + d + vx + vy + vz + wx + wy + wz

@@ -1,4 +1,4 @@
-"""What a world is made of: how finely it is computed, and which robots start where."""
+"""Settings of a simulated world, and the spawn poses of its robots."""
 
 import math
 from collections.abc import Sequence
@@ -8,32 +8,32 @@ from typing import NamedTuple
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 
-# Farther out, rounding is no longer small against the micrometres that a wheel's contact gives, m.
+# m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
 FARTHEST = 10_000.0
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Numbers of the simulation; the defaults were found by measuring."""
+    """Settings of the simulation; the defaults were determined by measurements."""
 
-    # Physics steps in a simulated second, 1/s. A whole number of them has to fit into each control
-    # period, which rules out PyBullet's own 240 at 100 Hz.
+    # Physics steps per simulated second. A control period has to be a whole number of them, which
+    # PyBullet's default of 240 is not at 100 Hz.
     rate: int = 400
-    # Of the constraint solver in each step. They never end early, so that a robot at rest creeps by
+    # Of the constraint solver in each step. It never stops early, so that a robot at rest drifts by
     # nanometres instead of millimetres.
     iterations: int = 200
     gravity: float = 9.81  # m/s^2, downwards
-    # Of the ground, and of every link for which the URDF gives no <contact><lateral_friction>; that
-    # of a pair is the product of both.
+    # Of the ground, and of links without <contact><lateral_friction> in the URDF; the friction of a
+    # contact is the product of both.
     friction: float = 1.0
-    # Simulated seconds the robot is given to come to rest before it starts; fewer if it soon does.
+    # Maximum of simulated seconds for the robot to come to rest before it starts.
     settling: float = 2.0
 
     def __post_init__(self) -> None:
-        """Refuse numbers that no world can be computed with.
+        """Check the values.
 
         Raises:
-            OneBotError: one is not finite, or not above zero.
+            OneBotError: a value is not finite, or not above zero.
         """
         for name, value in vars(self).items():
             if not (math.isfinite(value) and value > 0):
@@ -45,10 +45,10 @@ class Settings:
                 )
 
     def steps(self, duration: float) -> int:
-        """Return how many physics steps ``duration`` (s) is.
+        """Return the number of physics steps in ``duration`` (s).
 
         Raises:
-            ValueError: it is no whole number of them, or none at all.
+            ValueError: it is not a whole number of steps, or zero.
         """
         exact = duration * self.rate
         count = round(exact) if math.isfinite(exact) else 0
@@ -61,10 +61,10 @@ class Settings:
 
 
 class RobotSpawn(NamedTuple):
-    """A robot to put into a world, and where its root link's frame starts."""
+    """A robot to add to a world, and the initial pose of its root link's frame."""
 
     description: Description
-    driven: Sequence[str]  # its joints with a motor; see ``Simulation``
+    driven: Sequence[str]  # joints with a motor; see ``Simulation``
     x: float = 0.0  # m
     y: float = 0.0  # m
     yaw: float = 0.0  # heading, rad
@@ -74,11 +74,11 @@ SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, a
 
 
 def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
-    """Return a pose that a robot may be put at, m and rad.
+    """Return a checked pose for a robot, m and rad.
 
     Raises:
         ValueError: a value is not finite.
-        OneBotError: it is too far away to be exact there.
+        OneBotError: it is too far from the origin to be exact.
     """
     if not all(map(math.isfinite, (x, y, yaw))):
         raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")

@@ -1,4 +1,4 @@
-"""Worlds: robots on the same level ground, moved together by the speeds of their driven joints."""
+"""Worlds: robots on the same level ground, moved by the velocities of their driven joints."""
 
 import weakref
 from collections.abc import Mapping, Sequence
@@ -16,35 +16,33 @@ from onebot_description.errors import OneBotError
 
 
 class WorldRobot:
-    """One robot of a world.
+    """One robot of a world."""
 
-    Attributes:
-        joints: names of all joints that move, in the description's order.
-        driven: names of the joints that have a motor, in the order given.
-        body: what the world moves.
-    """
+    joints: tuple[str, ...]  # names of the moving joints, in the description's order
+    driven: tuple[str, ...]  # names of the joints with a motor, in the given order
+    body: RobotBody
 
     def __init__(self, world: "World", row: int) -> None:
         """Refer to the robot of ``row`` in ``world``."""
         self._world, self._row = world, row
-        self.body: RobotBody = world.bodies[row]
+        self.body = world.bodies[row]
         self.joints, self.driven = self.body.joints, self.body.driven
 
     @property
     def rest_pose(self) -> RestPose:
-        """How the robot stands on level ground."""
+        """Height and tilt of the robot at rest on level ground."""
         return self._world.rest_poses[self._row]
 
     def turn(self, velocities: Mapping[str, float] | ArrayLike) -> None:
-        """Have the motors keep up these speeds from now on; see ``step``."""
+        """Set the target velocities of the motors; see ``step``."""
         targets = self.body.targets(velocities)
         self._world.check_open()
         self.body.turn(targets)
 
     def step(self, velocities: Mapping[str, float] | ArrayLike, duration: float) -> None:
-        """Let ``duration`` pass, for the whole world, while the motors keep up the given speeds.
+        """Advance the whole world by ``duration`` with the given target velocities.
 
-        A motor keeps its speed as long as its effort suffices, and is no faster than its limit.
+        A motor reaches its target as far as its effort allows, within its velocity limit.
 
         Args:
             velocities: of every driven joint, rad/s (m/s for prismatic ones), by name or in the
@@ -52,9 +50,9 @@ class WorldRobot:
             duration: s; a whole number of physics steps.
 
         Raises:
-            ValueError: a speed is not finite, too few or too many are given, or ``duration`` is no
-                whole number of steps; nothing has moved then.
-            OneBotError: the state has become non-finite; ``reset`` starts afresh.
+            ValueError: a velocity is not finite, too few or too many are given, or ``duration`` is
+                not a whole number of steps; the state does not change then.
+            OneBotError: the state is no longer finite; ``reset`` recovers.
         """
         targets = self.body.targets(velocities)
         count = self._world.settings.steps(duration)
@@ -63,7 +61,7 @@ class WorldRobot:
         self._world.advance(count)
 
     def joint_states(self) -> JointStates:
-        """Return position, speed and motor effort of all joints, in the order of ``joints``."""
+        """Return positions, velocities and motor efforts, in the order of ``joints``."""
         return self._readable().joint_states()
 
     def base_pose(self) -> Pose:
@@ -75,13 +73,13 @@ class WorldRobot:
         return self._readable().base_twist()
 
     def reset(self) -> None:
-        """Put this robot back to its start, at rest; time goes on."""
+        """Move this robot back to its start, at rest; time continues."""
         self._world.stand(self._row)
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
-        """Set the robot down elsewhere, standing still.
+        """Move the robot to another pose, at rest.
 
-        Joint positions and time go on from where they were, so that odometry does not notice.
+        Joint positions and time continue, so that odometry is not affected.
 
         Args:
             x: of the root link's frame, m.
@@ -90,12 +88,12 @@ class WorldRobot:
 
         Raises:
             ValueError: a value is not finite.
-            OneBotError: it is too far away to be exact there.
+            OneBotError: it is too far from the origin to be exact.
         """
         self._world.stand(self._row, checked_spawn_pose(x, y, yaw))
 
     def brake(self) -> None:
-        """Stop at once: all speeds are exactly 0, and no position changes."""
+        """Stop at once: all velocities are exactly 0, positions do not change."""
         self._readable().brake()
         self.body.check()
 
@@ -103,38 +101,37 @@ class WorldRobot:
         """Do nothing: the world is closed as a whole."""
 
     def _readable(self) -> RobotBody:
-        """The robot's body, whose world is open and whose state is finite."""
+        """The robot's body, after a check that its world is open and its state finite."""
         self._world.check_open()
         self.body.check()
         return self.body
 
 
 class World:
-    """Robots that stand on the same ground and may run into each other.
+    """Robots on the same ground, which can collide.
 
-    Time passes in ``step``, for all of them. The same calls give the same bits, in any process.
-
-    Attributes:
-        settings: as given.
-        client: PyBullet's number of the world, for what it can do besides.
-        bodies: what the world moves, in the order given.
-        rest_poses: how each robot stands on level ground.
+    Time advances in ``step``, for all robots. The same calls give identical results in any process.
     """
+
+    settings: Settings
+    client: int  # PyBullet's index of the world, for direct calls
+    bodies: tuple[RobotBody, ...]  # in the given order
+    rest_poses: list[RestPose]  # of each robot
 
     def __init__(
         self,
         spawns: Sequence[RobotSpawn],
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
     ) -> None:
-        """Set the robots on the ground with their joints at 0, standing still.
+        """Place the robots on the ground at rest, with their joints at 0.
 
         Args:
             spawns: the robots.
-            settings: how finely to compute.
+            settings: of the simulation.
 
         Raises:
-            ValueError: a place is not finite.
-            OneBotError: a robot cannot be simulated, or two stand in the same place.
+            ValueError: a pose is not finite.
+            OneBotError: a robot cannot be simulated, or two robots overlap.
         """
         self.settings = settings
         self._spawns = tuple(spawns)
@@ -146,7 +143,7 @@ class World:
 
     @cached_property
     def robots(self) -> tuple[WorldRobot, ...]:
-        """The robots, in the order given."""
+        """The robots, in the given order."""
         return tuple(WorldRobot(self, row) for row in range(len(self.bodies)))
 
     @property
@@ -155,21 +152,21 @@ class World:
         return self._steps / self.settings.rate
 
     def step(self, duration: float) -> None:
-        """Let ``duration`` seconds pass, a whole number of physics steps.
+        """Advance by ``duration`` seconds, a whole number of physics steps.
 
         Raises:
-            ValueError: it is none.
-            OneBotError: the state has become non-finite; ``reset`` starts afresh.
+            ValueError: it is not a whole number of steps.
+            OneBotError: the state is no longer finite; ``reset`` recovers.
         """
         count = self.settings.steps(duration)
         self.check_usable()
         self.advance(count)
 
     def advance(self, count: int) -> None:
-        """Do ``count`` physics steps in a world that is usable.
+        """Advance by ``count`` physics steps; the world must be usable.
 
         Raises:
-            OneBotError: the state has become non-finite.
+            OneBotError: the state is no longer finite.
         """
         client, bodies = self.client, self.bodies
         for body in bodies:
@@ -185,7 +182,7 @@ class World:
         self.check_usable()
 
     def reset(self) -> None:
-        """Return to the very state of the start, bit for bit; time is 0 again."""
+        """Restore the initial state, bit for bit; time is 0 again."""
         self.check_open()
         if all(body.finite for body in self.bodies):
             self._restart()
@@ -195,21 +192,21 @@ class World:
             self._build()
 
     def stand(self, row: int, where: SpawnPose | None = None) -> None:
-        """Set the robot of ``row`` down: at x, y, yaw, or without these at its start, joints at 0.
+        """Place the robot of ``row`` at rest at a pose; by default at its start, joints at 0.
 
         Raises:
-            OneBotError: the world has been closed, or broke down.
+            OneBotError: the world is closed, or has diverged.
         """
         self.check_usable()
         if self._alone:
-            # Where it disturbs no one else, the contacts are those of a robot at rest.
+            # Without other robots the contacts of the robot at rest can be restored.
             engine.restoreState(self._saved, physicsClientId=self.client)
         there = self._starts[row] if where is None else where
         self.bodies[row].stand(self.rest_poses[row], there, start=where is None)
         self.bodies[row].check()
 
     def close(self) -> None:
-        """Free the world; most other methods raise OneBotError from now on."""
+        """Free the world; most other methods raise OneBotError afterwards."""
         self._disconnect()
 
     def check_open(self) -> None:
@@ -230,7 +227,7 @@ class World:
         self.close()
 
     def _build(self) -> None:
-        """Make the world, set the robots down in it, and keep that state."""
+        """Create the world, place the robots in it, and save that state."""
         client: int = engine.connect(engine.DIRECT)
         self.client = client
         self._disconnect = weakref.finalize(self, engine.disconnect, client)
@@ -243,7 +240,7 @@ class World:
         self._restart()
 
     def _populate(self, ground: int) -> None:
-        """Load the robots; one that is alone comes to rest right here."""
+        """Load the robots; a single one settles in this world."""
         client, settings = self.client, self.settings
         for row, (spawn, body) in enumerate(zip(self._spawns, self.bodies, strict=True)):
             parts = load_robot(client, ground, spawn.description, settings)
@@ -251,9 +248,9 @@ class World:
             if self._alone:
                 self.rest_poses = [settle(client, parts, spawn.description, body.driven, settings)]
             else:
-                # Away from the origin, where the next one appears.
+                # Away from the origin, where the next one is loaded.
                 place(client, parts, self.rest_poses[row].at(*self._starts[row]))
-        self._refuse_overlaps()
+        self._check_overlaps()
 
     def _restart(self) -> None:
         engine.restoreState(self._saved, physicsClientId=self.client)
@@ -262,7 +259,7 @@ class World:
             body.stand(rest_pose, start, start=True)
         self.check_usable()
 
-    def _refuse_overlaps(self) -> None:
+    def _check_overlaps(self) -> None:
         if self._alone:
             return
         engine.performCollisionDetection(physicsClientId=self.client)
@@ -278,7 +275,7 @@ class World:
 
 
 def _rest_poses(spawns: Sequence[RobotSpawn], settings: Settings) -> list[RestPose]:
-    """Return how each robot stands, found out once for all that are alike."""
+    """Return the rest pose of each robot, simulated once for identical robots."""
     known: dict[tuple[str, tuple[str, ...]], RestPose] = {}
     rest_poses = []
     for spawn in spawns:
@@ -291,16 +288,11 @@ def _rest_poses(spawns: Sequence[RobotSpawn], settings: Settings) -> list[RestPo
 
 
 class Simulation(WorldRobot):
-    """A robot that stands on the ground of an otherwise empty world.
+    """A robot on the ground of an otherwise empty world.
 
-    Time passes only in ``step``. The same calls give the same bits, in any process. Objects are
-    independent of each other; one object is for one thread at a time. For several robots in one
-    world see ``World``.
-
-    Attributes:
-        joints: names of all joints that move, in the description's order.
-        driven: names of the joints that have a motor, in the order given.
-        settings: as given.
+    Time advances only in ``step``. The same calls give identical results, in any process. Objects
+    are independent of each other; an object must not be used by two threads at the same time. For
+    several robots in one world see ``World``.
     """
 
     def __init__(
@@ -313,24 +305,23 @@ class Simulation(WorldRobot):
         yaw: float = 0.0,
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
     ) -> None:
-        """Set the robot on the ground with its joints at 0, standing still.
+        """Place the robot on the ground at rest, with its joints at 0.
 
         Args:
             description: a checked robot; see ``load_description``.
-            driven: joints with a motor, as strong as their ``<limit effort>`` and as fast as their
-                ``<limit velocity>``. All others turn freely, but for the friction and damping of
-                their ``<dynamics>``.
-            x: where the root link's frame starts, m.
+            driven: joints with a motor, limited by their ``<limit effort>`` and ``<limit
+                velocity>``. All others turn freely, except for the friction and damping of their
+                ``<dynamics>``.
+            x: initial position of the root link's frame, m.
             y: likewise, m.
             yaw: its heading, rad.
-            settings: how finely to compute.
+            settings: of the simulation.
 
         Raises:
             ValueError: x, y or yaw is not finite.
-            OneBotError: the robot cannot be simulated, or a driven joint is none; the message says
-                what to correct.
+            OneBotError: the robot cannot be simulated, or a driven joint is invalid.
         """
-        # Not taken from the world's ``robots``, which hold it: forgotten, this frees the world.
+        # Not one of the world's ``robots``: a reference cycle would keep the world alive.
         super().__init__(World([RobotSpawn(description, driven, x, y, yaw)], settings), 0)
         self.settings = settings
 
@@ -341,15 +332,15 @@ class Simulation(WorldRobot):
 
     @property
     def client(self) -> int:
-        """PyBullet's number of the world, for what it can do besides."""
+        """PyBullet's index of the world, for direct calls."""
         return self._world.client
 
     def reset(self) -> None:
-        """Return to the very state of the start, bit for bit; time is 0 again."""
+        """Restore the initial state, bit for bit; time is 0 again."""
         self._world.reset()
 
     def close(self) -> None:
-        """Free the world; most other methods raise OneBotError from now on."""
+        """Free the world; most other methods raise OneBotError afterwards."""
         self._world.close()
 
     def __enter__(self) -> "Simulation":

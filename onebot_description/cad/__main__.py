@@ -1,4 +1,4 @@
-"""``python -m onebot_description.cad``: writes what config/dimensions.yaml describes."""
+"""``python -m onebot_description.cad``: writes meshes and inertials of config/dimensions.yaml."""
 
 import argparse
 import sys
@@ -44,13 +44,13 @@ def write_robot(source: Path, folder: Path) -> dict[Path, str]:
 
     Args:
         source: the file of dimensions.
-        folder: where meshes/ and config/ are; made where they are missing.
+        folder: where meshes/ and config/ are; created if missing.
 
     Returns:
-        The files written, with a remark on each.
+        The written files, with a comment on each.
 
     Raises:
-        OneBotError: the dimensions are wrong, or make no robot.
+        OneBotError: the dimensions are invalid.
     """
     dimensions = read_dimensions(source)
     parts = make_parts(dimensions)
@@ -86,7 +86,7 @@ def _as_mapping(inertial: MassProperties) -> dict[str, object]:
 
 
 def _rounded(moment: float) -> float:
-    """Round to what does not depend on the machine's arithmetic: 1e-12 kg m2."""
+    """Round to 1e-12 kg m2, so that the result is the same on every machine."""
     return round(float(moment), 12) + 0.0
 
 

@@ -25,10 +25,8 @@ from onebot_description.cad.solids import (
 )
 from onebot_description.errors import OneBotError
 
-# The base's hull: one smooth skin, swept from tail to nose, at any distance from itself.
-
 _SECTION_POINTS = 36
-_SECTION_POWER = 5.0  # of the superellipse: 2 is an ellipse, many a rectangle
+_SECTION_POWER = 5.0  # of the superellipse: 2 is an ellipse, a high power a rectangle
 _LEAN = 0.07  # the sides lean inwards, by this share of the half width
 # How far from nose and tail the width, the top and the bottom begin to close (m), and how squarely
 # they do (the superellipse's power).
@@ -37,6 +35,13 @@ _TAIL = {"width": (0.085, 2.8), "top": (0.085, 2.5), "bottom": (0.05, 2.4)}
 _RAMP = 0.028  # length of the rise from the bottom to the tail's
 NOSE_HEIGHT = -0.027  # of the foremost point
 TAIL_HEIGHT = 0.031
+
+_MAX_DENSITY = 7850.0  # of the ballast, kg/m3, steel
+
+_FAR = 1.0  # m, beyond all parts, for cuts
+_DEPTH = 0.006  # m, of insets in the shell
+_HIDDEN = 0.005  # m; anything deeper inside the shell is not drawn
+_SENSOR_INSIDE = [(0.0, -0.3), (0.76, -0.3), (0.76, 0.9), (0.0, 0.9)]
 
 
 def hull(base: Base, grown: float = 0.0) -> Manifold:
@@ -75,7 +80,7 @@ def _outline(
 
 
 def _stations(tail: float, nose: float) -> NDArray[np.float64]:
-    """Return where sections stand along x: dense where the hull closes."""
+    """Return the positions of the sections along x: dense where the hull closes."""
     turn = np.linspace(0.0, np.pi / 2, 11)
     rear = tail + 0.085 * (1 - np.cos(turn))
     front = nose - 0.155 * (1 - np.cos(np.linspace(0.0, np.pi / 2, 14)))
@@ -108,21 +113,16 @@ def _section() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return across / np.abs(across).max(), up
 
 
-# The block whose mass and place give the base the centre of mass it must have.
-
-_DENSEST = 7850.0  # kg/m3, steel
-
-
 def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) -> MassProperties:
     """Return the ballast that, with ``rest``, has the wanted mass and centre of mass.
 
     Args:
-        dimensions: say the wanted mass and centre, and the block's size.
+        dimensions: with mass and centre of mass of the base, and the block's size.
         rest: everything else in the base.
-        room: the hull's inside, where the block has to lie.
+        room: the inside of the hull, which has to contain the block.
 
     Raises:
-        OneBotError: it would weigh less than nothing, be denser than steel, or stick out.
+        OneBotError: its mass would be negative, it would be denser than steel, or stick out.
     """
     mass = dimensions.base_mass - rest.mass
     if mass <= 0:
@@ -134,22 +134,18 @@ def solve_ballast(dimensions: Dimensions, rest: MassProperties, room: Manifold) 
     block = dimensions.base.ballast
     size = (block.length, block.width, block.height)
     density = mass / float(np.prod(size))
-    if density > _DENSEST:
+    if density > _MAX_DENSITY:
         raise OneBotError(
             f"the ballast would have {density:.0f} kg/m3, more than steel: enlarge it"
         )
     low, high = center - np.array(size) / 2, center + np.array(size) / 2
     outside = (box(tuple(low), tuple(high)) - room).volume() / float(np.prod(size))
     if outside > 1e-6:
-        place = ", ".join(f"{value:.4f}" for value in center)
-        raise OneBotError(f"the ballast, at ({place}) m, sticks out of the hull by {outside:.1%}")
+        position = ", ".join(f"{value:.4f}" for value in center)
+        raise OneBotError(
+            f"the ballast, at ({position}) m, sticks out of the hull by {outside:.1%}"
+        )
     return weigh_box(mass, center, size)
-
-
-_FAR = 1.0  # beyond everything, for cuts
-_DEPTH = 0.006  # how far what is let into the shell reaches inwards
-_HIDDEN = 0.005  # what is deeper inside the shell is not drawn
-_SENSOR_INSIDE = [(0.0, -0.3), (0.76, -0.3), (0.76, 0.9), (0.0, 0.9)]
 
 
 def make_base(dimensions: Dimensions) -> Part:
@@ -249,7 +245,7 @@ def _vents(base: Base) -> Manifold:
 
 
 def _face(base: Base) -> Manifold:
-    """The dark glass that the robot looks through."""
+    """The dark window of the sensor."""
     shape = rounded_rectangle(0.15, 0.034, 0.0165, 6)
     window = prism_x(shape, 0.0, _FAR, (0.0, 0.008))
     return (hull(base, 0.0009) ^ window) - hull(base, -_DEPTH)
@@ -280,7 +276,7 @@ def _stripe(base: Base) -> Manifold:
 
 
 def _handle(base: Base) -> Manifold:
-    """An arch to carry the robot by."""
+    """A handle to carry the robot."""
     turn = np.linspace(0.0, np.pi, 13)
     across = 0.062 * np.sign(np.cos(turn)) * np.abs(np.cos(turn)) ** 0.45
     up = base.deck - 0.008 + 0.036 * np.sin(turn) ** 0.55

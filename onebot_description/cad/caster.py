@@ -102,7 +102,7 @@ def _legs(caster: Caster) -> Manifold:
         (0.1, 0.02), center=True
     ).translate((0.0, high + 0.01))
     slab = Manifold.extrude(side, 2 * outer).rotate((90.0, 0.0, 0.0)).translate((0, outer, 0))
-    # What the wheel takes up: between the legs, below the crown.
+    # The space of the wheel: between the legs, below the crown.
     room = Manifold.cube((0.2, 2 * inner, 0.2)).translate((-0.1, -inner, low - 0.2))
     bosses = [
         cylinder_y(caster.boss_radius * 0.85, outer - 0.0005, outer + 0.0012, 24),

@@ -1,4 +1,4 @@
-"""Writing a part as Collada that every reader of ours takes, colours and all.
+"""Writing a part as Collada that every reader used here can read, with colours.
 
 Metres, z up, triangles only, one geometry a material, and for each material a symbol equal to its
 id (some readers find the colour by the one, some by the other). Equal parts give equal bytes: there
@@ -21,7 +21,14 @@ from numpy.typing import NDArray
 from onebot_description.cad.dimensions import Vector
 from onebot_description.cad.solids import Part, to_mesh
 
-# Normals: round where a surface is round, sharp where it has an edge.
+Floats = NDArray[np.float64]
+
+_EDGE = math.radians(38.0)  # surfaces are shaded smoothly up to this angle between faces
+_TOLERANCE = 1e-4  # m, that a surface may move when points are removed
+_MIN_AREA = 5e-12  # m2; smaller triangles are numerical errors
+_LENGTH_DIGITS = 5  # 0.01 mm
+_NORMAL_DIGITS = 3
+_DATE = datetime.datetime(2025, 1, 1, tzinfo=datetime.timezone.utc)
 
 
 def corner_normals(
@@ -67,16 +74,6 @@ def _angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     cosine = np.einsum("fci,fci->fc", onward, back)
     cosine /= np.linalg.norm(onward, axis=2) * np.linalg.norm(back, axis=2)
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
-
-
-Floats = NDArray[np.float64]
-
-_EDGE = math.radians(38.0)
-_SIMPLER = 1e-4  # m: what a skin may move when needless points are dropped
-_LEAST_AREA = 5e-12  # m2; smaller triangles are numerical dust
-_LENGTH_DIGITS = 5  # 0.01 mm
-_NORMAL_DIGITS = 3
-_DATE = datetime.datetime(2025, 1, 1, tzinfo=datetime.timezone.utc)
 
 
 def to_collada(part: Part, colors: dict[str, Vector]) -> bytes:
@@ -140,11 +137,11 @@ def _skin(
     solid: Manifold, hidden: Callable[[Floats], NDArray[np.bool_]] | None
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Return points, normals, and for each corner of each triangle a pair of indices into them."""
-    mesh = to_mesh(solid.simplify(_SIMPLER))
+    mesh = to_mesh(solid.simplify(_TOLERANCE))
     rounded = np.round(mesh.vertices, _LENGTH_DIGITS) + 0.0
     points, index = np.unique(rounded, axis=0, return_inverse=True)
     faces = index.reshape(-1)[mesh.faces]
-    faces = faces[_areas(points[faces]) > _LEAST_AREA]
+    faces = faces[_areas(points[faces]) > _MIN_AREA]
     normals = corner_normals(points, faces, _EDGE)
     if hidden is not None:
         shown = ~hidden(points)[faces].all(axis=1)

@@ -37,7 +37,7 @@ class CasterWheel:
 
 @dataclass(frozen=True)
 class Caster:
-    """The caster and its place (m)."""
+    """The caster and its mounting position (m)."""
 
     x: float
     mount_height: float
@@ -52,7 +52,7 @@ class Caster:
 
     @property
     def axle_drop(self) -> float:
-        """How far the wheel's axle lies below the mount, when the wheel stands on the ground."""
+        """The distance of the wheel's axle below the mount, with the wheel on the ground."""
         return self.mount_height - self.wheel.radius
 
 
@@ -75,7 +75,7 @@ class Motor:
 
 @dataclass(frozen=True)
 class Ballast:
-    """The block whose mass and place give the base its centre of mass (m)."""
+    """The block that gives the base its mass and centre of mass (m)."""
 
     length: float
     width: float
@@ -122,7 +122,7 @@ def read_dimensions(path: Path) -> Dimensions:
     """Read the file of dimensions.
 
     Raises:
-        ConfigError: it cannot be read, or a key is missing, unknown or of the wrong kind.
+        ConfigError: it cannot be read, or a key is missing, unknown or of the wrong type.
     """
     found = read_map(read_text(path), str(path))
     return read(Dimensions, found.values, found.places)

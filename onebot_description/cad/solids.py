@@ -1,4 +1,4 @@
-"""A part: what is seen of it, by material, and what it weighs."""
+"""Solids that manifold3d lacks (m, z up), and parts: their shapes by material and their mass."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,8 +7,6 @@ import numpy as np
 import trimesh
 from manifold3d import CrossSection, FillRule, Manifold, Mesh64
 from numpy.typing import NDArray
-
-# Solids that manifold3d has no word for. Metres, z up.
 
 Points = Sequence[tuple[float, float]]
 Vector = tuple[float, float, float]
@@ -135,18 +133,12 @@ class MassProperties:
 
 @dataclass(frozen=True)
 class Part:
-    """One link of the robot, in the frame of that link.
+    """One link of the robot, in the frame of that link."""
 
-    Attributes:
-        name: as in meshes/<name>.dae.
-        seen: material and solid, in the order in which they are drawn.
-        inertial: of the solids that weigh something.
-        hidden: says which of (N, 3) points nobody can see, as they lie inside the part.
-    """
-
-    name: str
-    seen: tuple[tuple[str, Manifold], ...]
-    inertial: MassProperties
+    name: str  # as in meshes/<name>.dae
+    seen: tuple[tuple[str, Manifold], ...]  # material and solid, in drawing order
+    inertial: MassProperties  # of all solids with a mass
+    # Returns which of (N, 3) points are inside the part and never visible.
     hidden: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None
 
 

@@ -1,7 +1,7 @@
 """Checks of a robot description beyond single values, which ``reading`` checks.
 
 Names, the tree of links, joints that follow others, masses, mesh files, materials, elements and
-attributes that URDF does not know, and xacro that nobody has expanded.
+attributes that are not part of URDF, and xacro that is not expanded.
 """
 
 import re
@@ -25,8 +25,6 @@ from onebot_description.description.reading import (
 )
 from onebot_description.description.xml import XACRO_NAMESPACES, missing_file
 from onebot_description.errors import OneBotError, did_you_mean, listing
-
-# The document and its names.
 
 
 def check_root(findings: Findings) -> None:
@@ -64,9 +62,6 @@ def named(findings: Findings, tag: str) -> dict[str, Element]:
             continue
         found[name] = element
     return found
-
-
-# Links and joints must make one tree: one root, one parent each, no loop.
 
 
 def check_tree(
@@ -136,9 +131,6 @@ def _loops(parents: Mapping[str, str]) -> list[list[str]]:
     return loops
 
 
-# Joints that follow others.
-
-
 def check_mimics(
     findings: Findings, joints: Mapping[str, Joint], elements: Mapping[str, Element]
 ) -> None:
@@ -179,8 +171,6 @@ def _circle(start: str, masters: Mapping[str, str]) -> list[str]:
         visited.add(master)
     return []
 
-
-# Masses and inertias that no body has.
 
 # Moments are written with few digits; a plate's are just at the limit of the triangle inequality.
 _INERTIA_ROUNDING = 0.01
@@ -230,9 +220,6 @@ def _room(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> M
     """
     most = (xx + yy + zz) * (1 + _INERTIA_ROUNDING) / (2 + _INERTIA_ROUNDING)
     return most - xx, -xy, -xz, most - yy, -yz, most - zz
-
-
-# Mesh files.
 
 
 def check_meshes(findings: Findings) -> None:
@@ -290,9 +277,6 @@ def is_ascii_stl(path: Path) -> bool:
     # Some binary files begin with "solid" too; their length gives them away.
     triangles = int.from_bytes(head[80:84], "little")
     return path.stat().st_size != 84 + 50 * triangles
-
-
-# Materials: names that are defined, once, and textures that are there.
 
 
 def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
@@ -355,8 +339,6 @@ def _check_texture(findings: Findings, element: Element, material: Material) -> 
             findings.warning(texture, f'there is no file "{material.texture}"')
 
 
-# What URDF does not know: probable typos, and leftovers of xacro.
-
 # Other programs' parts, of which nothing is known here; they may hold anything.
 EXTENSIONS = frozenset(
     "gazebo transmission ros2_control sensor mujoco drake plugin contact audio_source "
@@ -396,7 +378,7 @@ _XACRO_LEFT = re.compile(r"\$\{[^}]*\}?|\$\([^)]*\)?")
 
 
 def check_schema(findings: Findings) -> None:
-    """Warn of what URDF does not know, and refuse xacro that nobody has expanded."""
+    """Warn of what is not part of URDF, and refuse xacro that is not expanded."""
     leftovers: list[tuple[Element, str]] = []
     waiting = [findings.document.root]
     while waiting:

@@ -1,7 +1,7 @@
 """A robot description: its links, joints, shapes and inertials as plain values.
 
 SI units and radians, frames as REP-103 has them. ``reading`` makes these values in the one parse of
-the URDF; each knows the line it was written at, as ``robot.urdf:12``.
+the URDF; each has the line it was written at, as ``robot.urdf:12``.
 """
 
 from dataclasses import dataclass, field

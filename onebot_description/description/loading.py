@@ -80,7 +80,7 @@ def read_description(urdf: str, name: str) -> Description:
     """Read what can be read of URDF text that somebody else has published.
 
     Shapes with errors are left out and become warnings, joints with errors are left out. Whether
-    meshes exist is not looked at, and capsules, which some programs know, are shapes.
+    meshes exist is not checked, and capsules, which some programs support, are shapes.
 
     Args:
         urdf: the text.

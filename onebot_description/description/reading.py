@@ -141,8 +141,6 @@ def _short(element: Element) -> str:
     return f'{tag} "{name}"' if name and tag != "visual" else f"<{tag}>"
 
 
-# Numbers in attributes: as many as needed, finite, and in the range that makes sense.
-
 # What every URDF reader takes for a number. float() would also take "1_000", "nan" and Thai digits.
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
@@ -230,9 +228,6 @@ def _read_origin(findings: Findings, element: Element) -> Origin | None:
     xyz = ZERO if origin.get("xyz") is None else read_triple(findings, origin, "xyz")
     rpy = ZERO if origin.get("rpy") is None else read_triple(findings, origin, "rpy")
     return None if xyz is None or rpy is None else Origin(xyz, rpy)
-
-
-# Links: mass and inertia, and one shape in each visual and collision.
 
 
 def read_links(
@@ -422,9 +417,6 @@ def _read_color(findings: Findings, color: Element) -> Rgba | None:
         )
     red, green, blue, alpha = rgba
     return red, green, blue, alpha
-
-
-# Joints: ends, kind, axis, limits and what they follow.
 
 
 def read_ends(

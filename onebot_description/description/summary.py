@@ -159,7 +159,7 @@ def _count(number: int, one: str, many: str | None = None) -> str:
 
 
 def _table(rows: list[_Row]) -> list[str]:
-    """The rows with their columns aligned; columns that say nothing are left out."""
+    """The rows with their columns aligned; empty columns are left out."""
     columns = [
         column for column in zip(*rows, strict=True) if column[0] == "link" or any(column[1:])
     ]

@@ -3,7 +3,8 @@
 xacro keeps its state in module globals and prints to stderr. Here each run gets globals of its own,
 which are restored afterwards, under a lock; what it would print is collected. Every element of the
 files carries its place as DOM user data, which survives macros and includes, so that a check of the
-result can still name the line that a person wrote.
+result can still name the line that a person wrote. Expressions that would never end, such as
+``10**10**10``, are refused at once.
 """
 
 import ast
@@ -220,9 +221,6 @@ def _to_document(document: minidom.Document, path: Path) -> xml.Document:
     return xml.Document(fresh.root, places, shown, path.parent)
 
 
-# Errors: what xacro raises becomes a message with place, cause and remedy.
-
-
 def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
     """Return the message for what xacro raised while it processed ``path``.
 
@@ -331,8 +329,6 @@ def _own_names(table: Any) -> Iterator[str]:
         yield from (name for name in dict.keys(table) if not name.startswith(("*", "__")))
         table = table.parent
 
-
-# Expression limits: what would never end, such as ``10**10**10``, is refused at once.
 
 _MOST_BITS = 10_000  # of a whole number; a double ends at 1024
 _MOST_ITEMS = 100_000  # of a text, list or range; some seconds of work at the most
@@ -482,8 +478,6 @@ _CHECKS: dict[str, Callable[..., None]] = {
     "round": _check_round,
 }
 
-
-# Arguments and includes of a file, found without expanding it.
 
 _DEPTH = 10  # includes of includes; more is a circle
 # Arguments that are used without being declared are arguments all the same.

@@ -1,4 +1,4 @@
-"""A robot's joints as arrays, and where its links are for given joint positions."""
+"""Forward kinematics: transforms of joints and poses of links for given joint positions."""
 
 from onebot_description.model.robot_model import RobotModel
 

@@ -1,12 +1,12 @@
-"""A robot's joints as arrays: all of them move in one expression, which is compiled.
+"""Forward kinematics: all joints are evaluated as arrays, in compiled code.
 
-A joint's transform is its fixed origin followed by its motion, so no tree needs walking to publish
-/tf: for a revolute joint with origin rotation q0 and axis a (in the child frame), the rotation is
+A joint's transform is its fixed origin followed by its motion, so /tf needs no traversal of the
+tree: for a revolute joint with origin rotation q0 and axis a (in the child frame), the rotation is
 
     q0 (x) (a sin(q/2), cos(q/2))  =  q0 cos(q/2) + (q0 (x) (a, 0)) sin(q/2),
 
-and for a prismatic one the translation is t0 + (R0 a) q. Both are linear in numbers that the
-description alone determines. _kinematics.c evaluates them, for many states at once.
+and for a prismatic one the translation is t0 + (R0 a) q. Both are linear in constants of the
+description. _kinematics.c evaluates them, for many states at once.
 """
 
 import ctypes
@@ -31,7 +31,7 @@ _POSE = 7  # numbers of a transform: translation x y z, rotation x y z w
 @functools.cache
 def _kinematics() -> ctypes.CDLL:
     """Return the compiled library with the functions of _kinematics.c declared."""
-    # Unlike a PyDLL, it lets other threads run meanwhile: a batch may take long.
+    # A CDLL, unlike a PyDLL, releases the GIL: a batch may take long.
     library = ctypes.CDLL(load_library()._name)
     pointer, number = ctypes.c_void_p, ctypes.c_int64
     library.onebot_transforms.argtypes = [pointer, number, pointer, pointer]
@@ -70,14 +70,14 @@ class _Tree(ctypes.Structure):
 class JointArrays:
     """Some joints' transforms as a function of their positions; M joints.
 
-    Attributes:
+    Its arrays, none of which may be changed:
         parents: parent link of each joint.
         children: child link of each joint.
-        half_turns: (M,), 1/2 where the joint turns, 0 where it slides.
+        half_turns: (M,), 1/2 for rotating joints, 0 for prismatic ones.
         constant: (M, 7): the transform at position 0 (translation x y z, rotation x y z w).
-        sine: (M, 4): what sin(q/2) multiplies in the rotation.
-        slide: (M, 3): what the position multiplies in the translation; metres per metre.
-        address: of their struct joints, as long as this object lives.
+        sine: (M, 4): the factor of sin(q/2) in the rotation.
+        slide: (M, 3): the factor of the position in the translation, m/m.
+        address: of the struct joints, valid as long as this object exists.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class JointArrays:
         sine: Floats,
         slide: Floats,
     ) -> None:
-        """Keep the arrays, see the class; none may be changed."""
+        """Store the arrays; see the class."""
         self.parents, self.children = tuple(parents), tuple(children)
         arrays = (half_turns, constant, sine, slide)
         contiguous = [np.ascontiguousarray(array, float) for array in arrays]
@@ -136,7 +136,7 @@ class JointArrays:
         return poses
 
     def take(self, rows: Sequence[int]) -> "JointArrays":
-        """The same for the joints ``rows`` only, in that order."""
+        """Return the arrays of the joints ``rows`` only, in that order."""
         index = np.asarray(rows, np.intp)
         arrays = (self.half_turns, self.constant, self.sine, self.slide)
         return JointArrays(
@@ -203,21 +203,21 @@ class Follower(NamedTuple):
 class RobotModel:
     """A robot's kinematics, independent of ROS.
 
-    Attributes:
+    Its attributes, M joints:
         name: the robot's name.
         root_link: the link without a parent.
         links: link names in the description's order.
-        joints: names of the joints that move (revolute, continuous, prismatic, mimics among them),
+        joints: names of the moving joints (revolute, continuous, prismatic, also mimic joints),
             in the description's order; positions are given in this order.
-        moving: their arrays.
-        fixed: arrays of the others. Floating and planar joints, whose pose is in no JointState,
-            are at their origin.
-        lower, upper: (M,), position limits in radians or metres; infinite where there is none.
-        velocity: (M,), speed limits in radians or metres a second; infinite where there is none.
+        moving: the arrays of these joints.
+        fixed: the arrays of the others. Floating and planar joints, which JointState does not
+            contain, are at their origin.
+        lower, upper: (M,), position limits in rad or m; infinite where there is none.
+        velocity: (M,), speed limits in rad/s or m/s; infinite where there is none.
     """
 
     def __init__(self, description: Description) -> None:
-        """Turn a checked description into arrays."""
+        """Convert a checked description to arrays."""
         self.name = description.robot_name
         self.root_link = description.root_link
         self.links = description.link_names

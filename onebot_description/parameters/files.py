@@ -194,7 +194,7 @@ class _File(_Yaml):
                 else "put quotes around its texts"
             )
             self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
-        # rcl cannot know the type of an empty list, and takes it as not given.
+        # rcl cannot infer the type of an empty list, and treats it as not given.
         return values or None
 
     def _scalar(self, name: str, node: yaml.ScalarNode) -> bool | int | float | str:
@@ -418,7 +418,7 @@ class LiveParameters:
         return {**changes, **dict.fromkeys(gone)}
 
     def overridden(self, file: Parameters) -> list[str]:
-        """Names that were edited in ``file`` in vain, as the command line decides them."""
+        """Names edited in ``file`` without effect, as the command line overrides them."""
         edited = (n for n in self._pinned if file.values.get(n) != self.file.values.get(n))
         return list(edited)
 

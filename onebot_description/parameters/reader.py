@@ -517,7 +517,7 @@ def declare(
     Args:
         node: to declare them on.
         kind: a dataclass of parameters.
-        values: by name, instead of the defaults; also of names that only the user knows, None
+        values: by name, instead of the defaults; also of names that only the user defines, None
             for one that the command line sets.
         fixed: by name, values that override the command line.
 
@@ -542,7 +542,7 @@ def _declare(
         return
     empty, unlimited = default == [], ParameterDescriptor(dynamic_typing=True)
     try:
-        # rclpy cannot know the type of an empty list: it is set afterwards.
+        # rclpy cannot infer the type of an empty list: it is set afterwards.
         first, now = (None, unlimited) if empty else (default, final)
         node.declare_parameter(name, first, now, ignore_override)
     except InvalidParameterValueException:

@@ -7,7 +7,7 @@ bytes; a sequence is its length, then its elements (OMG DDSI-RTPS 2.5, section 1
 section 15.3).
 
 Anything else (big endian, a truncated message) raises WireError: the caller falls back to rclpy's
-own deserialization, which knows every encoding.
+own deserialization, which reads every encoding.
 """
 
 import ctypes

@@ -129,9 +129,6 @@ def decode_twist_stamped(data: bytes) -> TwistSample:
     return TwistSample(stamp, twist[:3], twist[3:])
 
 
-# From ordinary messages.
-
-
 def deserialize_message(data: bytes, kind: type) -> Any:
     """Decode a message of the class ``kind`` as rclpy does.
 
@@ -196,9 +193,6 @@ def _vector(vector: Any) -> Floats:
     return np.array([vector.x, vector.y, vector.z], float)
 
 
-# From bytes of any encoding. Each raises one of BAD_MESSAGE for bytes that are no such message.
-
-
 def _read(data: bytes, decode: Callable[[bytes], T], kind: type, convert: Callable[[Any], T]) -> T:
     try:
         return decode(data)
@@ -229,9 +223,6 @@ def twist_sample(data: bytes) -> TwistSample:
 def twist_stamped_sample(data: bytes) -> TwistSample:
     """Read a TwistStamped."""
     return _read(data, decode_twist_stamped, TwistStamped, _twist_stamped_sample)
-
-
-# To messages.
 
 
 def time_message(stamp_ns: int) -> Time:

@@ -197,19 +197,12 @@ class PublishedTimes:
 
 
 class _Known(NamedTuple):
-    """A layout that the compiled call recognises; holds the memory that it reads.
+    """A layout that the compiled call recognises; holds the memory that it reads."""
 
-    Attributes:
-        layout: holds addresses of the rest.
-        key: frame_id and names of its messages.
-        plan: what the names mean.
-        joints: (K,) of ``_JOINT``.
-    """
-
-    layout: _Layout
-    key: tuple[str, tuple[str, ...]]
-    plan: JointStatePlan
-    joints: NDArray[np.void]
+    layout: _Layout  # holds addresses of the rest
+    key: tuple[str, tuple[str, ...]]  # frame_id and names of its messages
+    plan: JointStatePlan  # what the names mean
+    joints: NDArray[np.void]  # (K,) of ``_JOINT``
 
     @classmethod
     def of(cls, frame_id: str, plan: JointStatePlan) -> "_Known":
@@ -250,7 +243,7 @@ class _CompiledCall:
     """Makes the builtin and the layouts that it recognises."""
 
     def __init__(self, times: PublishedTimes) -> None:
-        """Know no layout yet; ``times`` are shared with the way through ordinary messages."""
+        """Begin without layouts; ``times`` are shared with the way through ordinary messages."""
         self._times = times
         self._state = _State(
             times.interval_ns,

@@ -4,8 +4,8 @@ Both are the same on the wire: the type's name, hash and description, and every 
 message class like the one that rosidl generates from TFMessage.msg; its type support is compiled
 (_tf_message.c) and connected with that of geometry_msgs.
 
-Importing this module raises an ``OneBotError`` that is also an ``ImportError`` where no type
-support can be loaded.
+rclpy loads the type support with the first publisher, subscription or conversion. Where it cannot
+be loaded, that raises an ``OneBotError`` that is also an ``ImportError``.
 """
 
 import ctypes
@@ -205,7 +205,7 @@ def _check_versions() -> None:
 def _find_version(package: str) -> str | None:
     """Return the version in an installed package.xml; None if there is no such file.
 
-    importlib.metadata would know as well, but for wheels only, and its import takes 15 ms.
+    importlib.metadata has it as well, but for wheels only, and its import takes 15 ms.
     """
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     for prefix in filter(None, prefixes):
@@ -285,5 +285,3 @@ def _find_installed() -> Any:
 _OWN = TFMessage
 if _installed := _find_installed():
     TFMessage = _installed  # type: ignore[misc]
-else:
-    type(_OWN).__import_type_support__()

@@ -1,4 +1,4 @@
-"""Checks that TFMessages, as bytes, are what a chain's positions demand.
+"""Checks serialized TFMessages against a chain's transforms.
 
 Reading is left to rclpy's own deserialisation, which shares nothing with the project's: where the
 numbers lie is found by serialising a message whose numbers say which they are. While what lies
@@ -35,7 +35,7 @@ class _Layout(NamedTuple):
 
 
 class AnswerChecker:
-    """Knows the right answers to some sets of positions.
+    """Holds the expected answers to some sets of positions.
 
     Attributes:
         worst: the largest error of a number so far.

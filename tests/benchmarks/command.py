@@ -23,7 +23,7 @@ missed is said so, and is no error: times are the machine's."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Complains as all of ``onebot`` does."""
+    """Reports errors as all ``onebot`` commands do."""
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"onebot bench: {message}")

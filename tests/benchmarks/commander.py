@@ -3,7 +3,7 @@
 ``python -m tests.benchmarks.commander TOPIC``. A line of JSON on standard input,
 ``{"seconds": ..., "hold": ...}``, makes it send Twists of ever other speeds for so long, and then
 the speed ``hold`` (m/s); it is answered by one of all: ``[[command, monotonic time], ...]``. The
-first line it prints, ``[]``, says that it has found a listener. It ends with its input.
+first line it prints, ``[]``, means that it has found a subscriber. It ends with its input.
 """
 
 import json

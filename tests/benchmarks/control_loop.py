@@ -1,9 +1,9 @@
-"""Jitter of the control loop at 100 Hz, and how soon a command reaches the wheels.
+"""Jitter of the control loop at 100 Hz, and the latency from a command to the wheels.
 
 velocity_controller runs as it always does, beside robot_state_publisher, with the viewer and
-without; timed_controller.py looks on. The floor is a thread that sleeps to the same grid beside an
-rclpy node (sleeping_thread.py), and takes the same commands. All are measured in turn, each started
-afresh in a ROS domain of its own.
+without; timed_controller.py measures it. The floor is a thread that sleeps to the same grid beside
+an rclpy node (sleeping_thread.py), and receives the same commands. All are measured in turn, each
+started afresh in a ROS domain of its own.
 """
 
 import sys
@@ -43,19 +43,12 @@ _SETTLED = 2.0  # s
 
 
 class Window(NamedTuple):
-    """What came of one start.
+    """Measurements of one start."""
 
-    Attributes:
-        late_us: that each cycle began late, microseconds.
-        latency_us: from each command's sending until the wheels were told.
-        cpu_us: processor time of the process for each cycle.
-        left_out_ms: time in which cycles were left out.
-    """
-
-    late_us: list[float]
-    latency_us: list[float]
-    cpu_us: float
-    left_out_ms: float
+    late_us: list[float]  # that each cycle began late, microseconds
+    latency_us: list[float]  # from each command's sending until its velocity was set on the wheels
+    cpu_us: float  # processor time of the process for each cycle
+    left_out_ms: float  # time in which cycles were left out
 
 
 def run(options: Options) -> Report:

@@ -1,7 +1,7 @@
-"""Tells when the first message of each topic came; a process of its own.
+"""Prints when the first message of each topic is received; a process of its own.
 
-``python -m tests.benchmarks.listener TOPIC:PACKAGE/TYPE ...`` prints a line of JSON once it hears
-(``{"ready": true}``), and one for the first message of each topic and child frame:
+``python -m tests.benchmarks.listener TOPIC:PACKAGE/TYPE ...`` prints a line of JSON once it has
+subscribed (``{"ready": true}``), and one for the first message of each topic and child frame:
 ``{"topic": ..., "at": ..., "frames": [[parent, child], ...], "finite": ...}``. ``at`` is the
 system's monotonic clock, in seconds, which is the same in all processes. It ends with its input.
 """
@@ -32,7 +32,7 @@ _LOOK_EVERY = 0.5  # s, between looks whether the input has ended
 
 
 class Listener:
-    """Prints what it hears first."""
+    """Prints the first message of each topic."""
 
     def __init__(self, node: Node, topics: list[str]) -> None:
         """Subscribe to ``topics``, each TOPIC:TYPE."""

@@ -42,46 +42,27 @@ _LOST_AFTER = 1.0  # seconds
 
 @dataclass(frozen=True)
 class Order:
-    """What to do.
+    """The load to generate."""
 
-    Attributes:
-        messages: most joint states to send.
-        seconds: most time to send them in.
-        in_flight: joint states that may be unanswered at a time.
-        rate: joint states a second at most; 0: without a pause.
-        pids: processes whose processor time counts.
-    """
-
-    messages: int
-    seconds: float
-    in_flight: int = 4
-    rate: float = 0.0
-    pids: list[int] = field(default_factory=list)
+    messages: int  # most joint states to send
+    seconds: float  # most time to send them in
+    in_flight: int = 4  # joint states that may be unanswered at a time
+    rate: float = 0.0  # joint states a second at most; 0: without a pause
+    pids: list[int] = field(default_factory=list)  # processes whose processor time counts
 
 
 @dataclass(frozen=True)
 class Window:
-    """What came of it.
+    """The results of one order."""
 
-    Attributes:
-        answers: received, each checked.
-        lost: joint states that were not answered.
-        seconds: from the first one sent to the last answer.
-        cpu_us: of the processes for each answer.
-        own_cpu_us: of this process, likewise.
-        p50_us: latency that half of the answers do not exceed.
-        p99_us: likewise, 99 %.
-        worst_error: the largest error of a number.
-    """
-
-    answers: int
-    lost: int
-    seconds: float
-    cpu_us: float
-    own_cpu_us: float
-    p50_us: float
-    p99_us: float
-    worst_error: float
+    answers: int  # received, each checked
+    lost: int  # joint states that were not answered
+    seconds: float  # from the first one sent to the last answer
+    cpu_us: float  # of the processes for each answer
+    own_cpu_us: float  # of this process, likewise
+    p50_us: float  # latency that half of the answers do not exceed
+    p99_us: float  # likewise, 99 %
+    worst_error: float  # the largest error of a number
 
 
 class LoadGenerator(Node):

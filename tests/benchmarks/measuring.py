@@ -112,7 +112,7 @@ def seconds_per_call(function: Callable[[], object], least: float = 0.05) -> flo
 
 @contextmanager
 def ros_domain() -> Iterator[dict[str, str]]:
-    """An environment for nodes that nobody else hears: a domain of its own, on this host only."""
+    """An environment for nodes that no others discover: a domain of its own, on this host only."""
     with claimed_domain() as domain:
         environment = {
             name: value for name, value in os.environ.items() if name != "ROS_LOCALHOST_ONLY"
@@ -231,7 +231,7 @@ class Running:
 
 
 def _prepare_child() -> None:
-    """In a child: be told to stop when the benchmark ends, even if that is killed."""
+    """In a child: receive SIGINT when the benchmark ends, even if that is killed."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
     # A shell's background job ignores SIGINT, and hands that down.
     signal.signal(signal.SIGINT, signal.SIG_DFL)

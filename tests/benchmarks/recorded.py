@@ -17,21 +17,13 @@ from onebot_bringup.viewer.displays.tf import TF_ENTITY
 
 
 class Frames(NamedTuple):
-    """Rows of an entity of transforms, in the order logged.
+    """Rows of an entity of transforms, in the order logged."""
 
-    Attributes:
-        stamps_ns: (R,), nanoseconds.
-        parents: of each row.
-        children: of each row.
-        translations: (R, 3), m.
-        rotations: (R, 4), quaternion x y z w.
-    """
-
-    stamps_ns: NDArray[np.int64]
-    parents: list[str]
-    children: list[str]
-    translations: NDArray[np.float64]
-    rotations: NDArray[np.float64]
+    stamps_ns: NDArray[np.int64]  # (R,), nanoseconds
+    parents: list[str]  # of each row
+    children: list[str]  # of each row
+    translations: NDArray[np.float64]  # (R, 3), m
+    rotations: NDArray[np.float64]  # (R, 4), quaternion x y z w
 
 
 def read_frames(file: Path) -> Frames:

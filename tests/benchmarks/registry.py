@@ -1,7 +1,7 @@
-"""Which benchmarks there are, what they are told, and how one is run.
+"""The benchmarks, their options, and how one is run.
 
 A benchmark is a module with ``SUMMARY: str``, one line for ``onebot bench --list``, and
-``run(options: Options) -> Report``. It says what it is doing with ``options.say``, raises
+``run(options: Options) -> Report``. It reports progress with ``options.say``, raises
 ``WrongAnswer`` where an answer is wrong, and stops all it has started however it ends.
 """
 
@@ -34,16 +34,12 @@ def say_on_stderr(text: str) -> None:
 
 @dataclass(frozen=True)
 class Options:
-    """What a benchmark is told.
+    """Options of a benchmark."""
 
-    Attributes:
-        quick: do a little of everything, to check the answers; the times mean nothing.
-        peer: command of another node to measure, with placeholders; see state_publisher.py.
-        say: is told what is being done, a line at a time.
-    """
-
-    quick: bool = False
+    quick: bool = False  # do a little of everything, to check the answers; the times mean nothing
+    # Command of another node to measure, with placeholders; see state_publisher.py.
     peer: str | None = None
+    # Reports progress, a line at a time.
     say: Callable[[str], None] = field(default=say_on_stderr, repr=False)
 
     def choose(self, full: int, quick: int) -> int:

@@ -15,7 +15,7 @@ from onebot_description.wire.tf_message import TFMessage
 
 
 class Relay(Node):
-    """Publishes the same bytes for whatever it hears, with robot_state_publisher's QoS."""
+    """Publishes the same bytes for each message, with robot_state_publisher's QoS."""
 
     def __init__(self, answer: bytes) -> None:
         """Answer ``answer``."""

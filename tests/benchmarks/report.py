@@ -1,4 +1,4 @@
-"""What a benchmark found: rows of a table, goals met or not, and how cost grows."""
+"""Results of a benchmark: rows of a table, goals met or not, and how cost grows."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,26 +11,17 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Goal:
-    """A limit that the project promises to keep.
+    """A limit that the project promises to keep."""
 
-    Attributes:
-        what: is limited, such as "CPU per message over the relay's, N = 10".
-        measured: as measured, in ``unit``.
-        limit: in ``unit``.
-        met: whether it was kept.
-        unit: of both; empty for a ratio.
-        at_least: the limit is the least allowed, not the most.
-    """
-
-    what: str
-    measured: float
-    limit: float
-    met: bool
-    unit: str = ""
-    at_least: bool = False
+    what: str  # what is limited, such as "CPU per message over the relay's, N = 10"
+    measured: float  # as measured, in ``unit``
+    limit: float  # in ``unit``
+    met: bool  # whether it was kept
+    unit: str = ""  # of both; empty for a ratio
+    at_least: bool = False  # the limit is the least allowed, not the most
 
     def sentence(self) -> str:
-        """Return the goal and what came of it, such as "...: 1.2 (goal: at most 1.25): met"."""
+        """Return the goal and its result, such as "...: 1.2 (goal: at most 1.25): met"."""
         unit = f" {self.unit}" if self.unit else ""
         bound = "at least" if self.at_least else "at most"
         return (
@@ -51,40 +42,25 @@ def at_least(what: str, measured: float, limit: float, unit: str = "") -> Goal:
 
 @dataclass(frozen=True)
 class Plot:
-    """How cost grows: some curves over one quantity, on logarithmic axes.
+    """How cost grows: some curves over one quantity, on logarithmic axes."""
 
-    Attributes:
-        title: of the plot.
-        x: name and unit of the horizontal axis.
-        y: name and unit of the vertical axis.
-        curves: the points of each, (x, y), both above zero.
-        note: where it bends, and why.
-    """
-
-    title: str
-    x: str
-    y: str
-    curves: Mapping[str, Sequence[Point]]
-    note: str = ""
+    title: str  # of the plot
+    x: str  # name and unit of the horizontal axis
+    y: str  # name and unit of the vertical axis
+    curves: Mapping[str, Sequence[Point]]  # the points of each, (x, y), both above zero
+    note: str = ""  # where it bends, and why
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a benchmark found.
+    """Results of a benchmark."""
 
-    Attributes:
-        name: of the benchmark, as in the registry.
-        rows: of its table; a row may leave out columns, which stand in the order they first occur.
-        goals: that the project set itself.
-        notes: whole sentences on how it was measured, what was left out, and why.
-        growth: plots of cost.
-    """
-
-    name: str
+    name: str  # of the benchmark, as in the registry
+    # Of its table; a row may leave out columns, which stand in the order they first occur.
     rows: Sequence[Mapping[str, Value]]
-    goals: Sequence[Goal] = ()
-    notes: Sequence[str] = ()
-    growth: Sequence[Plot] = field(default=())
+    goals: Sequence[Goal] = ()  # that the project set itself
+    notes: Sequence[str] = ()  # whole sentences on how it was measured, what was left out, and why
+    growth: Sequence[Plot] = field(default=())  # plots of cost
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Report":

@@ -16,17 +16,11 @@ BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"
 
 @dataclass(frozen=True)
 class Results:
-    """What a run of some benchmarks found.
+    """Results of a run of some benchmarks."""
 
-    Attributes:
-        machine: as ``machine.describe`` has it.
-        quick: it was a quick run: the times mean nothing.
-        reports: of the benchmarks, in the order they were run.
-    """
-
-    machine: dict[str, str | int]
-    quick: bool
-    reports: Sequence[Report]
+    machine: dict[str, str | int]  # as ``machine.describe`` has it
+    quick: bool  # it was a quick run: the times mean nothing
+    reports: Sequence[Report]  # of the benchmarks, in the order they were run
 
 
 def save(file: Path, results: Results) -> None:

@@ -39,29 +39,18 @@ _SLICE = 0.05  # s of processor time; many short ones, as what else the machine 
 
 
 class Took(NamedTuple):
-    """What a slice took for each simulated second.
+    """What a slice took for each simulated second."""
 
-    Attributes:
-        wall: s.
-        cpu: s of processor time.
-    """
-
-    wall: float
-    cpu: float
+    wall: float  # s
+    cpu: float  # s of processor time
 
 
 class Measured(NamedTuple):
-    """What came of one world.
+    """Measurements of one world."""
 
-    Attributes:
-        robots: in it.
-        takes: of each variant, a slice a round.
-        error: m, the farthest a robot was from its arc.
-    """
-
-    robots: int
-    takes: dict[str, list[Took]]
-    error: float
+    robots: int  # in it
+    takes: dict[str, list[Took]]  # of each variant, a slice a round
+    error: float  # m, the farthest a robot was from its arc
 
     def factor(self, name: str) -> float:
         """Simulated seconds a second on the wall."""
@@ -115,7 +104,7 @@ def measure(
     """Check and time a world of ``robots``.
 
     Raises:
-        WrongAnswer: a robot is not where it was told to drive.
+        WrongAnswer: a robot is not where it was commanded to.
     """
     side = math.ceil(math.sqrt(robots))
     starts = [

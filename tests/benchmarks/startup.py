@@ -1,6 +1,6 @@
 """From the command to the first messages, and the memory of all that was started.
 
-A listener in a process of its own, which is up before, tells when the first message came. The
+A listener in a process of its own, started before, prints when the first message was received. The
 floor is an rclpy node with PyBullet loaded that publishes an Odometry (empty_node.py). Commands are
 started in turn, each in a ROS domain of its own. Their bytecode is compiled before, as pip does it.
 """
@@ -42,24 +42,16 @@ _SETTLED = 2.0  # s after the first messages, when memory is looked at
 
 
 class Start(NamedTuple):
-    """One start of a command.
+    """One start of a command."""
 
-    Attributes:
-        odom: s to the first message on odom.
-        tf: s to the first message on /tf; the same of the wheels' transforms; to the first frame
-            in the recording. None where there is none.
-        wheels: see tf.
-        logged: see tf.
-        rss: MB resident in all processes; what they share counts for each.
-        pss: MB, what they share counted once.
-    """
-
-    odom: float
+    odom: float  # s to the first message on odom
+    # Seconds to the first message on /tf, to the wheels' transforms, and to the first frame in the
+    # recording; None where there is none.
     tf: float | None
     wheels: float | None
     logged: float | None
-    rss: float
-    pss: float
+    rss: float  # MB resident in all processes; what they share counts for each
+    pss: float  # MB, what they share counted once
 
 
 def run(options: Options) -> Report:
@@ -153,8 +145,8 @@ def _hear(lines: Lines, node: Running, whole: bool) -> dict[tuple[str, str], flo
     """Wait for the first messages; return when each topic's child frame came.
 
     Raises:
-        WrongAnswer: what was heard is not what the robot should say.
-        OneBotError: the command ended, or says nothing.
+        WrongAnswer: the messages are not those of the robot.
+        OneBotError: the command ended, or publishes nothing.
     """
     wanted = {(_ODOM, "base_link")}
     if whole:

@@ -68,7 +68,7 @@ class Subject:
         self._generator = generator
 
     def interrupt(self) -> None:
-        """Tell both to stop, without waiting for it."""
+        """Interrupt both, without waiting for their end."""
         self._generator.interrupt()
         self.node.interrupt()
 
@@ -118,7 +118,7 @@ class Subject:
 
 
 class Measured(NamedTuple):
-    """What came of one node under one load, a number a round."""
+    """Measurements of one node under one load, a number a round."""
 
     windows: list[Window]
     rss: int
@@ -135,17 +135,11 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to measure.
+    """How long to measure."""
 
-    Attributes:
-        rounds: of each load.
-        messages: in a window of the closed loop, at most.
-        seconds: that a window takes, at most.
-    """
-
-    rounds: int
-    messages: int
-    seconds: float
+    rounds: int  # of each load
+    messages: int  # in a window of the closed loop, at most
+    seconds: float  # that a window takes, at most
 
 
 def run(options: Options) -> Report:
@@ -277,7 +271,7 @@ def _start(
 
 @contextmanager
 def _blamed(name: str, joints: int) -> Iterator[None]:
-    """Say in errors which node they are about."""
+    """Name the node in its errors."""
     try:
         yield
     except OneBotError as error:

@@ -1,4 +1,4 @@
-"""velocity_controller as it is, with a watch on its control loop; a process of its own.
+"""velocity_controller as it is, with its control loop measured; a process of its own.
 
 ``python -m tests.benchmarks.timed_controller [ARGUMENTS]`` takes the node's arguments. A line on
 standard input is answered by one of JSON on standard output: what has happened since the last one
@@ -16,10 +16,10 @@ from tests.benchmarks.watch import Watch
 
 
 def install(watch: Watch) -> None:
-    """Have ``watch`` look at the control loop: when cycles begin, and when wheels are told."""
+    """Have ``watch`` record when cycles begin and when wheel velocities are set."""
 
     class TimedPacer(Pacer):
-        """Tells how late each cycle begins."""
+        """Records how late each cycle begins."""
 
         def next(self, wait: Callable[[float], object]) -> None:
             """Wait for the next cycle."""

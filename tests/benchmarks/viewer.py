@@ -1,7 +1,7 @@
 """What the viewer's own work costs for each robot state, against bare calls of the same data.
 
 A robot state is a message of /tf and one of /joint_states, as raw bytes, at 100 Hz. The viewer
-takes them in as its node does and logs what has come 20 times a second: 5 states a call. The floor
+receives them as its node does and logs the new ones 20 times a second: 5 states a call. The floor
 is two ``send_columns`` of the same rows, whose arrays lie ready, with columns as Rerun's own makers
 make them; the viewer may be cheaper, since it makes its columns itself and keeps those of names.
 Both write a file. Then both files are read again, and must hold the same.
@@ -51,23 +51,14 @@ _ROUNDING = 1e-7
 
 
 class States(NamedTuple):
-    """States of a chain, over and over the same but for their stamps.
+    """States of a chain, over and over the same but for their stamps."""
 
-    Attributes:
-        chain: that moves.
-        positions: (S, N), rad.
-        transforms: (S, N, 7), translation and rotation.
-        tf: (S) serialized TFMessages, but for their stamps.
-        stamps_at: (N, 2) where those are in a TFMessage, as words of four bytes.
-        joints: (S) serialized JointStates, but for their stamps.
-    """
-
-    chain: Chain
-    positions: Floats
-    transforms: Floats
-    tf: list[np.ndarray]
-    stamps_at: np.ndarray
-    joints: list[bytearray]
+    chain: Chain  # that moves
+    positions: Floats  # (S, N), rad
+    transforms: Floats  # (S, N, 7), translation and rotation
+    tf: list[np.ndarray]  # (S) serialized TFMessages, but for their stamps
+    stamps_at: np.ndarray  # (N, 2) where those are in a TFMessage, as words of four bytes
+    joints: list[bytearray]  # (S) serialized JointStates, but for their stamps
 
     @classmethod
     def of(cls, joints: int) -> "States":
@@ -120,7 +111,7 @@ def _stamps_at(parents: Sequence[str], children: Sequence[str]) -> np.ndarray:
 
 
 class Viewer:
-    """Takes in raw messages and logs them as the viewer's node does."""
+    """Receives raw messages and logs them as the viewer's node does."""
 
     def __init__(self, states: States, file: Path) -> None:
         """Show the chain, in a recording that is written to ``file``."""
@@ -158,21 +149,13 @@ def refuse(topic: str, error: Exception) -> None:
 
 
 class Columns(NamedTuple):
-    """The arrays of one call.
+    """The arrays of one call."""
 
-    Attributes:
-        transform_stamps: (S * N,), nanoseconds.
-        translations: (S * N, 3), m.
-        rotations: (S * N, 4), x y z w.
-        state_stamps: (S,), nanoseconds.
-        positions: (S * N,), rad.
-    """
-
-    transform_stamps: np.ndarray
-    translations: Floats
-    rotations: Floats
-    state_stamps: np.ndarray
-    positions: Floats
+    transform_stamps: np.ndarray  # (S * N,), nanoseconds
+    translations: Floats  # (S * N, 3), m
+    rotations: Floats  # (S * N, 4), x y z w
+    state_stamps: np.ndarray  # (S,), nanoseconds
+    positions: Floats  # (S * N,), rad
 
 
 class Bare:

@@ -1,4 +1,4 @@
-"""Keeps what a loop does, and hands it over when it is asked for."""
+"""Records the times of a loop, and returns them on request."""
 
 import json
 import os
@@ -41,7 +41,7 @@ class Watch:
         self._command = command
 
     def told_wheels(self, speed: float = 0.0) -> None:
-        """Note that the wheels are told the last command now, and go at ``speed``, m/s."""
+        """Note that the wheels' velocities are set now; the robot drives at ``speed``, m/s."""
         now = time.monotonic()
         with self._lock:
             self._speed = speed

@@ -4,14 +4,14 @@ from pathlib import Path
 
 from rosbags.rosbag2 import Reader
 
-from onebot_bringup.bags.writer import BagWriter, Qos, Topic
+from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 
 STRING = "std_msgs/msg/String"
 LATCHED = Qos(durability="transient_local")
 
 
 def topic(name="/words", kind=STRING, offered=(LATCHED,)):
-    return Topic(name, kind, "RIHS01_" + "0" * 64, offered)
+    return RecordedTopic(name, kind, "RIHS01_" + "0" * 64, offered)
 
 
 def cdr(text: str) -> bytes:

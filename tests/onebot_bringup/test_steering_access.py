@@ -2,7 +2,8 @@
 
 import pytest
 
-from onebot_bringup.steering.access import Access, is_loopback, new_token
+from onebot_bringup.ports import is_loopback
+from onebot_bringup.steering.access import Access, new_token
 
 LOCAL = Access("", "127.0.0.1", 8080)
 OPEN = Access("the token", "0.0.0.0", 8080)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.steering.arbiter import DEAD_MAN, GRIP, ZEROS, Arbiter
+from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, DRIVER_TIMEOUT, ZEROS, Arbiter
 from onebot_bringup.steering.protocol import Velocity
 
 LIMITS = Velocity(1.0, 2.0)
@@ -23,22 +23,22 @@ def arbiter() -> Arbiter:
 def _all_that_follows(arbiter: Arbiter) -> list[Velocity]:
     """What is published from now on, if nothing else happens."""
     taken = []
-    while (velocity := arbiter.take()) is not None and len(taken) < 10:
+    while (velocity := arbiter.next_command()) is not None and len(taken) < 10:
         taken.append(velocity)
     return taken
 
 
 def test_nothing_is_published_before_anybody_drives(arbiter):
     """Other sources of commands are left alone."""
-    assert arbiter.take() is None and arbiter.driver is None
+    assert arbiter.next_command() is None and arbiter.driver is None
 
 
 def test_what_is_held_is_published_within_the_limits(arbiter):
     """A command beyond them is clamped, and so is one that was given before they were lowered."""
     arbiter.drive("a", Velocity(5.0, -9.0), 0.0)
-    assert arbiter.take() == Velocity(1.0, -2.0)
+    assert arbiter.next_command() == Velocity(1.0, -2.0)
     arbiter.limits = Velocity(0.2, 0.3)
-    assert arbiter.take() == arbiter.command == Velocity(0.2, -0.3)
+    assert arbiter.next_command() == arbiter.command == Velocity(0.2, -0.3)
 
 
 @pytest.mark.parametrize(
@@ -46,9 +46,9 @@ def test_what_is_held_is_published_within_the_limits(arbiter):
     [
         lambda arbiter: arbiter.release("a"),
         lambda arbiter: arbiter.leave("a"),
-        lambda arbiter: arbiter.refuse("a"),
+        lambda arbiter: arbiter.reject("a"),
         lambda arbiter: arbiter.stop(),
-        lambda arbiter: arbiter.watch(DEAD_MAN + 0.01),
+        lambda arbiter: arbiter.check_timeout(COMMAND_TIMEOUT + 0.01),
     ],
     ids=["let go", "closed", "malformed", "stop button", "silent"],
 )
@@ -74,14 +74,14 @@ def test_the_last_to_take_hold_drives(arbiter):
     assert arbiter.driver == "a" and arbiter.command == FORWARD
 
 
-@pytest.mark.parametrize("end", ["stop", "refuse"])
+@pytest.mark.parametrize("end", ["stop", "reject"])
 def test_a_driver_that_was_stopped_has_to_let_go_first(arbiter, end):
     """The stop button, and a message that was refused, are not undone by going on to hold."""
     arbiter.drive("a", FORWARD, 0.0)
     if end == "stop":
         arbiter.stop()
     else:
-        arbiter.refuse("a")
+        arbiter.reject("a")
     arbiter.drive("a", FORWARD, 0.05)
     assert arbiter.driver is None and arbiter.command == ZERO
     arbiter.release("a")
@@ -94,7 +94,7 @@ def test_a_page_that_lost_the_wheel_stops_nobody_by_letting_go(arbiter):
     arbiter.drive("a", FORWARD, 0.0)
     arbiter.drive("b", FORWARD, 0.1)
     arbiter.release("a")
-    arbiter.refuse("a")
+    arbiter.reject("a")
     arbiter.leave("a")
     assert arbiter.driver == "b" and arbiter.command == FORWARD
 
@@ -102,24 +102,24 @@ def test_a_page_that_lost_the_wheel_stops_nobody_by_letting_go(arbiter):
 def test_a_short_silence_stops_but_keeps_the_wheel(arbiter):
     """A hitch of the network stops the robot; the same grip goes on when it is over."""
     arbiter.drive("a", FORWARD, 0.0)
-    arbiter.watch(DEAD_MAN - 0.01)
+    arbiter.check_timeout(COMMAND_TIMEOUT - 0.01)
     assert arbiter.command == FORWARD
-    arbiter.watch(DEAD_MAN + 0.01)
-    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.lapses == 1
-    arbiter.drive("a", FORWARD, GRIP - 0.1)
+    arbiter.check_timeout(COMMAND_TIMEOUT + 0.01)
+    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.timeouts == 1
+    arbiter.drive("a", FORWARD, DRIVER_TIMEOUT - 0.1)
     assert arbiter.command == FORWARD
 
 
 def test_a_long_silence_loses_the_wheel(arbiter):
     """What was queued up meanwhile must not set the robot going."""
     arbiter.drive("a", FORWARD, 0.0)
-    arbiter.watch(GRIP + 0.01)
-    arbiter.drive("a", FORWARD, GRIP + 0.02)
+    arbiter.check_timeout(DRIVER_TIMEOUT + 0.01)
+    arbiter.drive("a", FORWARD, DRIVER_TIMEOUT + 0.02)
     assert arbiter.driver is None and arbiter.command == ZERO
 
 
 _event = st.tuples(
-    st.sampled_from(["drive", "release", "stop", "refuse", "leave", "wait", "take"]),
+    st.sampled_from(["drive", "release", "stop", "reject", "leave", "wait", "take"]),
     st.sampled_from("abc"),
     st.floats(0.0, 0.4),
 )
@@ -135,11 +135,11 @@ def test_the_robot_moves_only_while_its_driver_says_so(events):
     for kind, page, wait in events:
         if kind == "wait":
             now += wait
-            arbiter.watch(now)
+            arbiter.check_timeout(now)
         elif kind == "stop":
             arbiter.stop()
         elif kind == "take":
-            arbiter.take()
+            arbiter.next_command()
         elif page in there:
             if kind == "drive":
                 arbiter.drive(page, FORWARD, now)
@@ -150,27 +150,27 @@ def test_the_robot_moves_only_while_its_driver_says_so(events):
                 assert arbiter.driver != page
         if arbiter.command != ZERO:
             assert arbiter.driver in there
-            assert now - spoke[arbiter.driver] <= DEAD_MAN
+            assert now - spoke[arbiter.driver] <= COMMAND_TIMEOUT
         assert arbiter.pages == len(there)
 
 
 def test_the_times_of_silence_are_exceeded_not_reached(arbiter):
     """At the limit itself nothing happens yet; nor does an old time undo anything."""
     arbiter.drive("a", FORWARD, 10.0)
-    arbiter.watch(10.0 + DEAD_MAN)
-    assert arbiter.command == FORWARD and arbiter.lapses == 0
+    arbiter.check_timeout(10.0 + COMMAND_TIMEOUT)
+    assert arbiter.command == FORWARD and arbiter.timeouts == 0
     arbiter.drive("a", FORWARD, 20.0)
-    arbiter.watch(20.0 + GRIP)
-    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.lapses == 1
-    arbiter.watch(20.0 + GRIP + 0.001)
-    assert arbiter.driver is None and arbiter.lapses == 1
+    arbiter.check_timeout(20.0 + DRIVER_TIMEOUT)
+    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.timeouts == 1
+    arbiter.check_timeout(20.0 + DRIVER_TIMEOUT + 0.001)
+    assert arbiter.driver is None and arbiter.timeouts == 1
 
 
 def test_a_robot_held_at_zero_is_told_so_and_stopped_like_any_other(arbiter):
     """A page that holds the wheel at rest commands zero, all the time."""
     arbiter.drive("a", ZERO, 0.0)
     assert arbiter.moving and arbiter.busy
-    assert [arbiter.take() for _ in range(5)] == [ZERO] * 5
+    assert [arbiter.next_command() for _ in range(5)] == [ZERO] * 5
     arbiter.release("a")
     assert not arbiter.moving and arbiter.busy
     assert _all_that_follows(arbiter) == [ZERO] * ZEROS

@@ -66,8 +66,8 @@ def test_a_wrong_command_line_is_explained(ros_domain, words, complaint):
     [
         (["view:=nowhere.yaml"], "error: view:=nowhere.yaml: no such file"),
         (["a//b", "viewer:=none"], 'error: "a//b" is no name'),
-        (["host:=192.0.2.77"], "error: host:=192.0.2.77 is no address of this computer"),
-        (["host:=a..b"], "error: host:=a..b is no address of this computer"),
+        (["host:=192.0.2.77"], "error: host:=192.0.2.77 is not an address of this computer"),
+        (["host:=a..b"], "error: host:=a..b is not an address of this computer"),
     ],
 )
 def test_a_wrong_name_or_file_is_explained(ros_domain, words, complaint):

@@ -74,7 +74,7 @@ def test_silence_loses_the_wheel_and_says_so(peer):
         page.drive(0.3)
         robot.come_to_rest()
         wait_for(lambda: page.state["driver"] is None, "the wheel to be free")
-        wait_for(lambda: "fell silent" in node.output, "a warning")
+        wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
         count = len(robot.speeds)
         page.hold(0.3)
         page.let_go()
@@ -135,7 +135,7 @@ def test_nonsense_is_refused_and_stops_the_robot(peer, nonsense):
         robot.come_to_rest()
         wait_for(lambda: page.errors, "the refusal")
         assert page.errors[0].startswith("Refused: ")
-        wait_for(lambda: "refused a message of a page (1 so far)" in node.output, "a warning")
+        wait_for(lambda: "rejected a message of a page (1 so far)" in node.output, "a warning")
         page.let_go()
         page.hold(0.2)
         robot.reach(0.2)
@@ -281,11 +281,11 @@ def test_a_port_in_use_is_replaced(ros_domain):
     "parameters, complaint",
     [
         ({"port": 70000}, "error: port: 70000 is above 65535; write a number from 0"),
-        ({"host": "192.0.2.77"}, "error: host:=192.0.2.77 is no address of this computer"),
-        ({"host": "no such host"}, "error: host:=no such host is no address of this computer"),
+        ({"host": "192.0.2.77"}, "error: host:=192.0.2.77 is not an address of this computer"),
+        ({"host": "no such host"}, "error: host:=no such host is not an address of this computer"),
         ({"rate": 1.0}, "error: rate: 1 is below 5; write a number from 5 to 100"),
         ({"max_linear": -1.0}, "error: max_linear: -1 is below 0; write a number from 0"),
-        ({"topic": "a//b"}, "error: topic: a//b is no name of a topic"),
+        ({"topic": "a//b"}, "error: topic: a//b is not a valid topic name"),
         ({"topic": "''"}, "error: topic: is empty; write the name of the topic"),
     ],
 )

@@ -22,7 +22,7 @@ from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, steering
 from tests.support import wait_for
-from tests.support_browser import browser, hosts_reached
+from tests.support_browser import browser, hosts_reached, screenshot
 from tests.support_rendering import colored, pixels
 
 pytestmark = pytest.mark.slow
@@ -110,7 +110,7 @@ def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
         wait_for(note.is_displayed, "word of a view that lags", timeout=60.0)
         # Software WebGL takes some 20 s to the first picture on two cores.
         wait_for(
-            lambda: colored(pixels(page.driver.get_screenshot_as_png()), BLUE).sum() > 1000,
+            lambda: colored(pixels(screenshot(page.driver)), BLUE).sum() > 1000,
             "the robot in the picture",
             timeout=240.0,
         )

@@ -157,7 +157,7 @@ def test_what_is_refused_is_named():
         ('{"type":"drive"}', '"drive" has angular, linear, seq beside its type'),
         ('{"type":"fly"}', "one of drive, release, stop, topic, limits"),
         ('{"type":"stop","type":"stop"}', "given twice"),
-        ("NaN", "NaN is not JSON"),
+        ("NaN", "NaN is not valid JSON"),
         ("[]", "JSON object"),
     ):
         with pytest.raises(ProtocolError, match=words):

@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from onebot_bringup.steering.protocol import Velocity
-from onebot_bringup.steering.steering_page import ControllerLimits, Listener
+from onebot_bringup.steering.steering_page import CommandSubscriber, ControllerLimits
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
@@ -122,7 +122,7 @@ def test_a_topic_of_another_type_is_refused(peer):
             "/rosout": "rcl_interfaces/msg/Log",
         }.items():
             page.send("topic", topic=topic)
-            sentence = f"{topic} holds {kind}, not Twist or TwistStamped: choose another."
+            sentence = f"{topic} has the type {kind}, not Twist or TwistStamped: choose another."
             wait_for(lambda sentence=sentence: sentence in page.errors, "the refusal")
             assert page.state["topic"] == TOPIC and page.state["you"]
             assert not _holds_twist(peer, topic)
@@ -137,7 +137,7 @@ def test_nothing_is_sent_on_a_topic_of_another_type(peer):
     with steered(topic="/texts") as (node, page):
         wait_for(lambda: page.state["topic"] == "/texts", "the topic")
         page.hold(0.3)
-        wait_for(lambda: "/texts holds std_msgs/msg/String" in node.output, "a warning")
+        wait_for(lambda: "/texts has the type std_msgs/msg/String" in node.output, "a warning")
         wait_for(lambda: not _holds_twist(peer, "/texts"), "a publisher made too early to go")
         assert texts == []
         page.let_go()
@@ -175,10 +175,10 @@ class _Dies(Exception):
 def test_a_robot_that_dies_before_it_answers_is_asked_again(
     peer, ros_domain, monkeypatch, seen, patience
 ):
-    """The next one of its name tells its limits, whether or not it was seen to be gone."""
-    monkeypatch.setattr("onebot_bringup.steering.steering_page._ANSWER_BY", patience)
+    """The limits of the next one of its name are received, whether or not the poll saw it end."""
+    monkeypatch.setattr("onebot_bringup.steering.steering_page._RESPONSE_TIMEOUT", patience)
     limits = ControllerLimits(peer.node)
-    robots = [Listener("/robot", "geometry_msgs/msg/Twist")]
+    robots = [CommandSubscriber("/robot", "geometry_msgs/msg/Twist")]
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain, args=[])
     mute = rclpy.create_node("robot", context=context, start_parameter_services=False)
@@ -191,7 +191,7 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     executor.add_node(mute)
 
     def asked() -> bool:
-        assert limits.look(robots) is None
+        assert limits.update(robots) is None
         try:
             executor.spin_once(0.1)
         except _Dies:
@@ -203,11 +203,11 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     mute.destroy_node()
     rclpy.shutdown(context=context)
     if seen:
-        assert limits.look([]) is None
+        assert limits.update([]) is None
     with Peer(ros_domain, "robot") as robot:
         robot.node.declare_parameter("linear.x.max_velocity", 0.4)
         robot.node.declare_parameter("angular.z.max_velocity", 0.5)
-        found = wait_for(lambda: limits.look(robots), "the second robot's limits")
+        found = wait_for(lambda: limits.update(robots), "the second robot's limits")
     assert found == Velocity(0.4, 0.5)
 
 
@@ -301,5 +301,5 @@ def test_a_view_elsewhere_is_not_shown(peer):
     with steered() as (node, page):
         viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=VIEW.replace("127.0.0.1", "192.0.2.7")))
-        wait_for(lambda: "names no page on this computer" in node.output, "a warning")
+        wait_for(lambda: "has no address of a page on this computer" in node.output, "a warning")
         assert page.state["view"] is None

@@ -19,7 +19,7 @@ from tests.onebot_bringup.steering_support import PageClient, address_of, steeri
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
-from tests.support_browser import browser, hosts_reached
+from tests.support_browser import browser, hosts_reached, screenshot
 from tests.support_rendering import colored, pixels
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
@@ -120,7 +120,7 @@ def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, t
         page.get(f"http://127.0.0.1:{port}/view/")
         wait_for(lambda: page.execute_script("return !!window._handle"), "Rerun's page", 240.0)
         wait_for(
-            lambda: colored(pixels(page.get_screenshot_as_png()), BLUE).sum() > 2000,
+            lambda: colored(pixels(screenshot(page)), BLUE).sum() > 2000,
             "the base in the picture",
             timeout=240.0,
         )

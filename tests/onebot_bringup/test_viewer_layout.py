@@ -25,7 +25,7 @@ from tests.onebot_bringup.viewer_support import (
     transforms,
 )
 from tests.support import wait_for
-from tests.support_browser import browser
+from tests.support_browser import browser, screenshot
 from tests.support_rendering import colored, pixels, require_renderer
 
 GREEN, MAGENTA = (0, 220, 60), (230, 20, 200)
@@ -147,7 +147,7 @@ def _saved_in_page(url: str, folder: Path) -> Path:
         chromium.get(url)
 
         def left_edge() -> float:
-            mask = colored(pixels(chromium.get_screenshot_as_png()), BLUE)
+            mask = colored(pixels(screenshot(chromium)), BLUE)
             return float(np.nonzero(mask)[1].min()) if mask.sum() > 2000 else 0.0
 
         # Software WebGL takes some 20 s to the first picture on two cores.
@@ -171,12 +171,12 @@ def _act(chromium: webdriver.Chrome, action: ActionChains) -> None:
 
     At rest, what a text is written into still blinks: that makes two pictures, in turn.
     """
-    before = chromium.get_screenshot_as_png()
+    before = screenshot(chromium)
     action.perform()
     since: list[bytes] = []
 
     def settled() -> bool:
-        since.append(chromium.get_screenshot_as_png())
+        since.append(screenshot(chromium))
         return {*since} != {before} and len(since) > 5 and len({*since[-6:]}) <= 2
 
     wait_for(settled, "the page to answer", timeout=240.0)

@@ -8,7 +8,7 @@ from std_msgs.msg import String
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
-from tests.support_browser import browser, hosts_reached
+from tests.support_browser import browser, hosts_reached, screenshot
 from tests.support_rendering import colored, pixels
 
 pytestmark = pytest.mark.slow
@@ -31,7 +31,7 @@ def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):
         page.get(address[1])
         # Software WebGL takes some 20 s to the first picture on two cores.
         wait_for(
-            lambda: colored(pixels(page.get_screenshot_as_png()), BLUE).sum() > 2000,
+            lambda: colored(pixels(screenshot(page)), BLUE).sum() > 2000,
             "the base in the picture",
             timeout=240.0,
         )

@@ -12,12 +12,11 @@ from pathlib import Path
 import psutil
 import pytest
 
+from onebot_bringup.ports import answers, free_port
 from onebot_bringup.viewer.display_server import (
     Child,
     NativeWindow,
     WebPage,
-    answers,
-    free_port,
     open_recording,
 )
 from onebot_bringup.viewer.pictures import render

@@ -89,7 +89,7 @@ def test_where_the_robot_starts_does_not_matter():
     drive = DrivenRobot.of(load_description(ROBOT), config(x=3.0, y=-2.0, yaw=2.5))
     found = follow(drive, DrivenPath("arc", (Segment(0.2, 0.2, 2.0), Segment(0.0, 0.0, 1.0))))
     drive.plant.close()
-    assert deviation(found.truth, found.commanded).place < 1e-3
+    assert deviation(found.truth, found.commanded).position < 1e-3
     assert found.truth_error < 2e-3
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_control.velocity_controller import CommandSubscription
+from onebot_control.driving import CommandSubscription
 from tests.ros_support import Peer
 from tests.support import wait_for
 

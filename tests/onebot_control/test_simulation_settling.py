@@ -1,4 +1,4 @@
-"""A robot is set down so that it stands still, tilted or not, or is refused with the reason."""
+"""A robot is placed at rest, tilted or not, or rejected with the reason."""
 
 import logging
 import math
@@ -108,7 +108,7 @@ def test_a_robot_that_does_not_stay_on_the_ground_is_refused():
 def test_a_robot_that_breaks_the_physics_is_refused(mass, arm):
     """The state is no longer finite; the message says where to look."""
     urdf = _block(mass=mass).urdf.replace('value="0.01"', f'value="{arm}"')
-    with pytest.raises(OneBotError, match=r"^block.urdf: the simulation broke down while .*masses"):
+    with pytest.raises(OneBotError, match=r"^block.urdf: the simulation diverged while .*masses"):
         _stand(parse_description(urdf, "block.urdf"))
 
 
@@ -121,16 +121,14 @@ def test_a_robot_still_in_motion_is_logged(caplog):
     ):
         assert not simulation.joint_states().velocities.any()
     texts = [record.getMessage() for record in caplog.records]
-    assert (
-        texts.count("block.urdf: the robot has not come to rest 0.1 s after it was set down") == 1
-    )
+    assert texts.count("block.urdf: the robot has not come to rest within 0.1 s on the ground") == 1
 
 
 def test_a_robot_that_rests_is_not_logged(caplog):
     """Only that its joint drives nothing that touches the ground, once."""
     with caplog.at_level(logging.WARNING), _stand(_block()):
         texts = [record.getMessage() for record in caplog.records]
-        assert texts == ['block.urdf: what joint "j" drives does not touch the ground']
+        assert texts == ['block.urdf: the link driven by joint "j" does not touch the ground']
 
 
 def test_wheels_on_the_ground_give_no_warning(caplog):

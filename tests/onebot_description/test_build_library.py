@@ -103,6 +103,21 @@ def test_missing_library(checkout: Path) -> None:
     assert not list(library.parent.glob(".build-*"))
 
 
+def test_node_without_library(ros_domain: int) -> None:
+    """A node that needs the library ends with one line, which names the command to build it."""
+    code = """
+from pathlib import Path
+from onebot_description.wire import build_library
+build_library.LIBRARY = Path("missing.so")
+from onebot_description.robot_state_publisher import main
+raise SystemExit(main(["robot_state_publisher", "onebot_description/urdf/onebot.urdf.xacro"]))
+"""
+    result = run("-c", code, cwd=CHECKOUT)
+    assert result.returncode == 1
+    [line] = result.stderr.splitlines()
+    assert line.startswith("error: The compiled library missing.so is not built. Build it with: ")
+
+
 @needs_compiler
 def test_outdated_or_broken_library(checkout: Path) -> None:
     """A library that is older than its source, or none at all, is refused with the remedy."""

@@ -82,7 +82,7 @@ ODOMETRY: MessageType[OdometrySample] = MessageType(
 
 
 @dataclass(frozen=True)
-class Topic:
+class WantedTopic:
     """A topic to subscribe."""
 
     name: str  # relative, so that the robot's namespace applies, or absolute
@@ -215,7 +215,7 @@ class Display(ABC, Generic[S]):
         """Use these settings from now on; called after ``flush``."""
 
     @abstractmethod
-    def topics(self) -> Sequence[Topic]:
+    def topics(self) -> Sequence[WantedTopic]:
         """Return what to subscribe, by the settings of now."""
 
     @abstractmethod
@@ -265,14 +265,14 @@ class ItemsDisplay(Display[S], Generic[S, I]):
 
     noun: ClassVar[str]  # one of them, in warnings
     types: ClassVar[tuple[MessageType[Any], ...]]
-    optional: ClassVar[bool] = False  # as of ``Topic``
+    optional: ClassVar[bool] = False  # as of ``WantedTopic``
 
     def __init__(self, context: Context) -> None:
         """Draw nothing yet."""
         super().__init__(context)
         self.items: dict[str, I] = {}
         self._made_of: dict[str, object] = {}
-        self._topics: dict[str, Topic] = {}
+        self._topics: dict[str, WantedTopic] = {}
         self._waiting_since: dict[str, float] = {}
 
     @abstractmethod
@@ -297,10 +297,10 @@ class ItemsDisplay(Display[S], Generic[S, I]):
             made_of[name] = (of, color)
             same = self._made_of.get(name) == made_of[name]
             items[name] = self.items[name] if same else self.make(name, of, color)
-            self._topics[name] = Topic(topic, self.types_of(of), optional=self.optional)
+            self._topics[name] = WantedTopic(topic, self.types_of(of), optional=self.optional)
         self._made_of, self.items = made_of, items
 
-    def topics(self) -> Sequence[Topic]:
+    def topics(self) -> Sequence[WantedTopic]:
         """Return the topic of each item."""
         return list(self._topics.values())
 

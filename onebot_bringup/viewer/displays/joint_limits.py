@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.display import Context, Display, MessageType, Topic
+from onebot_bringup.viewer.displays.display import Context, Display, MessageType, WantedTopic
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.description.description import Description, Joint, Triple
 from onebot_description.model.quaternions import from_rpy, to_matrix
@@ -49,7 +49,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         self._made_of: tuple[object, ...] = ()
         self._marks = RangeMarks(context.recording, context.frame_of)
 
-    def topics(self) -> Sequence[Topic]:
+    def topics(self) -> Sequence[WantedTopic]:
         """Return none: the colours of the joints are those of their curves."""
         return ()
 

@@ -17,7 +17,7 @@ from onebot_bringup.viewer.displays.display import (
     LayoutPart,
     MessageType,
     Plot,
-    Topic,
+    WantedTopic,
     one_by_one,
 )
 from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
@@ -64,9 +64,9 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self._limits: Limits = {}  # of the robot's joints
         self._stream = JointStream(context.recording)
 
-    def topics(self) -> Sequence[Topic]:
+    def topics(self) -> Sequence[WantedTopic]:
         """Return the joint states."""
-        return [Topic("joint_states", (JOINT_STATE,))]
+        return [WantedTopic("joint_states", (JOINT_STATE,))]
 
     def apply(self, settings: JointPlotSettings) -> None:
         """Plot with or without limits; the rest is in the layout."""

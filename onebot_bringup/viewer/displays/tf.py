@@ -16,7 +16,7 @@ from onebot_bringup.viewer.displays.display import (
     Display,
     LayoutPart,
     MessageType,
-    Topic,
+    WantedTopic,
     one_by_one,
 )
 from onebot_bringup.viewer.frames import FrameTree
@@ -69,9 +69,11 @@ class TfDisplay(Display[AxesSettings]):
         self._retired: set[str] = set()  # of links of the robot before
         self._retired_at = 0.0
 
-    def topics(self) -> Sequence[Topic]:
+    def topics(self) -> Sequence[WantedTopic]:
         """Return /tf and /tf_static."""
-        return Topic("/tf", (TF,), reliable=True), Topic("/tf_static", (TF_STATIC,), latched=True)
+        return WantedTopic("/tf", (TF,), reliable=True), WantedTopic(
+            "/tf_static", (TF_STATIC,), latched=True
+        )
 
     def apply(self, settings: AxesSettings) -> None:
         """Draw other axes, if they change."""

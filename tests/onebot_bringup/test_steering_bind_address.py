@@ -2,30 +2,31 @@
 
 import pytest
 
-from onebot_bringup.steering.access import choose_place, listen
+from onebot_bringup.ports import listen
+from onebot_bringup.steering.access import choose_bind_address
 from onebot_description.errors import OneBotError
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0", ""])
 def test_an_address_of_this_computer_can_be_listened_on(host):
     """All of them, too; any port will do for 0, and that it is another one needs no word."""
-    place = choose_place(host, 0, "")
-    assert place.host == host and place.port > 0 and place.warning == ""
+    found = choose_bind_address(host, 0, "")
+    assert found.host == host and found.port > 0 and found.warning == ""
 
 
 @pytest.mark.parametrize("host", ["192.0.2.77", "no.such.host.invalid", "a b", "x" * 300])
 def test_a_host_elsewhere_or_nowhere_is_found_out_beforehand(host):
     """With what would be right."""
-    with pytest.raises(OneBotError, match="is no address of this computer: write 127.0.0.1"):
-        choose_place(host, 0, "")
+    with pytest.raises(OneBotError, match="is not an address of this computer: write 127.0.0.1"):
+        choose_bind_address(host, 0, "")
 
 
 def test_a_token_is_made_where_one_is_needed():
     """A given one stays, and on loopback there need not be one."""
-    assert choose_place("127.0.0.1", 0, "").token == ""
-    assert choose_place("127.0.0.1", 0, "mine").token == "mine"
-    assert choose_place("0.0.0.0", 0, "mine").token == "mine"
-    made = [choose_place("0.0.0.0", 0, "").token for _ in range(2)]
+    assert choose_bind_address("127.0.0.1", 0, "").token == ""
+    assert choose_bind_address("127.0.0.1", 0, "mine").token == "mine"
+    assert choose_bind_address("0.0.0.0", 0, "mine").token == "mine"
+    made = [choose_bind_address("0.0.0.0", 0, "").token for _ in range(2)]
     assert len(set(made)) == 2 and min(map(len, made)) > 16
 
 
@@ -33,7 +34,7 @@ def test_a_port_in_use_gives_way_to_another_one():
     """It says so; the port is the node's parameter, for its later starts, too."""
     with listen("127.0.0.1", 0) as other:
         used = other.getsockname()[1]
-        place = choose_place("127.0.0.1", used, "")
-    assert place.port not in (0, used)
-    assert place.warning == f"port {used} is in use; using {place.port} instead"
-    assert place.parameters == {"host": "127.0.0.1", "port": place.port, "token": ""}
+        found = choose_bind_address("127.0.0.1", used, "")
+    assert found.port not in (0, used)
+    assert found.warning == f"port {used} is in use; using {found.port} instead"
+    assert found.parameters == {"host": "127.0.0.1", "port": found.port, "token": ""}

@@ -1,0 +1,126 @@
+"""Addresses and ports of this computer that servers listen on."""
+
+import contextlib
+import errno
+import ipaddress
+import socket
+from typing import Any
+
+from onebot_description.errors import OneBotError
+from onebot_description.parameters.values import MAX_PORT
+
+LOOPBACK = "127.0.0.1"
+
+
+def _resolve(host: str, port: int) -> tuple[socket.AddressFamily, tuple[Any, ...]]:
+    """Return the socket family and address of ``host``, a name or an IP address.
+
+    Raises:
+        OneBotError: it has none.
+    """
+    try:
+        found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        raise _not_here(host) from None
+    # IPv4 first: "localhost" is expected to be 127.0.0.1.
+    family, _, _, _, address = min(found, key=lambda one: one[0] != socket.AF_INET)
+    return family, address
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether ``host``, a name or an IP address, is a loopback address.
+
+    Raises:
+        OneBotError: it has no address.
+    """
+    try:
+        return ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    except ValueError:
+        _, address = _resolve(host, 0)
+        return ipaddress.ip_address(str(address[0]).partition("%")[0]).is_loopback
+
+
+def listen(host: str, port: int, name: str = "port") -> socket.socket:
+    """Listen on ``port`` of ``host``, or on any free one if it is in use (or 0).
+
+    Args:
+        host: a name or an IP address of this computer.
+        port: the preferred port.
+        name: of the parameter with the port, for error messages.
+
+    Raises:
+        OneBotError: this computer does not have the address, or no port is available.
+    """
+    if not 0 <= port <= MAX_PORT:
+        raise OneBotError(
+            f"{name}:={port} is no port: write a number from 1 to 65535, or 0 for any"
+        )
+    family, address = _resolve(host, port)
+    for chosen in (port, 0):
+        try:
+            listener = socket.socket(family, socket.SOCK_STREAM)
+        except OSError:  # such as IPv6 where there is none
+            raise _not_here(host) from None
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((address[0], chosen, *address[2:]))
+            listener.listen(128)
+        except OSError as error:
+            listener.close()
+            if isinstance(error, PermissionError):
+                raise OneBotError(
+                    f"{name}:={port} is not allowed to you: use one from 1024 on"
+                ) from None
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise _not_here(host) from None
+            continue
+        listener.setblocking(False)
+        return listener
+    raise OneBotError(f"there is no free port on {host}")
+
+
+def free_port(wanted: int, name: str = "port") -> int:
+    """Return ``wanted`` if it is free on loopback, else (or for 0) any free port.
+
+    Raises:
+        OneBotError: as ``listen``.
+    """
+    with listen(LOOPBACK, wanted, name) as probe:
+        return int(probe.getsockname()[1])
+
+
+def answers(port: int) -> bool:
+    """Return whether something accepts connections on 127.0.0.1:``port``."""
+    try:
+        with socket.create_connection((LOOPBACK, port), timeout=0.2):
+            return True
+    except OSError:
+        return False
+
+
+def reachable_as(listener: socket.socket) -> str:
+    """Return host:port for a URL; for a wildcard address, with an address of this computer."""
+    host, port = listener.getsockname()[:2]
+    if host in ("0.0.0.0", "::"):
+        host = _own_address(listener.family, host)
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _own_address(family: int, any_address: str) -> str:
+    """The address that other computers see; connecting a datagram socket sends nothing."""
+    # Addresses reserved for documentation (RFC 5737, RFC 3849) use the default route.
+    outside = "192.0.2.1" if family == socket.AF_INET else "2001:db8::1"
+    with contextlib.closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
+        try:
+            probe.connect((outside, 9))
+        except OSError:
+            return "127.0.0.1" if family == socket.AF_INET else "::1"
+        found = str(probe.getsockname()[0])
+    return found if found != any_address else "127.0.0.1"
+
+
+def _not_here(host: str) -> OneBotError:
+    """The error for a host that is not an address of this computer."""
+    return OneBotError(
+        f"host:={host} is not an address of this computer: write 127.0.0.1, or 0.0.0.0 for all"
+    )

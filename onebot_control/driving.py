@@ -1,0 +1,385 @@
+"""What velocity_controller does: its commands, parameters and services act on one control loop."""
+
+import gc
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from std_srvs.srv import SetBool, Trigger
+
+from onebot_control.control_loop import ControlLoop
+from onebot_control.driven_robot import DrivenRobot, JointStateBroadcaster, geometry_of
+from onebot_control.parameters import (
+    ControlConfig,
+    ControlParameters,
+)
+from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.publishing import Publishers
+from onebot_description.description import Description, load_description, parse_description
+from onebot_description.errors import OneBotError
+from onebot_description.node import (
+    DescriptionTopic,
+    RosArguments,
+    Throttled,
+    described_by,
+    is_path,
+)
+from onebot_description.parameters.reader import ConfigError
+from onebot_description.topic_subscription import TopicSubscription, choose_type, offers
+from onebot_description.wire.cdr import nanoseconds
+
+_DEPTH = 10  # ROS's system default
+_POLL_PERIOD = 0.1  # s between polls of who publishes commands
+_TOO_LATE = 0.05  # s of lag worth a warning
+
+_COMMAND_TOPIC = "~/cmd_vel"
+_COMMAND_QOS = QoSProfile(depth=_DEPTH)
+_PACKAGE = "geometry_msgs/msg/"
+_TWIST = f"{_PACKAGE}Twist"
+_COMMAND_TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
+
+Warn = Callable[[str, str], None]  # key, text
+GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
+
+
+class Driving:
+    """Drives the robot of velocity_controller, from its first description to its end."""
+
+    def __init__(self, node: Node, file: str | None, arguments: RosArguments) -> None:
+        """Start driving as soon as the description is known.
+
+        Args:
+            node: velocity_controller.
+            file: URDF or xacro file; None to take the parameter or the topic.
+            arguments: parameter files and the names of parameters set on the command line.
+
+        Raises:
+            OneBotError: the parameters or the description cannot be used.
+        """
+        self._node = node
+        self._loop: ControlLoop | None = None
+        self._failure: BaseException | None = None
+        self._warn = Throttled(node.get_logger().warning)
+        self._settings = ControlParameters(node, arguments)
+        config = self._settings.config
+        self._simulated = node.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
+        self._publishing = Publishers(node, self._simulated)
+        choice = config.cmd_vel_type
+        self._commands = CommandSubscription(node, choice, self._on_command, self._warn)
+        PoseTopics(node, lambda: self._loop, lambda: self._publishing.odom_frame, self._warn)
+        Services(node, lambda: self._loop)
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._apply)
+        node.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        # Last, because from here on the robot moves: what stops us must find a whole node.
+        self._start(file)
+
+    def stop(self) -> None:
+        """Stop the control loop, and with it the robot."""
+        if self._loop is not None:
+            self._loop.stop()
+
+    def _start(self, file: str | None) -> None:
+        """Drive the robot whose description is given, or wait for one on the topic."""
+        text = self._settings.values["robot_description"]
+        if file:
+            self._drive(load_description(file))
+        elif text:
+            self._drive(described_by(text))
+        if not file and not is_path(text):
+            DescriptionTopic(self._node, self._on_description, lambda: self._loop is not None)
+
+    def _drive(self, description: Description) -> None:
+        try:
+            robot = DrivenRobot.of(description, self._settings.config)
+        except ConfigError as error:
+            raise self._settings.located(error) from None
+        self._publishing.use(robot)
+        self._loop = ControlLoop(
+            robot,
+            self._publishing.publish,
+            simulated=self._simulated,
+            late=self._warn_late,
+            failed=self._fail,
+        )
+        # From here on, what lives need not be searched for garbage again and again.
+        gc.freeze()
+        self._loop.start()
+        # Only now: a process's first line of log takes rclpy 20 ms.
+        for warning in description.warnings:
+            self._node.get_logger().warning(warning)
+        separation, radius = robot.geometry
+        self._node.get_logger().info(
+            f'driving robot "{description.robot_name}": wheels {separation:g} m apart, of radius '
+            f"{radius:g} m"
+        )
+
+    def _on_description(self, urdf: str) -> None:
+        loop = self._loop
+        if loop is not None and loop.robot.description.urdf == urdf:
+            return
+        try:
+            description = parse_description(urdf, "robot_description")
+            if loop is None:
+                self._drive(description)
+            elif description.urdf != loop.robot.description.urdf:
+                loop.call(lambda: self._replace(loop, description))
+                self._node.get_logger().info("now driving by the changed robot description")
+        except OneBotError as error:
+            if loop is None:
+                raise
+            self._node.get_logger().error(
+                f"robot description refused, going on as before:\n{error}"
+            )
+
+    def _replace(self, loop: ControlLoop, description: Description) -> None:
+        robot = loop.robot.replaced(description)
+        self._publishing.use(robot)
+        loop.use(robot)
+
+    def _on_command(self, linear: float, angular: float, stamp: int | None) -> None:
+        loop = self._loop
+        if loop is None:
+            return
+        if stamp == 0:
+            text = "~/cmd_vel has stamp 0, which is taken as now (logged once)"
+            self._warn("stamp", text, every=math.inf)
+        now = loop.now_ns() if self._simulated else time.time_ns()
+        age = (now - stamp) * 1e-9 if stamp else 0.0
+        loop.post(lambda: self._command(loop.robot, linear, angular, age))
+
+    def _command(self, robot: DrivenRobot, linear: float, angular: float, age: float) -> None:
+        refused = robot.accept(linear, angular, age)
+        if refused:
+            self._warn("command", f"~/cmd_vel is ignored: {refused}")
+
+    def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            config = self._settings.changed(parameters, self._simulated)
+            if self._loop is not None:
+                robot = self._loop.robot
+                geometry_of(robot.description, config)
+                JointStateBroadcaster(config.broadcaster, robot.plant.joints)
+        except OneBotError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        before = self._settings.config
+        self._settings.accept(parameters)
+        config, loop = self._settings.config, self._loop
+        if config == before:
+            return
+        if config.cmd_vel_type != before.cmd_vel_type:
+            self._commands.choose(config.cmd_vel_type)
+        if loop is not None:
+            loop.call(lambda: self._configure(loop, config))
+
+    def _configure(self, loop: ControlLoop, config: ControlConfig) -> None:
+        loop.robot.configure(config)
+        loop.set_factor(config.real_time_factor)
+        self._publishing.use(loop.robot)
+
+    def _poll(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        self._commands.follow()
+
+    def _fail(self, error: BaseException) -> None:
+        self._failure = error
+
+    def _warn_late(self, lag: float) -> None:
+        if lag > _TOO_LATE:
+            text = f"control cycles were left out for {lag:.3f} s: the machine is too busy"
+            self._warn("late", text)
+
+
+class CommandSubscription:
+    """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published."""
+
+    kind: str  # the type subscribed to, "Twist" or "TwistStamped"
+
+    def __init__(
+        self,
+        node: Node,
+        choice: str,
+        received: Callable[[float, float, int | None], None],
+        warn: Warn,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: of which ~/cmd_vel is.
+            choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
+            received: called with linear.x in m/s, angular.z in rad/s, and the stamp in ns (None
+                for a Twist, which has none).
+            warn: called with a key and a text to warn of.
+        """
+        self._node, self._received, self._warn = node, received, warn
+        self._topic = node.resolve_topic_name(_COMMAND_TOPIC)
+        self._choice = choice
+        self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
+        self._subscription = TopicSubscription(
+            node, _COMMAND_TOPIC, self._on_message, _COMMAND_TYPES.__getitem__, raw=False
+        )
+        self._subscribe()
+
+    def choose(self, choice: str) -> None:
+        """Change over to another choice (see the constructor); with the next ``follow``."""
+        self._choice = choice
+        if choice != "auto":
+            self._change(f"{_PACKAGE}{choice}")
+
+    def follow(self) -> None:
+        """Change over to the other type if only that is published.
+
+        To be called several times a second.
+        """
+        if self._subscription.type is None:
+            self._subscribe()
+            self._node.get_logger().info(f"commands are {self.kind} now")
+            return
+        published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
+        if self._choice == "auto":
+            known = published & _COMMAND_TYPES.keys()
+            self._change(choose_type(known, self._wanted) or self._wanted)
+        ignored = sorted(published - {self._wanted})
+        if ignored:
+            hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
+            others, used = ", ".join(ignored), self._wanted.removeprefix(_PACKAGE)
+            text = f"{_COMMAND_TOPIC} is also published as {others}, which is ignored"
+            self._warn("type", f"{text}{hint}; {used} is subscribed to")
+
+    def _change(self, kind: str) -> None:
+        """End a subscription of another type; the next ``follow`` makes the new one."""
+        if kind != self._wanted:
+            self._wanted = kind
+            self._subscription.close()
+
+    def _subscribe(self) -> None:
+        self._subscription.update(self._wanted, _COMMAND_QOS)
+        self.kind = self._wanted.removeprefix(_PACKAGE)
+
+    def _on_message(self, kind: str, message: Any) -> None:
+        if kind == _TWIST:
+            self._received(message.linear.x, message.angular.z, None)
+        else:
+            twist = message.twist
+            self._received(twist.linear.x, twist.angular.z, nanoseconds(message.header.stamp))
+
+
+class PoseTopics:
+    """~/teleport and ~/set_odometry: put the robot, or its odometry, somewhere else."""
+
+    def __init__(
+        self,
+        node: Node,
+        loop: GetLoop,
+        odom_frame: Callable[[], str],
+        warn: Warn,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: of which the topics are.
+            loop: returns the loop that drives the robot.
+            odom_frame: returns the frame of the robot's odometry.
+            warn: called with a key and a text to warn of.
+        """
+        self._loop, self._odom_frame, self._warn = loop, odom_frame, warn
+        node.create_subscription(PoseStamped, "~/teleport", self._on_teleport, _DEPTH)
+        node.create_subscription(PoseStamped, "~/set_odometry", self._on_set_odometry, _DEPTH)
+
+    def _on_teleport(self, message: PoseStamped) -> None:
+        self._with_pose("teleport", message, self._teleport)
+
+    def _on_set_odometry(self, message: PoseStamped) -> None:
+        self._with_pose("set_odometry", message, self._place_odometry)
+
+    def _with_pose(
+        self, topic: str, message: PoseStamped, use: Callable[[ControlLoop, str, PlanarPose], None]
+    ) -> None:
+        loop, pose = self._loop(), planar_pose(message)
+        if loop is None:
+            self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
+        elif not all(math.isfinite(value) for value in pose):
+            text = "the pose is not finite, or its orientation no unit quaternion"
+            self._warn(topic, f"~/{topic} is ignored: {text}")
+        else:
+            try:
+                loop.call(lambda: use(loop, message.header.frame_id, pose))
+            except (OneBotError, ValueError) as error:
+                self._warn(topic, f"~/{topic} is ignored: {error}")
+
+    def _teleport(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
+        world, odom = loop.robot.config.world_frame_id, self._odom_frame()
+        if frame == odom or not (frame or world):
+            pose = loop.robot.origin.then(pose)
+        elif frame not in ("", world):
+            raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
+        loop.robot.teleport(pose)
+
+    def _place_odometry(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
+        odom = self._odom_frame()
+        if frame not in ("", odom):
+            raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
+        loop.robot.place_odometry(pose)
+
+
+def planar_pose(message: PoseStamped) -> PlanarPose:
+    """Return a pose as seen from above; NaN where its quaternion is not of unit length."""
+    p, q = message.pose.position, message.pose.orientation
+    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan
+    return PlanarPose(p.x, p.y, yaw)
+
+
+class Services:
+    """~/reset, ~/reset_odometry, ~/pause and ~/step: the start again, and simulated time."""
+
+    def __init__(self, node: Node, loop: GetLoop) -> None:
+        """Offer them.
+
+        Args:
+            node: that offers them.
+            loop: returns the loop that drives the robot.
+        """
+        self._loop = loop
+        node.create_service(Trigger, "~/reset", self._on_reset)
+        node.create_service(Trigger, "~/reset_odometry", self._on_reset_odometry)
+        node.create_service(SetBool, "~/pause", self._on_pause)
+        node.create_service(Trigger, "~/step", self._on_step)
+
+    def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        return self._answer(answer, lambda loop: loop.robot.reset())
+
+    def _on_reset_odometry(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        return self._answer(answer, lambda loop: loop.robot.place_odometry(PlanarPose()))
+
+    def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
+        return self._answer(answer, lambda loop: setattr(loop, "paused", request.data))
+
+    def _on_step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        return self._answer(answer, lambda loop: loop.step())
+
+    def _answer(
+        self,
+        answer: Trigger.Response | SetBool.Response,
+        action: Callable[[ControlLoop], object],
+    ) -> Trigger.Response | SetBool.Response:
+        loop = self._loop()
+        try:
+            if loop is None:
+                raise OneBotError("there is no robot yet")
+            loop.call(lambda: action(loop))
+            answer.success = True
+        except OneBotError as error:
+            answer.success, answer.message = False, str(error)
+        return answer

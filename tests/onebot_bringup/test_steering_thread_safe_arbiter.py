@@ -1,0 +1,170 @@
+"""What the robot is told, and when, of what pages say: at once where it matters. No ROS, no web."""
+
+import pytest
+
+from onebot_bringup.steering.arbiter import (
+    COMMAND_TIMEOUT,
+    DRIVER_TIMEOUT,
+    ZEROS,
+    ThreadSafeArbiter,
+)
+from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
+
+FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
+
+
+class Steered:
+    """An arbiter of pages "a" and "b", what it published, and how often it notified pages."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 100.0
+        monkeypatch.setattr("time.monotonic", lambda: self.now)
+        self.published: list[Velocity] = []
+        self.changes = 0
+        self.arbiter = ThreadSafeArbiter(
+            Velocity(1.0, 2.0), self.published.append, Velocity(3.0, 4.0)
+        )
+        self.arbiter.join("a")
+        self.arbiter.join("b")
+        self.arbiter.changed = self._changed
+
+    def _changed(self) -> None:
+        self.changes += 1
+
+    def sent(self) -> list[Velocity]:
+        """What was published since the last call."""
+        sent, self.published[:] = list(self.published), []
+        return sent
+
+
+@pytest.fixture
+def steered(monkeypatch: pytest.MonkeyPatch) -> Steered:
+    """See ``Steered``; the time stands still unless a test moves it."""
+    return Steered(monkeypatch)
+
+
+def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: Steered) -> None:
+    """More of the same waits for its turn."""
+    steered.arbiter.handle("a", Drive(FORWARD))
+    assert steered.sent() == [FORWARD] and steered.changes == 1
+    steered.arbiter.handle("a", Drive(Velocity(0.6, 0.0)))
+    assert steered.sent() == [] and steered.changes == 1
+    steered.arbiter.tick()
+    assert steered.sent() == [Velocity(0.6, 0.0)]
+
+
+@pytest.mark.parametrize("end", ["release", "stop", "leave", "reject"])
+def test_an_end_is_published_at_once(steered: Steered, end: str) -> None:
+    """A zero, and the others with the next ticks; pages learn that nobody drives."""
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.sent()
+    ends = {
+        "release": lambda: steered.arbiter.handle("a", Release()),
+        "stop": lambda: steered.arbiter.handle("b", Stop()),
+        "leave": lambda: steered.arbiter.leave("a"),
+        "reject": lambda: steered.arbiter.reject("a"),
+    }
+    ends[end]()
+    assert steered.sent() == [ZERO] and steered.changes == 2
+    for _ in range(ZEROS + 2):
+        steered.arbiter.tick()
+    assert steered.sent() == [ZERO] * (ZEROS - 1)
+    assert steered.arbiter.state.driver is None and steered.arbiter.state.command == ZERO
+
+
+def test_another_driver_s_command_is_published_at_once(steered: Steered) -> None:
+    """The robot does not go on for a period of the first one's."""
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.sent()
+    steered.arbiter.handle("b", Drive(Velocity(-0.2, 0.0)))
+    assert steered.sent() == [Velocity(-0.2, 0.0)] and steered.arbiter.state.driver == "b"
+
+
+def test_the_stop_button_is_published_even_if_nobody_drives(steered: Steered) -> None:
+    """Something else may be driving the robot; and again each time it is pressed."""
+    for _ in range(2):
+        steered.arbiter.handle("a", Stop())
+        assert steered.sent() == [ZERO]
+    assert steered.changes == 0
+
+
+def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:
+    """After the time of the dead man's switch, not at it; then it loses the wheel."""
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.sent()
+    steered.now += COMMAND_TIMEOUT
+    steered.arbiter.check_timeout()
+    assert steered.sent() == [] and steered.arbiter.timeouts == 0
+    steered.now = 100.0 + COMMAND_TIMEOUT + 0.001
+    steered.arbiter.check_timeout()
+    assert steered.sent() == [ZERO] and steered.arbiter.timeouts == 1 and steered.changes == 1
+    steered.arbiter.check_timeout()
+    assert steered.sent() == [] and steered.arbiter.timeouts == 1
+    steered.now = 100.0 + DRIVER_TIMEOUT
+    steered.arbiter.check_timeout()
+    assert steered.arbiter.state.driver == "a" and steered.changes == 1
+    steered.now = 100.0 + DRIVER_TIMEOUT + 0.001
+    steered.arbiter.check_timeout()
+    assert steered.arbiter.state.driver is None and steered.changes == 2
+    assert steered.arbiter.timeouts == 1
+
+
+def test_silence_counts_from_the_last_word(steered: Steered) -> None:
+    """Saying the same again keeps the robot going."""
+    for _ in range(10):
+        steered.arbiter.handle("a", Drive(FORWARD))
+        steered.now += COMMAND_TIMEOUT * 0.9
+        steered.arbiter.check_timeout()
+    assert steered.arbiter.state.command == FORWARD and steered.arbiter.timeouts == 0
+
+
+def test_limits_are_bounded_by_the_ceiling(steered: Steered) -> None:
+    """From the beginning, and whoever sets them; pages learn of what is new only."""
+    assert ThreadSafeArbiter(
+        Velocity(9.0, 9.0), lambda _: None, Velocity(3.0, 4.0)
+    ).state.limits == Velocity(3, 4)
+    assert ThreadSafeArbiter(Velocity(9.0, 9.0), lambda _: None).state.limits == Velocity(9, 9)
+    steered.arbiter.handle("a", SetLimits(Velocity(5.0, 0.5)))
+    assert steered.arbiter.state.limits == Velocity(3.0, 0.5) and steered.changes == 1
+    steered.arbiter.set_limits(Velocity(3.0, 0.5))
+    assert steered.changes == 1
+    steered.arbiter.set_limits(Velocity(0.25, 0.05))
+    assert steered.changes == 2 and steered.sent() == []
+    steered.arbiter.handle("a", Drive(FORWARD))
+    assert steered.sent() == [Velocity(0.25, 0.05)] == [steered.arbiter.state.command]
+
+
+def test_pages_come_and_go(steered: Steered) -> None:
+    """All the others learn how many there are; the robot learns nothing."""
+    steered.arbiter.join("c")
+    assert steered.arbiter.state.pages == 3 and steered.changes == 1
+    steered.arbiter.leave("c")
+    steered.arbiter.leave("c")
+    assert steered.arbiter.state.pages == 2 and steered.changes == 2 and steered.sent() == []
+
+
+def test_to_halt_sends_all_zeros_at_once(steered: Steered) -> None:
+    """To a robot that was driven; one that was not is left alone."""
+    steered.arbiter.halt()
+    assert steered.sent() == [] and steered.changes == 1
+    steered.arbiter.tick()
+    assert steered.sent() == []
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.sent()
+    steered.arbiter.halt()
+    assert steered.sent() == [ZERO] * ZEROS and steered.arbiter.state.driver is None
+    steered.arbiter.tick()
+    assert steered.sent() == []
+    steered.arbiter.handle("a", Drive(FORWARD))
+    assert steered.sent() == [], "it has to let go first"
+
+
+def test_a_page_cannot_drive_on_after_nonsense_without_letting_go(steered: Steered) -> None:
+    """Also one that did not drive when it was refused."""
+    steered.arbiter.reject("a")
+    assert steered.sent() == []
+    steered.arbiter.handle("a", Drive(FORWARD))
+    assert steered.sent() == [] and steered.arbiter.state.driver is None
+    steered.arbiter.handle("a", Release())
+    steered.arbiter.handle("a", Drive(FORWARD))
+    assert steered.sent() == [FORWARD]
