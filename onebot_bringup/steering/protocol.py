@@ -1,7 +1,7 @@
 """The messages between a steering page and its server: JSON in WebSocket text frames.
 
 Page to server, each with a ``type``:
-    drive: ``seq`` (whole number), ``linear`` (m/s), ``angular`` (rad/s); sent repeatedly while a
+    drive: ``seq`` (integer), ``linear`` (m/s), ``angular`` (rad/s); sent repeatedly while a
         control is held, even if nothing changes: the robot stops after a timeout.
     release: the control was released.
     stop: the stop button; every page loses control.

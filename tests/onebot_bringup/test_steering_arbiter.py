@@ -61,7 +61,7 @@ def test_every_end_gives_zeros_and_then_silence(arbiter, end):
 
 
 def test_the_last_to_take_hold_drives(arbiter):
-    """The one it takes the wheel from does nothing until it lets go and takes hold anew."""
+    """The one it takes control from does nothing until it lets go and takes hold anew."""
     arbiter.drive("a", FORWARD, 0.0)
     arbiter.drive("b", Velocity(0.1, 0.0), 0.1)
     arbiter.drive("a", FORWARD, 0.2)
@@ -89,7 +89,7 @@ def test_a_driver_that_was_stopped_has_to_let_go_first(arbiter, end):
     assert arbiter.driver == "a"
 
 
-def test_a_page_that_lost_the_wheel_stops_nobody_by_letting_go(arbiter):
+def test_a_page_that_lost_control_stops_nobody_by_letting_go(arbiter):
     """Its release, its end and its nonsense are its own."""
     arbiter.drive("a", FORWARD, 0.0)
     arbiter.drive("b", FORWARD, 0.1)
@@ -99,7 +99,7 @@ def test_a_page_that_lost_the_wheel_stops_nobody_by_letting_go(arbiter):
     assert arbiter.driver == "b" and arbiter.command == FORWARD
 
 
-def test_a_short_silence_stops_but_keeps_the_wheel(arbiter):
+def test_a_short_silence_stops_but_keeps_control(arbiter):
     """A hitch of the network stops the robot; the same grip goes on when it is over."""
     arbiter.drive("a", FORWARD, 0.0)
     arbiter.check_timeout(COMMAND_TIMEOUT - 0.01)
@@ -110,7 +110,7 @@ def test_a_short_silence_stops_but_keeps_the_wheel(arbiter):
     assert arbiter.command == FORWARD
 
 
-def test_a_long_silence_loses_the_wheel(arbiter):
+def test_a_long_silence_loses_control(arbiter):
     """What was queued up meanwhile must not set the robot going."""
     arbiter.drive("a", FORWARD, 0.0)
     arbiter.check_timeout(DRIVER_TIMEOUT + 0.01)
@@ -167,7 +167,7 @@ def test_the_times_of_silence_are_exceeded_not_reached(arbiter):
 
 
 def test_a_robot_held_at_zero_is_told_so_and_stopped_like_any_other(arbiter):
-    """A page that holds the wheel at rest commands zero, all the time."""
+    """A page that has control at rest commands zero, all the time."""
     arbiter.drive("a", ZERO, 0.0)
     assert arbiter.moving and arbiter.busy
     assert [arbiter.next_command() for _ in range(5)] == [ZERO] * 5

@@ -47,7 +47,7 @@ def test_commands_go_out_while_held_and_stop_when_let_go(peer):
         page.let_go()
         robot.come_to_rest()
         count = len(robot.moving)
-        wait_for(lambda: page.state["driver"] is None, "the wheel to be free")
+        wait_for(lambda: page.state["driver"] is None, "control to be free")
         assert robot.speeds[-3:] == [0.0] * 3
         page.hold(0.1)
         robot.reach(0.1)
@@ -73,7 +73,7 @@ def test_silence_loses_the_wheel_and_says_so(peer):
         robot = Commands(peer, page)
         page.drive(0.3)
         robot.come_to_rest()
-        wait_for(lambda: page.state["driver"] is None, "the wheel to be free")
+        wait_for(lambda: page.state["driver"] is None, "control to be free")
         wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
         count = len(robot.speeds)
         page.hold(0.3)
@@ -98,7 +98,7 @@ def test_any_page_stops_the_robot(peer):
 
 
 def test_the_last_page_to_take_hold_drives_and_the_others_see_so(peer):
-    """The one that lost the wheel does nothing; letting go there does not stop the other."""
+    """The one that lost control does nothing; letting go there does not stop the other."""
     with steered(2) as (_, first, second):
         robot = Commands(peer, first)
         wait_for(lambda: first.state["pages"] == 2, "two pages")
@@ -126,7 +126,7 @@ def test_the_last_page_to_take_hold_drives_and_the_others_see_so(peer):
     ids=["NaN", "unknown field", "no JSON", "bytes", "too large"],
 )
 def test_nonsense_is_refused_and_stops_the_robot(peer, nonsense):
-    """It is answered with a sentence and counted, never reaches the robot, and costs the wheel."""
+    """It is answered with a sentence and counted, never reaches the robot, and costs control."""
     with steered() as (node, page):
         robot = Commands(peer, page)
         page.hold(0.3)

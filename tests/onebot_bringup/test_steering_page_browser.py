@@ -507,7 +507,7 @@ def _stick(
 def test_the_last_page_to_take_hold_drives_and_the_other_sees_so(
     peer: Peer, page: Page, tmp_path: Path
 ) -> None:
-    """The one that lost the wheel goes on only after letting go; its stop button works always."""
+    """The one that lost control goes on only after letting go; its stop button works always."""
     heard = peer.hear(Twist, TOPIC, 1000)
     with steering(**LIMITS) as node, browser(tmp_path / "second") as driver:
         page.open(node.address)

@@ -89,7 +89,7 @@ def test_the_stop_button_is_published_even_if_nobody_drives(steered: Steered) ->
 
 
 def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:
-    """After the time of the dead man's switch, not at it; then it loses the wheel."""
+    """After the time of the dead man's switch, not at it; then it loses control."""
     steered.arbiter.handle("a", Drive(FORWARD))
     steered.sent()
     steered.now += COMMAND_TIMEOUT

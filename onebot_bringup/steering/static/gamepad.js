@@ -8,9 +8,9 @@ const DEAD = 0.15; // sticks do not come back to zero exactly
 const STOP_BUTTON = 1;
 
 export class Gamepads {
-  /** @param {import("./wheel.js").Wheel} wheel */
-  constructor(wheel) {
-    this.wheel = wheel;
+  /** @param {import("./command_sender.js").CommandSender} sender */
+  constructor(sender) {
+    this.sender = sender;
     this.label = "gamepad";
     this.driving = null; // index of the pad that does
     this.stopping = new Set(); // indices of pads whose stop button is down
@@ -24,7 +24,7 @@ export class Gamepads {
   cancel() {
     this.centred.clear();
     this.driving = null;
-    this.wheel.release(this);
+    this.sender.release(this);
   }
 
   watch() {
@@ -46,7 +46,7 @@ export class Gamepads {
     if (!pad.buttons[STOP_BUTTON]?.pressed) this.stopping.delete(pad.index);
     else if (!this.stopping.has(pad.index)) {
       this.stopping.add(pad.index);
-      this.wheel.stop();
+      this.sender.stop();
     }
     const [linear, angular] = sticks(pad);
     if (linear === 0 && angular === 0) {
@@ -55,13 +55,13 @@ export class Gamepads {
     } else if (this.centred.has(pad.index) && (this.driving ?? pad.index) === pad.index) {
       this.driving = pad.index;
       // A pad works without the focus: it must not drive from a window in the background.
-      if (!document.hasFocus() || !this.wheel.take(this, linear, angular)) this.cancel();
+      if (!document.hasFocus() || !this.sender.take(this, linear, angular)) this.cancel();
     }
   }
 
   rest() {
     this.driving = null;
-    this.wheel.release(this);
+    this.sender.release(this);
   }
 }
 

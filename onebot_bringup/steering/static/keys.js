@@ -12,9 +12,9 @@ const KEYS = {
 }; // prettier-ignore
 
 export class Keys {
-  /** @param {import("./wheel.js").Wheel} wheel */
-  constructor(wheel) {
-    this.wheel = wheel;
+  /** @param {import("./command_sender.js").CommandSender} sender */
+  constructor(sender) {
+    this.sender = sender;
     this.label = "keyboard";
     this.down = new Set();
     // Before any control of the page makes something else of them.
@@ -25,7 +25,7 @@ export class Keys {
   /** Forget what is down; a key that still is repeats, and a repeat does not count. */
   cancel() {
     this.down.clear();
-    this.wheel.release(this);
+    this.sender.release(this);
   }
 
   press(event) {
@@ -34,7 +34,7 @@ export class Keys {
     if (event.code === "Space") {
       event.preventDefault(); // it would also press the button that has the focus
       event.stopPropagation();
-      if (!event.repeat) this.wheel.stop();
+      if (!event.repeat) this.sender.stop();
       return;
     }
     this.slow = event.shiftKey;
@@ -54,7 +54,7 @@ export class Keys {
 
   drive() {
     if (this.down.size === 0) {
-      this.wheel.release(this);
+      this.sender.release(this);
       return;
     }
     let [linear, angular] = [0, 0];
@@ -63,7 +63,7 @@ export class Keys {
       angular += KEYS[code][1];
     }
     const share = (value) => Math.sign(value) * (this.slow ? 0.5 : 1);
-    if (!this.wheel.take(this, share(linear), share(angular))) this.cancel();
+    if (!this.sender.take(this, share(linear), share(angular))) this.cancel();
   }
 }
 

@@ -2,20 +2,20 @@
 
 import nipplejs from "./vendor/nipplejs/index.mjs";
 
-// Of the pad's radius, on each axis: a hand that means "straight on" does not turn.
+// Of the pad's radius, on each axis: an almost straight input does not turn.
 const DEAD = 0.06;
 // Of the zone: where the thumb's middle can go, so that the thumb stays within the rim.
 const TRAVEL = 0.68;
-const SETTLE_MS = 250; // after letting go, what the server told before is no news
+const SETTLE_MS = 250; // after letting go, states that the server sent before are ignored
 
 export class Pad {
   /**
    * @param {HTMLElement} zone where it is drawn, filling it.
-   * @param {import("./wheel.js").Wheel} wheel
+   * @param {import("./command_sender.js").CommandSender} sender
    */
-  constructor(zone, wheel) {
+  constructor(zone, sender) {
     this.zone = zone;
-    this.wheel = wheel;
+    this.sender = sender;
     this.label = "joystick";
     this.settled = 0;
     // Before nipplejs sees it: only a free pad, the first finger and the main button count.
@@ -31,7 +31,7 @@ export class Pad {
     if (this.held) this.manager.all.values().next().value.end(); // and so letGo()
   }
 
-  /** Show with the thumb what the robot is told by another hand, or another page. */
+  /** Show with the thumb the command of another input, or of another page. */
   show(linear, angular) {
     if (this.held || performance.now() < this.settled) return;
     const far = Math.max(1, Math.hypot(linear, angular)) / (this.size / 2);
@@ -44,7 +44,7 @@ export class Pad {
     this.settled = performance.now() + SETTLE_MS;
     this.held = false;
     this.zone.classList.remove("held");
-    this.wheel.release(this);
+    this.sender.release(this);
   }
 
   draw() {
@@ -69,7 +69,7 @@ export class Pad {
   }
 
   press(event) {
-    if (this.held || event.button !== 0 || !this.wheel.enabled) {
+    if (this.held || event.button !== 0 || !this.sender.enabled) {
       event.stopImmediatePropagation();
       return;
     }
@@ -82,7 +82,7 @@ export class Pad {
   }
 
   move(vector) {
-    if (this.held && !this.wheel.take(this, beyond(vector.y), -beyond(vector.x))) this.cancel();
+    if (this.held && !this.sender.take(this, beyond(vector.y), -beyond(vector.x))) this.cancel();
   }
 }
 

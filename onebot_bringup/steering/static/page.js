@@ -1,4 +1,4 @@
-/** The steering page: every hand on the one wheel, and what the server says, shown. */
+/** The steering page: connects all inputs to the command sender, and shows the server's state. */
 
 import { Connection } from "./connection.js";
 import { Gamepads } from "./gamepad.js";
@@ -8,18 +8,18 @@ import { Readout } from "./readout.js";
 import { Limits, Topic, write } from "./settings.js";
 import { Sliders } from "./sliders.js";
 import { View } from "./view.js";
-import { Wheel } from "./wheel.js";
+import { CommandSender } from "./command_sender.js";
 
 const MESSAGE_MS = 6000;
 const element = (id) => document.getElementById(id);
 
-const connection = new Connection({ up, down, message: hear });
-const wheel = new Wheel((message) => connection.send(message), showHolder);
-const pad = new Pad(element("pad"), wheel);
-const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, wheel);
-const hands = [pad, sliders, new Keys(wheel), new Gamepads(wheel)];
+const connection = new Connection({ up, down, message: receive });
+const sender = new CommandSender((message) => connection.send(message), showHolder);
+const pad = new Pad(element("pad"), sender);
+const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, sender);
+const inputs = [pad, sliders, new Keys(sender), new Gamepads(sender)];
 const topic = new Topic(element("topic"), (name) => {
-  wheel.drop();
+  sender.drop();
   connection.send({ type: "topic", topic: name });
 });
 const limits = new Limits(
@@ -27,10 +27,10 @@ const limits = new Limits(
   (chosen) => connection.send({ type: "limits", ...chosen }),
 );
 const readout = new Readout(element("readout"));
-const view = new View(element("view"), wheel);
+const view = new View(element("view"), sender);
 
-element("stop").addEventListener("click", () => wheel.stop());
-// Without the focus no release of a key or a button would be heard.
+element("stop").addEventListener("click", () => sender.stop());
+// Without the focus no release of a key or a button would be received.
 window.addEventListener("blur", letGo);
 window.addEventListener("pagehide", letGo);
 document.addEventListener("visibilitychange", () => document.hidden && letGo());
@@ -42,14 +42,14 @@ document.querySelector("aside").addEventListener("pointerenter", () => {
 for (const type of ["focus", "blur", "focusin"]) window.addEventListener(type, showFocus);
 
 function letGo() {
-  for (const hand of hands) hand.cancel();
+  for (const input of inputs) input.cancel();
 }
 
 function up() {
   document.body.dataset.connection = "up";
   enable(true);
   write(element("connection"), "Connected");
-  say("");
+  notify("");
 }
 
 function down(reason) {
@@ -61,29 +61,29 @@ function down(reason) {
   readout.forget();
   write(element("connection"), "Connection lost");
   write(element("driver"), "");
-  say(reason || "Connection lost: the robot stops by itself. Connecting again …", Infinity);
+  notify(reason || "Connection lost: the robot stops by itself. Connecting again …", Infinity);
 }
 
 function enable(yes) {
-  wheel.enabled = yes;
+  sender.enabled = yes;
   for (const part of document.querySelectorAll("fieldset, #stop")) part.disabled = !yes;
 }
 
-function hear(message) {
+function receive(message) {
   if (message.type === "error") {
-    // After any word that was refused, the server wants to hear that nothing is held.
-    wheel.drop();
+    // The server ignores commands after a refused message until a release.
+    sender.drop();
     connection.send({ type: "release" });
-    say(message.message);
+    notify(message.message);
   } else if (message.type === "state") {
-    wheel.hear(message);
+    sender.update(message);
     topic.show(message);
     showTitle(message.topic);
     limits.show(message.limits);
     readout.show(message);
     const { command, limits: most } = message;
-    for (const hand of [pad, sliders]) {
-      hand.show(command.linear / most.linear, command.angular / most.angular);
+    for (const input of [pad, sliders]) {
+      input.show(command.linear / most.linear, command.angular / most.angular);
     }
     view.show(message.view);
     showDriver(message);
@@ -116,8 +116,8 @@ function showFocus() {
 
 let fading;
 /** Show a sentence for a while; an empty one hides it. */
-function say(sentence, duration = MESSAGE_MS) {
+function notify(sentence, duration = MESSAGE_MS) {
   clearTimeout(fading);
   write(element("message"), sentence);
-  if (sentence && duration !== Infinity) fading = setTimeout(() => say(""), duration);
+  if (sentence && duration !== Infinity) fading = setTimeout(() => notify(""), duration);
 }

@@ -5,16 +5,16 @@
 
 const STEP = 0.1; // of the limit
 const STEP_MS = 150;
-const SETTLE_MS = 250; // after letting go, what the server told before is no news
+const SETTLE_MS = 250; // after letting go, states that the server sent before are ignored
 
 export class Sliders {
   /**
    * @param {{linear: HTMLElement, angular: HTMLElement}} groups each with an input[type=range]
    *   from -1 to 1 and buttons named minus, zero and plus.
-   * @param {import("./wheel.js").Wheel} wheel
+   * @param {import("./command_sender.js").CommandSender} sender
    */
-  constructor(groups, wheel) {
-    this.wheel = wheel;
+  constructor(groups, sender) {
+    this.sender = sender;
     this.label = "sliders";
     const changed = () => this.drive();
     this.axes = [new Axis(groups.linear, changed), new Axis(groups.angular, changed)];
@@ -23,10 +23,10 @@ export class Sliders {
   /** Let go, and wait for the next press. */
   cancel() {
     for (const axis of this.axes) axis.spring();
-    this.wheel.release(this);
+    this.sender.release(this);
   }
 
-  /** Show what the robot is told by another hand, or another page. */
+  /** Show the command of another input, or of another page. */
   show(linear, angular) {
     this.axes[0].show(linear);
     this.axes[1].show(angular);
@@ -34,8 +34,8 @@ export class Sliders {
 
   drive() {
     const [linear, angular] = this.axes;
-    if (!linear.held && !angular.held) this.wheel.release(this);
-    else if (!this.wheel.take(this, linear.value, angular.value)) this.cancel();
+    if (!linear.held && !angular.held) this.sender.release(this);
+    else if (!this.sender.take(this, linear.value, angular.value)) this.cancel();
   }
 }
 
@@ -112,6 +112,6 @@ class Axis {
 
   slide() {
     if (this.held) this.changed();
-    else this.range.value = "0"; // nobody holds it: there would be nobody to let go
+    else this.range.value = "0"; // not held: no release would follow
   }
 }

@@ -16,11 +16,11 @@ function drawnInSoftware() {
 export class View {
   /**
    * @param {HTMLElement} place holds the frame, and a sentence to be seen while there is none.
-   * @param {import("./wheel.js").Wheel} wheel
+   * @param {import("./command_sender.js").CommandSender} sender
    */
-  constructor(place, wheel) {
+  constructor(place, sender) {
     this.place = place;
-    this.wheel = wheel;
+    this.sender = sender;
     this.address = null;
     this.frame = null;
     this.note = place.querySelector("#slow");
@@ -71,7 +71,7 @@ export class View {
       if (event.code !== "Space") return;
       event.preventDefault();
       event.stopImmediatePropagation();
-      if (event.type === "keydown" && !event.repeat) this.wheel.stop();
+      if (event.type === "keydown" && !event.repeat) this.sender.stop();
     };
     inside.addEventListener("keydown", stop, { capture: true });
     inside.addEventListener("keyup", stop, { capture: true });

@@ -1,19 +1,18 @@
 /**
- * The wheel: the one place that commands come through, whatever hand they come from.
+ * Sends the velocity commands of all inputs (pad, sliders, keys, gamepad) to the server.
  *
- * A source (pad, sliders, keys, gamepad) takes hold with `take`, which may be called again at every
- * change, and lets go with `release`. While it is held, the command goes out every 50 ms, also when
- * it stays the same: the server stops the robot when none comes. Only one source holds the wheel;
- * the next one to take it makes the one before let go. A source whose `cancel()` is called lets go
- * and does not take again before the hand did something new: nothing resumes by itself.
+ * An input takes control with `take`, called again at every change, and gives it up with `release`.
+ * In between the command is sent every 50 ms, also when it stays the same: the server stops the
+ * robot when none comes. One input has control at a time; when another takes it, `cancel()` of the
+ * previous one is called. A cancelled input takes control again only after new user input.
  */
 
 const PERIOD_MS = 50;
 
-export class Wheel {
+export class CommandSender {
   /**
    * @param {(message: object) => void} send to the server.
-   * @param {(holder: object | null) => void} changed called when another source holds it.
+   * @param {(holder: object | null) => void} changed called when another input takes control.
    */
   constructor(send, changed) {
     this.send = send;
@@ -28,29 +27,29 @@ export class Wheel {
 
   /**
    * Drive.
-   * @param {object} source who holds; has cancel().
+   * @param {object} source the input; has cancel().
    * @param {number} linear -1 to 1, forward positive, of the linear limit.
    * @param {number} angular -1 to 1, to the left positive, of the angular limit.
-   * @returns {boolean} false if it cannot be held now.
+   * @returns {boolean} false if it cannot take control now.
    */
   take(source, linear, angular) {
     if (!this.enabled || document.hidden) return false;
     const fresh = this.holder !== source;
-    if (fresh) this.hand(source);
+    if (fresh) this.setHolder(source);
     this.linear = linear;
     this.angular = angular;
-    if (fresh) this.say();
+    if (fresh) this.sendCommand();
     return true;
   }
 
-  /** Let go, if this source holds it. */
+  /** Give up control, if this input has it. */
   release(source) {
     if (this.holder !== source) return;
-    this.hand(null);
+    this.setHolder(null);
     this.send({ type: "release" });
   }
 
-  /** Make whoever holds it let go: focus, page or connection went, or another page drives. */
+  /** Cancel the active input: focus, page or connection was lost, or another page drives. */
   drop() {
     const holder = this.holder;
     if (!holder) return;
@@ -58,17 +57,17 @@ export class Wheel {
     holder.cancel();
   }
 
-  /** The stop button: for the robot, whoever drives it. */
+  /** The stop button: stops the robot, also when another page drives it. */
   stop() {
     this.send({ type: "stop" });
     this.drop();
   }
 
-  /** Take notice of who drives by the server's word; drop what another page has taken. */
-  hear(state) {
+  /** Apply the server's state; cancel the active input if another page took control. */
+  update(state) {
     this.limits = state.limits;
     if (!this.holder) return;
-    // A state that was sent before our first command came does not know of us yet.
+    // A state sent before our first command arrived does not name us yet.
     if (state.you) this.confirmed = true;
     else if (this.confirmed) this.drop();
   }
@@ -81,18 +80,18 @@ export class Wheel {
     };
   }
 
-  hand(source) {
+  setHolder(source) {
     const before = this.holder;
     this.holder = source;
     this.linear = this.angular = 0;
     clearInterval(this.timer);
     if (before && source) before.cancel();
     if (!before) this.confirmed = false;
-    if (source) this.timer = setInterval(() => this.say(), PERIOD_MS);
+    if (source) this.timer = setInterval(() => this.sendCommand(), PERIOD_MS);
     this.changed(source);
   }
 
-  say() {
+  sendCommand() {
     this.sequence += 1;
     this.send({ type: "drive", seq: this.sequence, ...this.command });
   }
