@@ -39,15 +39,15 @@ class Grace:
 
 
 class Restarts:
-    """Counts the starts of a node that keeps ending."""
+    """Counts the restarts of a node that keeps ending."""
 
     def __init__(self, policy: Restart) -> None:
         """There was none yet."""
         self._policy = policy
-        self.count = 0  # new starts in a row, the one planned last included
+        self.count = 0  # restarts in a row, the one planned last included
 
     def next_wait(self, lived: float) -> float | None:
-        """Return the seconds until the next start; None if the limit is reached.
+        """Return the seconds until the next restart; None if the limit is reached.
 
         Args:
             lived: seconds that the node ran.
@@ -239,7 +239,7 @@ class Launcher:
         self._running.pop(process, None)
 
     def _after_end(self, node: NodeProcess, restarts: Restarts, lived: float) -> float | None:
-        """Apply the node's policy; return the seconds until it is to be started again."""
+        """Apply the node's policy; return the seconds until its restart, None for none."""
         wait = None
         if node.on_exit == "ignore":
             self._warn(f"going on without {node.name}")

@@ -27,7 +27,7 @@ _POLL = 0.05  # seconds; nothing reports the end of a process that is no child
 
 @dataclass(frozen=True)
 class Restart:
-    """How often and how fast a node that ended is started again."""
+    """How often and how fast a node that ended is restarted."""
 
     limit: int = 5  # times in a row before the launcher gives up
     first_wait: float = 1.0  # s before the first new start; doubled for each further one

@@ -55,7 +55,7 @@ class ViewSource:
         self.blueprint_file: Path | None = None
         path = Path(source).expanduser().absolute() if source not in ("", NO_VIEW) else None
         if path is not None and path.suffix == ".rbl":
-            check_layout(path)
+            check_blueprint_file(path)
             self.blueprint_file = path
             self._of_robot = True  # what the blueprint arranges
         elif path is not None:
@@ -160,7 +160,7 @@ class ViewSource:
         return view_text(self.view)
 
 
-def check_layout(path: Path) -> None:
+def check_blueprint_file(path: Path) -> None:
     """Refuse what is no layout saved in the viewer.
 
     Raises:
