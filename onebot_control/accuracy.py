@@ -210,7 +210,7 @@ def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
         position, rotation = snapshot.pose.translation.tolist(), snapshot.pose.rotation.tolist()
         # Headings are unwrapped.
         heading += math.remainder(yaw_of(*rotation) - heading, 2.0 * math.pi)
-        truth = start.inverse().then(PlanarPose(position[0], position[1], heading))
+        truth = start.inverse().compose(PlanarPose(position[0], position[1], heading))
         odometry = snapshot.odometry
         odometry_worst = max(odometry_worst, deviation(odometry, truth).position)
         truth_worst = max(truth_worst, deviation(truth, planned).position)

@@ -31,7 +31,6 @@ class DriveCommand(NamedTuple):
     right: float  # velocity of the right wheels, rad/s
     linear: float  # the limited command, m/s
     angular: float  # the limited command, rad/s
-    healthy: bool  # whether the wheels' states were finite
 
 
 class DiffDriveController:
@@ -90,12 +89,12 @@ class DiffDriveController:
         # A command's first cycle comes less than dt after it; it is not older for that.
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
-        healthy = self._follow(wheels, dt)
+        self._follow(wheels, dt)
         linear, angular = self._limited(dt)
         if self._config.open_loop:
             self.odometry.update_open_loop(linear, angular, dt)
         left, right = self.odometry.kinematics.wheel_velocities(linear, angular)
-        return DriveCommand(left, right, linear, angular, healthy)
+        return DriveCommand(left, right, linear, angular)
 
     def halt(self) -> None:
         """Forget command and speed: the wheels stop, and the next command starts from rest."""
@@ -110,17 +109,18 @@ class DiffDriveController:
         timeout = self._config.cmd_vel_timeout
         return bool(timeout) and self._age > timeout + _ROUNDING
 
-    def _follow(self, wheels: WheelStates, dt: float) -> bool:
+    def _follow(self, wheels: WheelStates, dt: float) -> None:
         if self._config.open_loop:
-            return True
+            return
         if self._config.position_feedback:
             left, right = wheels.left_position, wheels.right_position
-            return self.odometry.update_from_positions(left, right, dt)
-        left, right = wheels.left_velocity, wheels.right_velocity
-        return self.odometry.update_from_velocities(left, right, dt)
+            self.odometry.update_from_positions(left, right, dt)
+        else:
+            left, right = wheels.left_velocity, wheels.right_velocity
+            self.odometry.update_from_velocities(left, right, dt)
 
     def _limited(self, dt: float) -> tuple[float, float]:
-        # Of a command that is too old remains 0, which goes through the limiter: it brakes.
+        # A timed-out command becomes a zero reference, ramped down by the limiter.
         wanted = (0.0, 0.0) if self.timed_out else self._reference
         limited = (
             self._linear_limiter.limit(wanted[0], self._last[0], self._before_last[0], dt),

@@ -127,7 +127,7 @@ class DrivenRobot:
         description: of the robot.
         broadcaster: chooses what joint_states holds.
         plant: what is driven.
-        origin: where the odometry's zero is in the world; moved by what moves the odometry.
+        odom_in_world: pose of the odometry frame in the world; changed by what sets the odometry.
         ticks: control cycles done.
     """
 
@@ -146,7 +146,7 @@ class DrivenRobot:
         self.ticks = 0
         self._left = [plant.joints.index(name) for name in config.left_wheel_names]
         self._right = [plant.joints.index(name) for name in config.right_wheel_names]
-        self._command = DriveCommand(0.0, 0.0, 0.0, 0.0, True)
+        self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
         self._read_state()
         self.place_odometry(PlanarPose())
 
@@ -253,7 +253,7 @@ class DrivenRobot:
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry to ``pose`` here and now."""
         self.controller.odometry.set_pose(*pose)
-        self.origin = self.true_pose.then(pose.inverse())
+        self.odom_in_world = self.true_pose.compose(pose.inverse())
 
     def replaced(self, description: Description) -> "DrivenRobot":
         """Return the same robot by another description, where this one is.
@@ -264,7 +264,7 @@ class DrivenRobot:
         robot = DrivenRobot.of(description, self.config)
         robot.teleport(self.true_pose)
         robot.controller.odometry.set_pose(*self.snapshot().odometry)
-        robot.origin, robot.ticks = self.origin, self.ticks
+        robot.odom_in_world, robot.ticks = self.odom_in_world, self.ticks
         return robot
 
     def _read_state(self) -> None:

@@ -1,4 +1,4 @@
-"""What velocity_controller does: its commands, parameters and services act on one control loop."""
+"""The ROS interface of velocity_controller: commands, parameters and services of a control loop."""
 
 import gc
 import math
@@ -78,7 +78,7 @@ class Driving:
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
         node.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        # Last, because from here on the robot moves: what stops us must find a whole node.
+        # Start last, when all members exist: ``stop`` may be called at any time from here on.
         self._start(file)
 
     def stop(self) -> None:
@@ -90,13 +90,13 @@ class Driving:
         """Drive the robot whose description is given, or wait for one on the topic."""
         text = self._settings.values["robot_description"]
         if file:
-            self._drive(load_description(file))
+            self._start_loop(load_description(file))
         elif text:
-            self._drive(described_by(text))
+            self._start_loop(described_by(text))
         if not file and not is_path(text):
             DescriptionTopic(self._node, self._on_description, lambda: self._loop is not None)
 
-    def _drive(self, description: Description) -> None:
+    def _start_loop(self, description: Description) -> None:
         try:
             robot = DrivenRobot.of(description, self._settings.config)
         except ConfigError as error:
@@ -109,10 +109,10 @@ class Driving:
             late=self._warn_late,
             failed=self._fail,
         )
-        # From here on, what lives need not be searched for garbage again and again.
+        # Exclude long-lived objects from garbage collection.
         gc.freeze()
         self._loop.start()
-        # Only now: a process's first line of log takes rclpy 20 ms.
+        # After the start, because rclpy's first log call takes 20 ms.
         for warning in description.warnings:
             self._node.get_logger().warning(warning)
         separation, radius = robot.geometry
@@ -128,7 +128,7 @@ class Driving:
         try:
             description = parse_description(urdf, "robot_description")
             if loop is None:
-                self._drive(description)
+                self._start_loop(description)
             elif description.urdf != loop.robot.description.urdf:
                 loop.call(lambda: self._replace(loop, description))
                 self._node.get_logger().info("now driving by the changed robot description")
@@ -197,7 +197,7 @@ class Driving:
 
     def _warn_late(self, lag: float) -> None:
         if lag > _TOO_LATE:
-            text = f"control cycles were left out for {lag:.3f} s: the machine is too busy"
+            text = f"control loop overrun: {lag:.3f} s skipped, the CPU is overloaded"
             self._warn("late", text)
 
 
@@ -321,7 +321,7 @@ class PoseTopics:
     def _teleport(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
         world, odom = loop.robot.config.world_frame_id, self._odom_frame()
         if frame == odom or not (frame or world):
-            pose = loop.robot.origin.then(pose)
+            pose = loop.robot.odom_in_world.compose(pose)
         elif frame not in ("", world):
             raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
         loop.robot.teleport(pose)

@@ -105,7 +105,7 @@ class Odometry:
         self.forget_wheels()
 
     def forget_wheels(self) -> None:
-        """Take the next positions as a new start: the wheels were moved by no driving."""
+        """Re-reference the wheel positions with the next update, e.g. after a teleport."""
         self._wheels = None
         self._since = 0.0
         self._linear, self._angular = RollingMean(self._window), RollingMean(self._window)
@@ -117,28 +117,23 @@ class Odometry:
         self._linear = self._linear.resized(window)
         self._angular = self._angular.resized(window)
 
-    def update_from_positions(self, left: float, right: float, dt: float) -> bool:
+    def update_from_positions(self, left: float, right: float, dt: float) -> None:
         """Follow the wheels' positions (rad), ``dt`` seconds after the last call.
 
-        Returns:
-            False if they are not finite; the motion is then made up for by the next that are.
+        Unless both are finite they are ignored; the motion is covered by the next finite update.
         """
         self._since += dt
         if not (math.isfinite(left) and math.isfinite(right)):
-            return False
+            return
         before, self._wheels = self._wheels, (left, right)
         since, self._since = self._since, 0.0
         if before is not None and since > 0.0:
             self._follow(left - before[0], right - before[1], since)
-        return True
 
-    def update_from_velocities(self, left: float, right: float, dt: float) -> bool:
-        """Follow the wheels' velocities (rad/s) over ``dt`` seconds; False if not finite."""
-        if not (math.isfinite(left) and math.isfinite(right)):
-            return False
-        if dt > 0.0:
+    def update_from_velocities(self, left: float, right: float, dt: float) -> None:
+        """Follow the wheels' velocities (rad/s) over ``dt`` seconds, unless one is not finite."""
+        if math.isfinite(left) and math.isfinite(right) and dt > 0.0:
             self._follow(left * dt, right * dt, dt)
-        return True
 
     def update_open_loop(self, linear: float, angular: float, dt: float) -> None:
         """Follow a command (m/s, rad/s) over ``dt`` seconds."""

@@ -86,8 +86,8 @@ class PlanarPose(NamedTuple):
     y: float = 0.0
     yaw: float = 0.0
 
-    def then(self, other: "PlanarPose") -> "PlanarPose":
-        """Return the composition: ``other``, given relative to this pose, in this pose's frame."""
+    def compose(self, other: "PlanarPose") -> "PlanarPose":
+        """Return ``other``, given relative to this pose, in the frame this pose is given in."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return PlanarPose(
             self.x + c * other.x - s * other.y,
@@ -96,7 +96,7 @@ class PlanarPose(NamedTuple):
         )
 
     def inverse(self) -> "PlanarPose":
-        """Return the pose p for which ``self.then(p)`` is zero."""
+        """Return the pose p for which ``self.compose(p)`` is zero."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return PlanarPose(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
 

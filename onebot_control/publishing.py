@@ -99,7 +99,7 @@ class Publishers:
             self._limited.publish(self._limited_message)
         if self._due.due():
             self._publish_odometry(snapshot)
-        if robot.origin != self._origin:
+        if robot.odom_in_world != self._origin:
             self._publish_origin(stamp_ns)
 
     def _publish_odometry(self, snapshot: Snapshot) -> None:
@@ -117,14 +117,14 @@ class Publishers:
     def _true_pose(self, snapshot: Snapshot) -> Sequence[float]:
         translation, rotation = snapshot.pose
         if not self._world:
-            back = np.array(_transform_values(self._robot.origin.inverse()))
+            back = np.array(_transform_values(self._robot.odom_in_world.inverse()))
             translation = back[:3] + quaternions.rotate(back[3:], translation)
             rotation = quaternions.multiply(back[3:], rotation)
         return (*translation.tolist(), *rotation.tolist())
 
     def _publish_origin(self, stamp_ns: int) -> None:
         """Publish where the odometry's zero is in the world."""
-        self._origin = self._robot.origin
+        self._origin = self._robot.odom_in_world
         if self._world:
             message = TransformStamped(child_frame_id=self.odom_frame)
             message.header.frame_id = self._world

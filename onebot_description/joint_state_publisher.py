@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """joint_state_publisher: joint states from YAML, moving as soon as the file is saved.
 
-Run it alone with ``joint_state_publisher [FILE] --ros-args --params-file joints.yaml``; FILE
-is a URDF or xacro file. Without it, the description is the parameter or the topic
+Run it alone with
+``python -m onebot_description.joint_state_publisher [FILE] --ros-args --params-file joints.yaml``;
+FILE is a URDF or xacro file. Without it, the description is the parameter or the topic
 robot_description.
 
 Publishes:

@@ -64,7 +64,7 @@ def offers(
     """Return which types a topic (its full name) has, and what its publishers offer for each.
 
     As long as it has no publisher, the types are those of other nodes' subscriptions, and nothing
-    is offered for them: whoever subscribes then does not miss the first messages.
+    is offered for them: an early subscription does not miss the first messages.
 
     Args:
         node: whose knowledge of the ROS graph is used; its own subscriptions do not count.

@@ -232,7 +232,7 @@ def _full(name: str) -> str:
 def _counted(file: IO[bytes]) -> _Contents:
     topics: dict[str, str] = {}
     count = 0
-    for schema, channel, _ in _in_order(file, lambda _: None):
+    for schema, channel, _ in _in_file_order(file, lambda _: None):
         count += 1
         if channel.message_encoding == _CDR and schema is not None:
             topics[channel.topic] = _full(schema.name)
@@ -249,7 +249,7 @@ def _read_mcap(
             reader = SeekingReader(file, validate_crcs=True, record_size_limit=_MOST)
             found = _guarded(reader.iter_messages(topics=list(topics)), path, warn)
         else:
-            found = _in_order(file, lambda why: warn(f"{path} is damaged or cut off: {why}"))
+            found = _in_file_order(file, lambda why: warn(f"{path} is damaged or cut off: {why}"))
         for schema, channel, message in found:
             usable = channel.message_encoding == _CDR and schema is not None
             if usable and channel.topic in topics:
@@ -266,7 +266,7 @@ def _guarded(found: _Found, path: Path, warn: Callable[[str], None]) -> _Found:
         warn(f"{path} is damaged: {_reason(error)}; showing what comes before")
 
 
-def _in_order(file: IO[bytes], warn: Callable[[str], None]) -> _Found:
+def _in_file_order(file: IO[bytes], warn: Callable[[str], None]) -> _Found:
     """Yield messages in the order of the file, up to its end or the first damage."""
     file.seek(0)
     schemas: dict[int, Schema] = {}

@@ -94,7 +94,7 @@ def log_bag(
     robot_view = RobotView(
         stream,
         config,
-        blueprint=source.layout,
+        blueprint=source.blueprint_file,
         frame_prefix=frame_prefix,
         resolve=names.resolved,
         clock=lambda: player.now_ns / 1e9,

@@ -326,7 +326,7 @@ class RunningRobot:
         self._view = RobotView(
             recording,
             self._source.view,
-            blueprint=self._source.layout,
+            blueprint=self._source.blueprint_file,
             frame_prefix=frame_prefix,
             resolve=session.node.resolve_topic_name,
             report=self._report,
@@ -503,7 +503,7 @@ def record_pose(
     config = source.view
     if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
-    shown = RobotView(recording, config, blueprint=source.layout)
+    shown = RobotView(recording, config, blueprint=source.blueprint_file)
     joints = JointState(
         header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
     )

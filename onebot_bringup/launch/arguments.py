@@ -71,7 +71,7 @@ def number(
 
 
 def whole(name: str, default: str, description: str, at_least: int, at_most: int) -> Argument:
-    """Return an argument that is a whole number."""
+    """Return an argument that is an integer."""
     kind = ValueType(int, Rule(at_least=at_least, at_most=at_most))
     return Argument(name, default, description, type=kind)
 

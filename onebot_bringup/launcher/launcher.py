@@ -1,4 +1,4 @@
-"""The launcher: starts nodes, shows their output, starts them again, and stops them together."""
+"""The launcher: starts nodes, shows their output, restarts them, and stops them together."""
 
 import asyncio
 import os
@@ -47,7 +47,7 @@ class Restarts:
         self.count = 0  # new starts in a row, the one planned last included
 
     def next_wait(self, lived: float) -> float | None:
-        """Return the seconds until the next start; None if there were enough in vain.
+        """Return the seconds until the next start; None if the limit is reached.
 
         Args:
             lived: seconds that the node ran.
@@ -77,7 +77,7 @@ class Launcher:
         self._grace = grace or Grace()
         self._running: dict[RunningProcess, NodeProcess] = {}
         self._stopping, self._stop_now = asyncio.Event(), asyncio.Event()
-        self._pressed = False  # SIGTERM or SIGKILL was used
+        self._escalated = False  # SIGTERM or SIGKILL was used
         self._exit_code = 0
 
     def __enter__(self) -> "Launcher":
@@ -125,8 +125,8 @@ class Launcher:
                 that is up to the caller.
 
         Returns:
-            0 when a signal asked to stop (or whoever read the output left), or when no node was
-            left to run; 1 when a node that matters ended by itself or could not be started.
+            0 when a signal asked to stop, the output was closed, or no node was left to run; 1
+            when a node that matters exited unexpectedly or could not be started.
 
         Raises:
             ValueError: two nodes have the same name.
@@ -224,12 +224,12 @@ class Launcher:
         if self._stopping.is_set():
             await process.group_ended()
             await self._forget(process)
-            if code not in _STOPPED and not self._pressed:
+            if code not in _STOPPED and not self._escalated:
                 self._warn(f"{node.name} stopped with an error: {describe_exit(code)}")
         else:
             process.signal_all(signal.SIGKILL)  # what it started has no owner any more
             await self._forget(process)
-            self._warn(f"{node.name} ended by itself: {describe_exit(code)}")
+            self._warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
         return lived
 
     async def _forget(self, process: RunningProcess) -> None:
@@ -247,7 +247,7 @@ class Launcher:
             wait = restarts.next_wait(lived)
             count = f"{restarts.count} of {node.restart.limit}"
             if wait is None:
-                self._warn(f"{node.name} was started again {count} times in vain; giving up")
+                self._warn(f"{node.name} was restarted {count} times, giving up")
             else:
                 self._warn(f"starting {node.name} again in {wait:g} s (attempt {count})")
         if wait is None and node.on_exit != "ignore":
@@ -278,9 +278,9 @@ class Launcher:
         self._stopped_at = self._loop.time()
         for process in self._running:
             process.interrupt()
-        self._pressing = self._loop.create_task(self._press())
+        self._escalation = self._loop.create_task(self._escalate())
 
-    async def _press(self) -> None:
+    async def _escalate(self) -> None:
         """Use SIGTERM, then SIGKILL; then give up."""
         if not await _is_set_within(self._grace.terminate, self._stop_now):
             self._signal_all(signal.SIGTERM)
@@ -296,7 +296,7 @@ class Launcher:
         return self._stopped_at + moment - self._loop.time()
 
     def _signal_all(self, number: signal.Signals) -> None:
-        self._pressed = True
+        self._escalated = True
         for process, node in self._running.items():
             self._warn(f"{node.name} has not stopped yet: {number.name}")
             process.signal_all(number)

@@ -102,7 +102,7 @@ def parse(text: str) -> Message:
         raise ProtocolError(f'a message of type "{kind}" has {needed} beside its type, no others')
     if kind == "drive":
         if type(fields["seq"]) is not int or fields["seq"] < 0:
-            raise ProtocolError("seq must be a whole number from 0 on")
+            raise ProtocolError("seq must be an integer from 0 on")
         return Drive(_velocity(fields))
     if kind == "topic":
         return ChooseTopic(_topic(fields["topic"]))

@@ -242,7 +242,7 @@ class ViewUpdates:
             mended = file in self._refused
             self._refused.discard(file)
             try:
-                if file == self._source.layout:
+                if file == self._source.blueprint_file:
                     self._view.use_blueprint(file)
                 elif self._source.reload():
                     self._parameters.mirror()
@@ -301,7 +301,7 @@ class RerunViewer(Node):
         self._view = RobotView(
             self._server.stream,
             source.view,
-            blueprint=source.layout,
+            blueprint=source.blueprint_file,
             frame_prefix=parameters.frame_prefix,
             resolve=self.resolve_topic_name,
             report=self._report,

@@ -12,6 +12,7 @@ from std_msgs.msg import String
 from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import (
+    WARN_AFTER,
     Context,
     Display,
     MessageType,
@@ -34,9 +35,7 @@ DESCRIPTION: MessageType[str] = MessageType(
 _DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=True)
 # How long the view waits for every link's frame before it is laid out without them (seconds).
 _PATIENCE = 1.0
-# How long a link or a frame may be missing before that is reported (seconds).
-_WARN_AFTER = 3.0
-_ANOTHER_CLOCK = 10_000_000_000  # ns between a stamp and its reception: the stamp is simulated
+_SIM_TIME_OFFSET_NS = 10_000_000_000  # a greater one between stamp and receive time: simulated
 
 ReportBad = Callable[[str, Exception], object]
 
@@ -77,7 +76,7 @@ class RobotView:
         self._clock = clock
         self._report = report or _raise
         self._changed = clock()  # when the robot or the view did
-        self._warnings = Warnings(clock)
+        self._warnings = WarningFilter(clock)
         self._stamps = Stamps()
         self.frames = FrameTree()
         self._transforms = TransformStream(recording, self.frames)
@@ -145,7 +144,7 @@ class RobotView:
         late = []
         for shown in self._displays:
             late += shown.display.warnings()
-        if self._clock() - self._changed >= _WARN_AFTER:
+        if self._clock() - self._changed >= WARN_AFTER:
             late += self._resolution.warnings(self.robot, wanted)
         return warnings + self._warnings.once(late)
 
@@ -181,7 +180,7 @@ class RobotView:
     ) -> list[tuple[int, Any]]:
         found = kind.decode(messages, lambda error: self._report(topic, error))
         return [
-            (self._stamps.of(kind.stamp_ns(message), time_ns, live=kind.live), message)
+            (self._stamps.display_time(kind.stamp_ns(message), time_ns, live=kind.live), message)
             for message, time_ns in zip(found, times, strict=True)
             if message is not None
         ]
@@ -350,17 +349,17 @@ class _Shown:
 
 
 class Stamps:
-    """Finds the time to show a message at: its stamp, or, without one, when it was received.
+    """Chooses the time at which a message is shown: its stamp, or without one the receive time.
 
-    What has no stamp belongs to the others' time, which is simulated where those were stamped at
-    quite another time than they were received.
+    Messages without a stamp get the receive time, shifted to simulated time if the other stamps
+    differ from it by more than 10 s.
     """
 
     def __init__(self) -> None:
-        """Begin with stamps of the time of reception."""
-        self._shift = 0  # ns, from the time of reception to that of the stamps
+        """Begin without a shift."""
+        self._shift = 0  # ns, from the receive time to the time of the stamps
 
-    def of(self, stamp_ns: int, time_ns: int, *, live: bool = True) -> int:
+    def display_time(self, stamp_ns: int, time_ns: int, *, live: bool = True) -> int:
         """Return the time, nanoseconds.
 
         Args:
@@ -372,12 +371,12 @@ class Stamps:
             return time_ns + self._shift
         if live:
             shift = stamp_ns - time_ns
-            self._shift = shift if abs(shift) > _ANOTHER_CLOCK else 0
+            self._shift = shift if abs(shift) > _SIM_TIME_OFFSET_NS else 0
         return stamp_ns
 
 
-class Warnings:
-    """Passes each sentence once for a description, and at times that there is none."""
+class WarningFilter:
+    """Passes each warning once per description; warns now and then while there is none."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         """Count from now, in the seconds of ``clock``."""

@@ -35,7 +35,7 @@ class ViewSource:
 
     Attributes:
         view: how to look at the robot.
-        layout: the ``.rbl`` file whose layout replaces the view's; None for the view's.
+        blueprint_file: the ``.rbl`` file whose layout replaces the view's; None for the view's.
     """
 
     def __init__(self, source: str) -> None:
@@ -52,12 +52,12 @@ class ViewSource:
         self._file: Path | None = None
         self._base = ViewConfig()
         self.view = self._base
-        self.layout: Path | None = None
+        self.blueprint_file: Path | None = None
         path = Path(source).expanduser().absolute() if source not in ("", NO_VIEW) else None
         if path is not None and path.suffix == ".rbl":
             check_layout(path)
-            self.layout = path
-            self._of_robot = True  # what the layout arranges
+            self.blueprint_file = path
+            self._of_robot = True  # what the blueprint arranges
         elif path is not None:
             self._file, self._base = path, load_view(path)
             self.view = self._base
@@ -65,7 +65,7 @@ class ViewSource:
 
     @property
     def _files(self) -> list[Path]:
-        return [file for file in (self._file, self.layout) if file is not None]
+        return [file for file in (self._file, self.blueprint_file) if file is not None]
 
     @property
     def file(self) -> Path | None:

@@ -41,7 +41,7 @@ class Settings:
         for name in ("rate", "iterations"):
             if int(getattr(self, name)) != getattr(self, name):
                 raise OneBotError(
-                    f"simulation: {name} must be a whole number, not {getattr(self, name)}"
+                    f"simulation: {name} must be an integer, not {getattr(self, name)}"
                 )
 
     def steps(self, duration: float) -> int:

@@ -44,13 +44,13 @@ def followers(
     return {**tags, **dependent}
 
 
-def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], links: Followers) -> Following:
+def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: Followers) -> Following:
     """Reduce chains of mimic joints to their leaders.
 
     Args:
         joints: the N movable joints.
         all_joints: all joints of the robot, for error messages.
-        links: by name of the following joint.
+        mimics: the mimic relations, by name of the following joint.
 
     Raises:
         ConfigError: a joint follows one that is missing or fixed, or the chain is a circle.
@@ -59,15 +59,15 @@ def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], links: Followe
     kinds = {joint.name: joint.kind for joint in all_joints}
     problems = [
         Problem("", text)
-        for name, link in links.items()
-        if name in index and (text := _leader_problem(name, link.parent, index, kinds))
+        for name, mimic in mimics.items()
+        if name in index and (text := _leader_problem(name, mimic.parent, index, kinds))
     ]
     if problems:
         raise ConfigError(problems)
     count = len(joints)
     leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
     for name, number in index.items():
-        root, factor[number], offset[number] = _resolve_chain(name, links)
+        root, factor[number], offset[number] = _resolve_chain(name, mimics)
         leader[number] = index[root]
     return Following(leader, factor, offset)
 
@@ -116,17 +116,17 @@ def _leader_problem(
     return f'joint "{name}" follows "{parent}", which {wrong}{hint}'
 
 
-def _resolve_chain(name: str, links: Followers) -> tuple[str, float, float]:
+def _resolve_chain(name: str, mimics: Followers) -> tuple[str, float, float]:
     """The leader at the end of the chain, and the factor and offset of the whole chain."""
     seen, factor, offset = [name], 1.0, 0.0
-    while seen[-1] in links:
-        link = links[seen[-1]]
-        offset += factor * link.offset
-        factor *= link.factor
-        if link.parent in seen:
-            circle = " -> ".join([*seen[seen.index(link.parent) :], link.parent])
+    while seen[-1] in mimics:
+        mimic = mimics[seen[-1]]
+        offset += factor * mimic.offset
+        factor *= mimic.factor
+        if mimic.parent in seen:
+            circle = " -> ".join([*seen[seen.index(mimic.parent) :], mimic.parent])
             raise ConfigError([Problem("", f"joints follow one another in a circle: {circle}")])
-        seen.append(link.parent)
+        seen.append(mimic.parent)
     return seen[-1], factor, offset
 
 

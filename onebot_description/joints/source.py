@@ -57,9 +57,9 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     joints = _limits.movable(all_joints)
     _check_names(joints, all_joints, config)
     limits = _limits.joint_limits(joints, soft=config.use_smallest_joint_limits)
-    links = mimic.followers(joints, config.dependent_joints, config.use_mimic_tags)
-    following = mimic.resolve(joints, all_joints, links)
-    _check_followers(links, config)
+    mimics = mimic.followers(joints, config.dependent_joints, config.use_mimic_tags)
+    following = mimic.resolve(joints, all_joints, mimics)
+    _check_followers(mimics, config)
     narrowed, notes = mimic.narrow(joints, limits, following)
     alone = np.ones(len(joints), dtype=bool)
     alone[following.leader[following.follows]] = False
@@ -211,16 +211,16 @@ def _check_names(
         raise ConfigError(problems)
 
 
-def _check_followers(links: mimic.Followers, config: JointsConfig) -> None:
+def _check_followers(mimics: mimic.Followers, config: JointsConfig) -> None:
     """Reject motions of joints that follow others."""
     problems = [
         Problem(
             f"motions.{name}",
-            f'joint "{name}" follows "{links[name].parent}"; move that one, or set use_mimic_tags'
+            f'joint "{name}" follows "{mimics[name].parent}"; move that one, or set use_mimic_tags'
             " to false",
         )
         for name in config.motions
-        if name in links
+        if name in mimics
     ]
     if problems:
         raise ConfigError(problems)

@@ -106,9 +106,9 @@ class _Yaml:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             reason = " ".join(part for part in (error.context, error.problem) if part)
-            raise self._error(mark, f"no YAML: {reason}") from None
+            raise self._error(mark, f"invalid YAML: {reason}") from None
         except yaml.YAMLError as error:
-            raise ConfigError([Problem("", f"{self._name}: no YAML: {error}")]) from None
+            raise ConfigError([Problem("", f"{self._name}: invalid YAML: {error}")]) from None
 
     def _composed(self, text: str, loader: Any) -> yaml.Node | None:
         return yaml.compose(text, Loader=loader)
@@ -191,7 +191,7 @@ class _File(_Yaml):
             remedy = (
                 "write all its numbers with a decimal point, as in 1.0"
                 if kinds == {int, float}
-                else "put quotes around its texts"
+                else "put quotes around its strings"
             )
             self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
         # rcl cannot infer the type of an empty list, and treats it as not given.
@@ -270,7 +270,7 @@ class _Map(_Yaml):
         for key, value in self._pairs(node):
             name = prefix + key.value
             if key.tag != "tag:yaml.org,2002:str":
-                self._fail(key, f'a name must be a text; write "{key.value}" in quotes')
+                self._fail(key, f'a name must be a string; write "{key.value}" in quotes')
             if isinstance(value, yaml.MappingNode) and value.value:
                 self._entries(value, f"{name}.", found)
                 continue
@@ -281,7 +281,7 @@ class _Map(_Yaml):
         try:
             return self._loader.construct_object(node, deep=True)
         except (yaml.YAMLError, ValueError) as error:
-            return self._fail(node, f"no YAML: {' '.join(str(error).split())}")
+            return self._fail(node, f"invalid YAML: {' '.join(str(error).split())}")
 
 
 # The parameter files of one node, read as one --------------------------------------------------

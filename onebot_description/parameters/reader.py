@@ -120,10 +120,10 @@ def parameter(
 ) -> Any:
     """Return a dataclass field for one parameter. Its type is the field's annotation.
 
-    A type may be float (a whole number is one, too), int, bool, str, a tuple of these (``tuple[str,
+    A type may be float (an integer is one, too), int, bool, str, a tuple of these (``tuple[str,
     ...]``, or ``tuple[float, float, float]`` for exactly three), ``X | None``, where None and an
     empty list are both "not given", or a mapping from names to one of these or to a dataclass.
-    Rules on numbers and texts apply to each in a list or mapping.
+    Rules on numbers and strings apply to each in a list or mapping.
 
     Args:
         default: the value when it is not given; REQUIRED if it must be.
@@ -132,10 +132,10 @@ def parameter(
         above: numbers must be greater.
         at_least: numbers must be as great.
         at_most: numbers must not be greater.
-        choices: the only texts allowed.
-        not_empty: neither a text nor a list may be empty.
+        choices: the only strings allowed.
+        not_empty: neither a string nor a list may be empty.
         unique: a list must not hold anything twice.
-        pattern: what a text must match.
+        pattern: what a string must match.
         write: what would be right, for errors, such as ``a topic, such as /odom``.
         nan: what NaN means, such as ``no limit``; empty if the number must be finite.
         read_only: it is read once, when the node starts.
@@ -160,7 +160,7 @@ def group(kind: type[T], name: str = "") -> T:
     return dataclasses.field(default_factory=kind, metadata={_RULE: Rule(name=name)})
 
 
-# What a dataclass asks for: values in groups, and groups with names of the user's own -----------
+# The schema of a dataclass: values, groups of them, and maps with user-chosen keys ------------
 
 
 @dataclass(frozen=True)
@@ -182,18 +182,18 @@ class _Group:
 
     @property
     def names(self) -> list[str]:
-        """The names in it; of a group, and of one with names of the user's own, its own name."""
+        """Parameter names of this group; a nested group or map counts as one."""
         return [field.name for field in self.fields]
 
 
 @dataclass(frozen=True)
-class _Named:
-    """Names of the user's own."""
+class _UserKeyed:
+    """A map with user-chosen keys."""
 
     item: "_Shape"
 
 
-_Shape = ValueType | _Group | _Named
+_Shape = ValueType | _Group | _UserKeyed
 
 
 def _group(kind: Any) -> _Group:
@@ -225,7 +225,7 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
         assert isinstance(leaf, ValueType)
         return dataclasses.replace(leaf, optional=True)
     if origin is not None and issubclass(origin, Mapping):
-        return _Named(_shape(args[1], rule))
+        return _UserKeyed(_shape(args[1], rule))
     if origin is tuple:
         return ValueType(args[0], rule, True, None if args[-1] is Ellipsis else len(args))
     return ValueType(hint, rule)
@@ -244,7 +244,7 @@ def _locate(shape: _Shape, name: str) -> tuple[tuple[str, ...], _Shape]:
         return (), shape
     if isinstance(shape, _Group):
         return _locate_field(shape, name)
-    if isinstance(shape, _Named):
+    if isinstance(shape, _UserKeyed):
         item, rest = _split(shape.item, name)
         path, found = _locate(shape.item, rest)
         return (item, *path), found
@@ -266,7 +266,7 @@ def _split(item: _Shape, name: str) -> tuple[str, str]:
     """Split off a name of the user's own, which may hold dots, from what is inside."""
     if isinstance(item, ValueType):
         return name, ""
-    if isinstance(item, _Named):
+    if isinstance(item, _UserKeyed):
         first, _, rest = name.partition(".")
         return first, rest
     ends = [known for known in item.names if name.endswith(f".{known}")]
@@ -329,7 +329,7 @@ def as_map(config: Any) -> dict[str, Any]:
         if isinstance(field.shape, ValueType):
             if value != field.default:
                 found[field.name] = _as_ros(field.shape, value)
-        elif isinstance(field.shape, _Named):
+        elif isinstance(field.shape, _UserKeyed):
             items = {name: as_map(item) for name, item in value.items()}
             found |= {field.name: items} if items else {}
         elif inner := as_map(value):
@@ -442,7 +442,7 @@ class _Reading:
             except ValueError as error:
                 self.problems.append(Problem(key, str(error)))
                 return REQUIRED
-        if isinstance(shape, _Named):
+        if isinstance(shape, _UserKeyed):
             items = {
                 name: self.build(shape.item, inner, _join(key, name))
                 for name, inner in content.items()
@@ -498,7 +498,7 @@ def _form(shape: _Shape) -> str:
     """How a map is written, in words."""
     if isinstance(shape, _Group):
         return f" with {', '.join(shape.names)}"
-    assert isinstance(shape, _Named)
+    assert isinstance(shape, _UserKeyed)
     if isinstance(shape.item, ValueType):
         return f", such as {{some_name: {'0.5' if shape.item.base is float else '...'}}}"
     return f" of names, each a map{_form(shape.item)}"

@@ -12,23 +12,23 @@ from onebot_description.errors import did_you_mean
 MAX_PORT = 65535
 """The greatest number of a TCP port."""
 
-_SINGULAR = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
-_PLURAL = {float: "numbers", int: "whole numbers", bool: "of true and false", str: "texts"}
+_SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
+_PLURAL = {float: "numbers", int: "integers", bool: "of true and false", str: "strings"}
 
 
 @dataclass(frozen=True)
 class Rule:
-    """What one value means and may be. Rules on numbers and texts are for each one in a list."""
+    """What one value means and may be. Rules on numbers and strings are for each one in a list."""
 
     description: str = ""  # one line, with the unit
     name: str = ""  # in ROS or YAML, if it is not the field's; may hold dots
     above: float | None = None  # numbers must be greater
     at_least: float | None = None
     at_most: float | None = None
-    choices: tuple[str, ...] = ()  # the only texts allowed
-    not_empty: bool = False  # neither a text nor a list may be empty
+    choices: tuple[str, ...] = ()  # the only strings allowed
+    not_empty: bool = False  # neither a string nor a list may be empty
     unique: bool = False  # a list must not hold anything twice
-    pattern: re.Pattern[str] | None = None  # what a text must match
+    pattern: re.Pattern[str] | None = None  # what a string must match
     write: str = ""  # what would be right, for errors, such as "a topic, such as /odom"
     nan: str = ""  # what NaN means, such as "no limit"; empty if the number must be finite
     read_only: bool = False  # it is read once, when the node starts
@@ -109,7 +109,7 @@ class ValueType:
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
         try:
             number = float(value)
-        except OverflowError:  # a whole number of more than 308 digits
+        except OverflowError:  # an integer of more than 308 digits
             number = math.inf
         if math.isnan(number) and self.rule.nan:
             return math.nan
@@ -142,7 +142,7 @@ class ValueType:
         if self.rule.choices:
             return f"one of {', '.join(self.rule.choices)}"
         if self.base is str and _is_number(value):
-            return f'a text, such as "{value}"'
+            return f'a string, such as "{value}"'
         within = f" {self.rule.range}" if self.rule.range else ""
         return f"{_SINGULAR[self.base]}{within}"
 
@@ -187,7 +187,7 @@ def shown(value: object) -> str:
     if isinstance(value, bool):
         return f"{str(value).lower()} is a bool"
     if isinstance(value, str):
-        return f'"{value}" is a text'
+        return f'"{value}" is a string'
     if _is_number(value):
         return f"{value} is a number"
     if _is_list(value):

@@ -40,7 +40,7 @@ Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]
 
 # Numbers up to this size stay finite when they are multiplied and added, as transforms are made.
-_MODERATE = 1e100
+_OVERFLOW_SAFE = 1e100
 # Publishers of one topic, times the subsets of joints each sends; more only costs time.
 _KNOWN = 64  # as in _state_converter.c
 # Longer than ROS time can count, and far enough from the end of int64 to be added to it.
@@ -106,8 +106,8 @@ class JointStatePlan:
         columns: (K,) which of the message's positions each joint follows.
         multiplier, offset: (K,) of that position; radians or metres.
         parents, children: frames of the K transforms.
-        moderate: whether moderate positions give finite transforms. A robot whose own numbers are
-            so large that they might not is published through ordinary messages only.
+        overflow_safe: whether positions up to 1e100 give finite transforms. A robot whose own
+            numbers are too large for that is published through ordinary messages only.
     """
 
     def __init__(self, model: RobotModel, names: Sequence[str], frame_prefix: str) -> None:
@@ -127,7 +127,7 @@ class JointStatePlan:
         self.parents = [frame_prefix + parent for parent in self.joints.parents]
         self.children = [frame_prefix + child for child in self.joints.children]
         numbers = (self.multiplier, self.offset, self.joints.constant)
-        self.moderate = all(bool((np.abs(each) <= _MODERATE).all()) for each in numbers)
+        self.overflow_safe = all(bool((np.abs(each) <= _OVERFLOW_SAFE).all()) for each in numbers)
 
     def transforms(self, positions: Floats) -> Floats:
         """(K, 7) transforms for positions in the message's order, (len(names),)."""
@@ -347,7 +347,7 @@ class StateConverter:
         plan = self._plan(state.names)
         if not self._times.due(plan.rows, state.stamp_ns, now_ns, self._warn):
             return None
-        if plan.moderate:
+        if plan.overflow_safe:
             self._compiled.learn(state.frame_id, plan)
         values = plan.transforms(state.positions)
         return transforms_message(state.stamp_ns, plan.parents, plan.children, values)

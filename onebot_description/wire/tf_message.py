@@ -192,7 +192,7 @@ def _check_round_trip(message_class: Any) -> None:
     # the first one ends at 96, the second at 184.
     data = serialize_message(message)
     if len(data) != 4 + 184 or deserialize_message(data, message_class) != message:
-        raise _unfit("a message is not the same after a way through the middleware")
+        raise _unfit("the serialization round trip changed the message")
 
 
 def _check_versions() -> None:

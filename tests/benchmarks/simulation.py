@@ -147,14 +147,14 @@ def check_drive(fleet: Fleet, duration: float) -> float:
     _check_odometry(fleet, snapshots)
     worst = 0.0
     for row, (start, plan, snapshot) in enumerate(zip(starts, plans, snapshots, strict=True)):
-        planned = start.then(PlanarPose(plan.x, plan.y, plan.heading))
+        planned = start.compose(PlanarPose(plan.x, plan.y, plan.heading))
         worst = max(worst, _apart(_true(snapshot), planned, f"robot {row + 1}'s place", "its arc"))
     return worst
 
 
 def _check_odometry(fleet: Fleet, snapshots: list[Snapshot]) -> None:
     for row, (drive, snapshot) in enumerate(zip(fleet.robots, snapshots, strict=True)):
-        believed = drive.origin.then(snapshot.odometry)
+        believed = drive.odom_in_world.compose(snapshot.odometry)
         # Over a long drive it may be off by more.
         scale = max(1.0, drive.ticks * drive.period / _DRIVEN)
         _apart(_true(snapshot), believed, f"robot {row + 1}'s place", "its odometry", scale)

@@ -142,7 +142,7 @@ def test_the_end_of_a_node_that_matters_ends_all(
     for pid in marked(mark, "onebot_description.robot_state_publisher"):
         os.kill(pid, signal.SIGKILL)
     assert running.wait() == 1
-    assert "robot_state_publisher ended by itself: ended by SIGKILL" in running.err
+    assert "robot_state_publisher exited unexpectedly: ended by SIGKILL" in running.err
 
 
 def test_the_end_of_the_viewer_ends_nothing(

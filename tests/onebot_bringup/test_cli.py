@@ -157,7 +157,7 @@ def test_view_finds_the_nearest_among_both_kinds(arm: str) -> None:
         ("reload:=maybe", "true, 1, false, 0"),
         ("publish_frequency:=fast", "a number from 0 to 1000"),
         ("publish_frequency:=nan", "a number from 0 to 1000"),
-        ("domain_id:=233", "a whole number from 0 to 232"),
+        ("domain_id:=233", "an integer from 0 to 232"),
         ("namespace:=1st", "a ROS name"),
         ("viewer=none", "written viewer:=none"),
     ],

@@ -123,7 +123,7 @@ def test_a_node_runs_in_its_preloaded_interpreter(folder: Path) -> None:
     assert (arguments, said, typed) == (["x:=1", "--ros-args"], "later", "")
     assert imports(folder) == [["a_node", str(pid)], ["__main__", str(pid)]]
     assert command.err.splitlines() == [
-        "[test] a ended by itself: it finished (exit code 0)",
+        "[test] a exited unexpectedly: it finished (exit code 0)",
         "[test] going on without a",
     ]
 

@@ -55,7 +55,7 @@ def test_shutdown_brings_all_down_and_says_why(start: Start, tmp_path: Path) -> 
     assert "[bad] about to fail" in launcher.out
     words, report = (
         launcher.err.index("[bad] the reason"),
-        launcher.err.index("bad ended by itself"),
+        launcher.err.index("bad exited unexpectedly"),
     )
     assert words < report
     assert "exit code 3" in launcher.err and "stopping the others" in launcher.err
@@ -69,7 +69,7 @@ def test_a_signal_that_ends_a_node_is_named(start: Start, tmp_path: Path) -> Non
     launcher.wait_for_out("ready")
     os.kill(number_in(tmp_path / "runs.pid"), signal.SIGSEGV)
     assert launcher.wait() == 1
-    assert "runner ended by itself: ended by SIGSEGV, a crash in compiled code" in launcher.err
+    assert "runner exited unexpectedly: ended by SIGSEGV, a crash in compiled code" in launcher.err
 
 
 def test_ignore_goes_on_without_the_node(start: Start, tmp_path: Path) -> None:

@@ -263,7 +263,7 @@ def test_converts(tmp_path, capsys):
         (["bag", "viewer:=tv"], 2, "viewer:=tv"),
         (["bag", "viewer:=none"], 2, "viewer:=none needs save:=FILE.rrd"),
         (["bag", "view:=none.yaml"], 1, "view:=none.yaml: there is no such file"),
-        (["bag", "web_port:=99999"], 2, "web_port:=99999 is not possible; write a whole number"),
+        (["bag", "web_port:=99999"], 2, "web_port:=99999 is not possible; write an integer"),
     ],
 )
 def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):

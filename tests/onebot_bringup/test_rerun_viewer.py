@@ -172,7 +172,7 @@ def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
             'memory_limit: "lots" is not possible; write a size such as 256MB',
         ),
         ({"web_port": 100000}, "web_port: 100000 is above 65535; write a number from 0 to 65535"),
-        ({"web_port": "many"}, 'web_port: "many" is a text; write a whole number'),
+        ({"web_port": "many"}, 'web_port: "many" is a string; write an integer'),
     ],
 )
 def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, said):

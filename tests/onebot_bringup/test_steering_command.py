@@ -39,10 +39,10 @@ def test_help_says_how_to_use_it():
 @pytest.mark.parametrize(
     "words, complaint",
     [
-        (["port:=eighty"], "port:=eighty is not possible; write a whole number from 0 to 65535"),
-        (["port:="], "port:= is not possible; write a whole number"),
+        (["port:=eighty"], "port:=eighty is not possible; write an integer from 0 to 65535"),
+        (["port:="], "port:= is not possible; write an integer"),
         (["topic:="], "topic:= must not be empty"),
-        (["domain_id:=1_0"], "domain_id:=1_0 is not possible; write a whole number from 0 to 232"),
+        (["domain_id:=1_0"], "domain_id:=1_0 is not possible; write an integer from 0 to 232"),
         (["rate:=1"], "rate:=1 is not possible; write a number from 5 to 100"),
         (["max_linear:=nan"], "max_linear:=nan is not possible; write a number from 0"),
         (["viewer:=rviz"], "viewer:=rviz is not possible; it can be one of: auto, web, none"),

@@ -152,7 +152,7 @@ def test_what_is_refused_is_named():
     for text, words in (
         ('{"type":"drive","seq":1,"linear":0,"angular":"1"}', "angular must be a number"),
         ('{"type":"drive","seq":1,"linear":1e999,"angular":0}', "linear must be a finite number"),
-        ('{"type":"drive","seq":-1,"linear":1,"angular":0}', "seq must be a whole number"),
+        ('{"type":"drive","seq":-1,"linear":1,"angular":0}', "seq must be an integer"),
         ('{"type":"release","a":1}', '"release" has no fields beside its type'),
         ('{"type":"drive"}', '"drive" has angular, linear, seq beside its type'),
         ('{"type":"fly"}', "one of drive, release, stop, topic, limits"),

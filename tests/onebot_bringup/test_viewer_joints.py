@@ -13,8 +13,8 @@ from trimesh.transformations import euler_matrix, rotation_matrix
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.joint_limits import (
     RangeMarks,
-    hand_strips,
     limited_joints,
+    needle_strips,
     scale_strips,
 )
 from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
@@ -96,8 +96,8 @@ def test_an_arc_goes_from_limit_to_limit_about_the_axis():
         math.pi / 2 + 0.5
     )
     assert len(ends) == 2
-    [hand] = hand_strips(joint, 2.0)
-    np.testing.assert_allclose(hand[0], [2.0, 0.0, 0.0])
+    [needle] = needle_strips(joint, 2.0)
+    np.testing.assert_allclose(needle[0], [2.0, 0.0, 0.0])
 
 
 def test_a_range_of_several_turns_is_one_circle_and_a_bar_is_straight():
@@ -140,10 +140,10 @@ def test_the_hand_points_to_the_arc_at_every_position(axis, rpy, lower, span, sh
         f'<limit lower="{lower!r}" upper="{lower + span!r}"/>'
     )
     arc, first, last = scale_strips(joint, 0.5)
-    [hand] = hand_strips(joint, 0.5)
-    np.testing.assert_allclose(arc[0], _moved(joint, hand, joint.lower)[0], atol=1e-6)
-    np.testing.assert_allclose(arc[-1], _moved(joint, hand, joint.upper)[0], atol=1e-6)
-    between = _moved(joint, hand, joint.lower + share * (joint.upper - joint.lower))[0]
+    [needle] = needle_strips(joint, 0.5)
+    np.testing.assert_allclose(arc[0], _moved(joint, needle, joint.lower)[0], atol=1e-6)
+    np.testing.assert_allclose(arc[-1], _moved(joint, needle, joint.upper)[0], atol=1e-6)
+    between = _moved(joint, needle, joint.lower + share * (joint.upper - joint.lower))[0]
     longest = np.linalg.norm(np.diff(arc, axis=0), axis=1).max()
     assert np.linalg.norm(arc - between, axis=1).min() <= longest
     assert longest <= 0.5 * math.radians(5.0) + 1e-9 and len(arc) <= math.degrees(span) / 5 + 3
@@ -155,7 +155,7 @@ def test_the_hand_points_to_the_arc_at_every_position(axis, rpy, lower, span, sh
 @settings(max_examples=30)
 @given(axis=_direction, rpy=st.tuples(_angle, _angle, _angle), lower=_angle)
 def test_a_bar_leads_from_end_to_end_with_a_tick_at_each(axis, rpy, lower):
-    """The hand is a tick, too, and slides along the bar."""
+    """The needle is a tick, too, and slides along the bar."""
     text = [" ".join(map(repr, numbers)) for numbers in ((0.1, -0.2, 0.3), rpy, axis)]
     [joint] = _joint(
         f'<origin xyz="{text[0]}" rpy="{text[1]}"/><axis xyz="{text[2]}"/>'
@@ -163,10 +163,10 @@ def test_a_bar_leads_from_end_to_end_with_a_tick_at_each(axis, rpy, lower):
         "prismatic",
     )
     bar, *ticks = scale_strips(joint, 0.5)
-    [hand] = hand_strips(joint, 0.5)
+    [needle] = needle_strips(joint, 0.5)
     assert len(bar) == 2 and len(ticks) == 2
     for end, tick, position in zip(bar, ticks, (joint.lower, joint.upper), strict=True):
-        at = _moved(joint, hand, position)
+        at = _moved(joint, needle, position)
         np.testing.assert_allclose(at.mean(axis=0), end, atol=1e-9)
         np.testing.assert_allclose((at - end) * 2, (tick - end) * 3, atol=1e-9)
         assert np.linalg.norm(tick[1] - tick[0]) == pytest.approx(0.2)
@@ -176,10 +176,10 @@ def test_a_bar_leads_from_end_to_end_with_a_tick_at_each(axis, rpy, lower):
 def test_a_hand_is_a_closed_triangle_outside_of_its_arc():
     """Its tip on the arc, its base square to the ray and to the axis."""
     [joint] = _joint('<axis xyz="0 0 -1"/><limit lower="-1" upper="1"/>')
-    [hand] = hand_strips(joint, 2.0)
-    np.testing.assert_allclose(hand[0], hand[-1])
+    [needle] = needle_strips(joint, 2.0)
+    np.testing.assert_allclose(needle[0], needle[-1])
     np.testing.assert_allclose(
-        sorted(hand.tolist()), sorted([[2, 0, 0], [2.56, 0.22, 0], [2.56, -0.22, 0], [2, 0, 0]])
+        sorted(needle.tolist()), sorted([[2, 0, 0], [2.56, 0.22, 0], [2.56, -0.22, 0], [2, 0, 0]])
     )
 
 

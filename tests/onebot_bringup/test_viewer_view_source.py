@@ -185,7 +185,9 @@ def test_an_edit_counts_where_it_changes_something(tmp_path):
     assert source.view.trails == {} and source.view.axes.length == 3.0
     (tmp_path / "view.yaml").write_text("axes: {visible: maybe}")
     before = source.view
-    with pytest.raises(OneBotError, match=r'axes\.visible: "maybe" is a text; write true or false'):
+    with pytest.raises(
+        OneBotError, match=r'axes\.visible: "maybe" is a string; write true or false'
+    ):
         source.reload()
     assert source.view == before
 
@@ -207,7 +209,7 @@ def test_a_layout_keeps_the_robot_s_own_trails_and_curves(tmp_path):
     """A layout saved in the viewer arranges what the view of the robot logs."""
     (tmp_path / "x.rbl").write_bytes(b"RRF2")
     source = ViewSource(str(tmp_path / "x.rbl"))
-    assert source.layout == tmp_path / "x.rbl" and source.set_robot("onebot")
+    assert source.blueprint_file == tmp_path / "x.rbl" and source.set_robot("onebot")
     assert set(source.view.trails) == {"odometry", "truth"}
     (tmp_path / "x.rbl").write_text("fixed_frame: odom")
     with pytest.raises(OneBotError, match="no layout saved in the viewer"):

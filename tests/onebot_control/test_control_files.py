@@ -74,7 +74,7 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
     ("old", "new", "said"),
     [
         ("wheel_radius: 0.1", "wheel_raduis: 0.1", ":13: wheel_raduis: no such parameter (did you"),
-        ("wheel_radius: 0.1", "wheel_radius: big", ':13: wheel_radius: "big" is a text'),
+        ("wheel_radius: 0.1", "wheel_radius: big", ':13: wheel_radius: "big" is a string'),
         ("wheel_radius: 0.1", "wheel_radius: -0.1", ":13: wheel_radius: -0.1 is below 0"),
         ("update_rate: 200", "update_rat: 200", ":3: update_rat: no such parameter (did you mean"),
         ("update_rate: 200", "update_rate: 0", ":3: update_rate: 0 is not above 0; write a number"),
@@ -84,7 +84,7 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
             "mecanum_drive_controller/MecanumDriveController",
             ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController is not",
         ),
-        ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: no YAML"),
+        ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
     ],
 )
 def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, said: str) -> None:
@@ -131,7 +131,7 @@ def test_later_files_come_first(file: Path, tmp_path: Path) -> None:
         ),
         ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
         ("update_rate: 200", "use_stamped_vel: true", ":3: use_stamped_vel: no such parameter"),
-        ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a text'),
+        ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),
     ],
 )
 def test_mistakes_in_each_section(file: Path, old: str, new: str, said: str) -> None:

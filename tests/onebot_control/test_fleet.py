@@ -16,7 +16,7 @@ def test_a_cycle_is_one_of_each_robot() -> None:
     """Seen as it begins, one period long; who is not commanded stands."""
     with Fleet(robot(), config(update_rate=50, x=9.0, y=9.0, yaw=9.0), STARTS) as fleet:
         for drive, start in zip(fleet.robots, STARTS, strict=True):
-            assert drive.true_pose == drive.origin == pytest.approx(start, abs=1e-6)
+            assert drive.true_pose == drive.odom_in_world == pytest.approx(start, abs=1e-6)
         fleet.robots[1].accept(0.3, 0.2)
         began = fleet.world.time
         for cycle in range(3):
@@ -38,7 +38,7 @@ def test_reset_of_one_leaves_the_others() -> None:
                 drive.accept(0.3, 0.2)
             fleet.cycle()
         fleet.robots[1].reset()
-        assert fleet.robots[1].origin == pytest.approx(STARTS[1], abs=1e-6)
+        assert fleet.robots[1].odom_in_world == pytest.approx(STARTS[1], abs=1e-6)
         resting = fleet.cycle()
         assert [snapshot.tick for snapshot in resting] == [20, 20]
         assert resting[0].command.linear == 0.3 and resting[1].command.linear == 0.0

@@ -39,8 +39,8 @@ poses = st.builds(PlanarPose, coordinates, coordinates, st.floats(-3.0, 3.0))
 @given(poses, poses)
 def test_inverse_undoes(one: PlanarPose, other: PlanarPose) -> None:
     """Going there and back is going nowhere."""
-    assert one.then(one.inverse()) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-    assert one.inverse().then(one.then(other)) == pytest.approx(tuple(other), abs=1e-9)
+    assert one.compose(one.inverse()) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    assert one.inverse().compose(one.compose(other)) == pytest.approx(tuple(other), abs=1e-9)
 
 
 @given(st.floats(-3.0, 3.0))
@@ -51,7 +51,7 @@ def test_yaw_of_a_turn_about_z(yaw: float) -> None:
 
 def test_then_is_seen_from_the_first_pose() -> None:
     """One step ahead of a robot that looks to the left is to the left."""
-    there = PlanarPose(1.0, 2.0, math.pi / 2).then(PlanarPose(3.0, 1.0, 0.5))
+    there = PlanarPose(1.0, 2.0, math.pi / 2).compose(PlanarPose(3.0, 1.0, 0.5))
     assert there == pytest.approx((0.0, 5.0, math.pi / 2 + 0.5))
     assert PlanarPose(1.0, 2.0, math.pi / 2).inverse() == pytest.approx((-2.0, 1.0, -math.pi / 2))
 

@@ -87,7 +87,7 @@ def test_each_setting_is_above_zero_and_finite(name, value):
 def test_whole_settings_are_whole(name):
     """A float that is whole will do."""
     assert getattr(Settings(**{name: 50.0}), name) == 50
-    with pytest.raises(OneBotError, match=f"simulation: {name} must be a whole number, not 50.5"):
+    with pytest.raises(OneBotError, match=f"simulation: {name} must be an integer, not 50.5"):
         Settings(**{name: 50.5})
 
 

@@ -251,7 +251,7 @@ def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
         wait_for(lambda: odom[-1].header.frame_id == "wheels", "the new frame")
         wrong = {
             "wheel_radius": (-1.0, "wheel_radius out of range"),
-            "wheel_separation": ("wide", 'wheel_separation: "wide" is a text'),
+            "wheel_separation": ("wide", 'wheel_separation: "wide" is a string'),
             "update_rate": (50, "read-only parameter"),
             "real_time_factor": (2.0, "start it with use_sim_time:=true"),
             "joint_state_broadcaster.joints": (["arm"], 'no joint "arm"'),

@@ -207,7 +207,7 @@ def test_a_fleet_drives_as_commanded_each_on_its_own():
         assert resting.odometry == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         assert driving.twist == pytest.approx((0.2, 0.4), abs=1e-3)
         drive = fleet.robots[1]
-        believed, true = drive.origin.then(drive.snapshot().odometry), drive.true_pose
+        believed, true = drive.odom_in_world.compose(drive.snapshot().odometry), drive.true_pose
         assert believed[:2] == pytest.approx(true[:2], abs=5e-3)
         assert drive.ticks == 150
         fleet.robots[1].reset()

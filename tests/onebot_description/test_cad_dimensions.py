@@ -37,11 +37,11 @@ def test_the_file_is_read_as_it_stands():
         ),
         (
             lambda d: d["caster"]["wheel"].update(width="wide"),
-            'caster.wheel.width: "wide" is a text; write a number',
+            'caster.wheel.width: "wide" is a string; write a number',
         ),
         (
             lambda d: d["wheel"].update(spokes=5.5),
-            "wheel.spokes: 5.5 is a number; write a whole",
+            "wheel.spokes: 5.5 is a number; write an integer",
         ),
         (lambda d: d["wheel"].update(width=True), "wheel.width: true is a bool; write a number"),
         (lambda d: d["base"].update(deck=float("nan")), "base.deck: nan is not finite"),

@@ -200,7 +200,7 @@ def test_a_saved_file_moves_the_robot(
 
     for bad, words in (
         (good.replace("position: 0.3", "positon: -0.3"), f"{file}:5: motions.{JOINT}.positon: no"),
-        (good.replace("0.3", "[0.3"), f"{file}:5: no YAML"),
+        (good.replace("0.3", "[0.3"), f"{file}:5: invalid YAML"),
         (good.replace("0.3", ".nan"), f"{file}:5: motions.{JOINT}.position: nan is not finite"),
         (good.replace(JOINT, "elbow"), 'motions.elbow: the robot has no joint "elbow" (joints'),
         (good.replace("rate: 50", "rate: 5e3"), f"{file}:3: rate: 5000 is above 1000"),
@@ -422,7 +422,7 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
         (["--params-file", "none.yaml"], "none.yaml: cannot be read"),
         (["-p", "source_list:=[joint_states]"], "the topic this node publishes"),
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
-        (["-p", "config_file:=5"], 'config_file: 5 is a number; write a text, such as "5"'),
+        (["-p", "config_file:=5"], 'config_file: 5 is a number; write a string, such as "5"'),
         (["-p", "nonsense"], "bad ROS arguments"),
     ],
 )

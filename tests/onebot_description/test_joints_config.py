@@ -106,7 +106,7 @@ def test_sequence_is_read() -> None:
         ({"motions": {"a": 1.0}}, "motions.a: 1.0 is a number; write a map with type, position"),
         (
             {"motions": {"a": {"type": "constant", "position": "x"}}},
-            '"x" is a text; write a number',
+            '"x" is a string; write a number',
         ),
         ({"motions": {"a": {"position": math.inf}}}, "inf is not finite; write a number"),
         ({"motions": {"a": {"times": [0.0, math.nan], "positions": [0, 1]}}}, "not finite"),
@@ -145,8 +145,8 @@ def test_sequence_is_read() -> None:
         ({"delta": -0.1}, "delta: "),
         ({"use_mimic_tags": "no"}, "write true or false"),
         ({"use_mimic_tags": 1}, "write true or false"),
-        ({"source_list": "topic"}, "write a list of texts"),
-        ({"pose": 5}, 'write a text, such as "5"'),
+        ({"source_list": "topic"}, "write a list of strings"),
+        ({"pose": 5}, 'write a string, such as "5"'),
         ({"zeros": {"a": math.nan}}, "zeros.a: nan is not finite"),
     ],
 )

@@ -110,8 +110,8 @@ def test_sections(section: str, node: str, matches: bool) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("jsp:\n  ros__parameters:\n    rate: [1, 2\n", "file.yaml:4: no YAML"),
-        ("jsp:\n  ros__parameters:\n\trate: 1\n", "file.yaml:3: no YAML"),
+        ("jsp:\n  ros__parameters:\n    rate: [1, 2\n", "file.yaml:4: invalid YAML"),
+        ("jsp:\n  ros__parameters:\n\trate: 1\n", "file.yaml:3: invalid YAML"),
         ("jsp:\n  ros__parameters:\n    rate: 1\n    rate: 2\n", ':4: "rate" is here twice'),
         ("jsp:\n  ros__parameters:\n    a: [1, 2.0]\n", ":3: a: a list holds values of one kind"),
         ("jsp:\n  ros__parameters:\n    a: [1, b]\n", "put quotes around"),
@@ -148,9 +148,9 @@ def test_other_yaml_files_are_maps_with_lines_too() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("a: 1\nb: [", "view.yaml:2: no YAML"),
+        ("a: 1\nb: [", "view.yaml:2: invalid YAML"),
         ("a: 1\na: 2\n", 'view.yaml:2: "a" is here twice, first on line 1'),
-        ("1: 2\n", 'view.yaml:1: a name must be a text; write "1" in quotes'),
+        ("1: 2\n", 'view.yaml:1: a name must be a string; write "1" in quotes'),
         ("just words", "view.yaml:1: "),
         ("a: !!float x\n", "view.yaml:1: "),
     ],

@@ -41,7 +41,7 @@ REPEAT_AFTER = 10.0
 # Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte of file
 # and of server memory, and work for a page that draws slowly.
 SELDOM = 200_000_000
-_WARN_AFTER = 3.0  # seconds without a transform
+WARN_AFTER = 3.0  # seconds that a link, a frame or a transform may be missing without a warning
 
 
 # --- messages and topics ------------------------------------------------------------------------
@@ -331,4 +331,4 @@ class ItemsDisplay(Display[S], Generic[S, I]):
             self._waiting_since.pop(name, None)
             return False
         now = self.context.clock()
-        return now - self._waiting_since.setdefault(name, now) > _WARN_AFTER
+        return now - self._waiting_since.setdefault(name, now) > WARN_AFTER

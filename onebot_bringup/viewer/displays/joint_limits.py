@@ -1,7 +1,7 @@
 """How far each joint can go, by the URDF, drawn in the robot.
 
-An arc (or, for a prismatic joint, a bar) lies in the frame of the parent link, a hand in that of
-the child, so that /tf moves the hand along the arc: it is drawn once, and costs nothing after.
+An arc (or, for a prismatic joint, a bar) lies in the frame of the parent link, a needle in that of
+the child, so that /tf moves the needle along the arc: it is drawn once, and costs nothing after.
 """
 
 import math
@@ -21,7 +21,7 @@ from onebot_description.model.quaternions import from_rpy, to_matrix
 RANGES_ENTITY = "joint_ranges"
 _STEP = math.radians(5.0)  # of an arc
 # On the screen, whatever the zoom (points).
-_ARC_WIDTH, _HAND_WIDTH = 1.5, 2.0
+_ARC_WIDTH, _NEEDLE_WIDTH = 1.5, 2.0
 
 Floats = NDArray[np.float64]
 Strips = list[Floats]
@@ -29,7 +29,7 @@ Strips = list[Floats]
 
 @dataclass(frozen=True)
 class JointRangesSettings:
-    """How far each joint can go, drawn in the robot: an arc or a bar, and a hand where it is."""
+    """How far each joint can go, drawn in the robot: an arc or a bar, and a needle where it is."""
 
     visible: bool = setting(False, "draw how far each joint can go")
     radius: float = setting(0.0, "of an arc, metres; 0 to choose it by the robot's size")
@@ -107,9 +107,9 @@ class RangeMarks:
             if joint.name in colors:
                 color = colors[joint.name]
                 scale = (joint.parent, scale_strips(joint, radius), _ARC_WIDTH, color)
-                hand = (joint.child, hand_strips(joint, radius), _HAND_WIDTH, color)
+                needle = (joint.child, needle_strips(joint, radius), _NEEDLE_WIDTH, color)
                 wanted[_entity(joint.name, "range")] = scale
-                wanted[_entity(joint.name, "hand")] = hand
+                wanted[_entity(joint.name, "hand")] = needle
         for entity in set(self._drawn) - set(wanted):
             # Static data can only be overwritten; a frame that is gone would be an error forever.
             del self._drawn[entity]
@@ -162,7 +162,7 @@ def scale_strips(joint: Joint, radius: float) -> Strips:
     return [strip @ turn.T + np.array(joint.origin.xyz) for strip in strips]
 
 
-def hand_strips(joint: Joint, radius: float) -> Strips:
+def needle_strips(joint: Joint, radius: float) -> Strips:
     """Return what marks the present position, (N, 3) points, metres in the child's frame."""
     across = _across(joint.axis)
     if joint.kind == "revolute":  # a triangle that points at the arc from outside
