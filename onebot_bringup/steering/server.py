@@ -1,10 +1,7 @@
 """The steering page's server: the page, its WebSocket and the robot's view on one port."""
 
 import asyncio
-import contextlib
 import secrets
-import socket
-import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -32,49 +29,12 @@ _MIN_PERIOD = 0.02  # s between two states, even if more changes
 _HEARTBEAT = 5.0  # s between two pings; a page that does not respond counts as closed
 _MAX_MESSAGE = 1 << 16  # bytes; beyond it the connection is closed
 _MAX_PAGES = 64
-_SHUTDOWN_TIMEOUT = 0.5  # s for pending responses when the server stops
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-
-
-class ServerThread:
-    """Serves an application on a socket, in a thread, until it is stopped."""
-
-    def __init__(self, app: web.Application, listener: socket.socket) -> None:
-        """Start the thread and wait until its event loop runs."""
-        self._app, self._listener = app, listener
-        self._end = asyncio.Event()
-        self._running = threading.Event()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve()), name="steering", daemon=True
-        )
-        self._thread.start()
-        self._running.wait()
-
-    def call(self, action: Callable[[], None]) -> None:
-        """Call ``action`` in the server's thread; ignored after `stop`."""
-        with contextlib.suppress(RuntimeError):
-            self._loop.call_soon_threadsafe(action)
-
-    def stop(self) -> None:
-        """Close all connections and the socket."""
-        self.call(self._end.set)
-        self._thread.join(4 * _SHUTDOWN_TIMEOUT)
-
-    async def _serve(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        self._running.set()
-        runner = web.AppRunner(
-            self._app, access_log=None, handle_signals=False, shutdown_timeout=_SHUTDOWN_TIMEOUT
-        )
-        await runner.setup()
-        await web.SockSite(runner, self._listener).start()
-        await self._end.wait()
-        await runner.cleanup()
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.http_server import ServerThread
 from onebot_bringup.ports import is_loopback, listen, reachable_as
 from onebot_bringup.steering.access import Access, new_token
 from onebot_bringup.steering.arbiter import ZEROS, ThreadSafeArbiter
@@ -59,7 +60,6 @@ from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.server import (
     RobotStatus,
     ServerContext,
-    ServerThread,
     SteeringServer,
 )
 from onebot_bringup.steering.view_proxy import View, ViewProxy
@@ -484,7 +484,7 @@ class SteeringPage(Node):
             rate,
         )
         server = SteeringServer(context)
-        self._server = thread = ServerThread(server.app, listener)
+        self._server = thread = ServerThread(server.app, listener, "steering")
         self._arbiter.changed = lambda: thread.call(server.notify)
         self._show_error = lambda page, why: thread.call(lambda: server.show_error(page, why))
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""

@@ -1,9 +1,7 @@
 """Where the robot can be seen: the recording, and the page or the window that shows it."""
 
 import ctypes
-import http.client
 import os
-import re
 import signal
 import subprocess
 import tempfile
@@ -12,7 +10,6 @@ import time
 import webbrowser
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import IO, Protocol
 from urllib.parse import quote
@@ -20,7 +17,7 @@ from urllib.parse import quote
 import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
-from onebot_bringup.ports import LOOPBACK, answers, free_port
+from onebot_bringup.ports import LOOPBACK, answers, free_port, listen
 from onebot_description.errors import OneBotError
 
 # Rerun's own program as a child process that can never outlive us, whatever ends us.
@@ -106,89 +103,6 @@ def _die_with(parent: int) -> Callable[[], None]:
     return arrange
 
 
-# Rerun's page, passed on with an order to the browser: stay on this machine.
-
-POLICY = (
-    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
-    "connect-src 'self' http://127.0.0.1:* http://localhost:* data: blob:"
-)
-_CHUNK = 1 << 16
-_FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
-_PASSED_ON = ("Content-Type", "Content-Length", "Content-Encoding", "rerun-final-length")
-
-
-class PageServer:
-    """Serves the page at 127.0.0.1:``port`` from Rerun's server at ``backend_port``."""
-
-    def __init__(self, port: int, backend_port: int, start: str) -> None:
-        """Listen and serve, in threads of its own.
-
-        Args:
-            port: where browsers come.
-            backend_port: where Rerun's server listens, on this host.
-            start: path and query that the bare address leads to.
-        """
-        handler = type("Handler", (_Handler,), {"backend": backend_port, "start": start})
-        self._server = _Server((LOOPBACK, port), handler)
-        # How often it looks whether to stop; http.server's half a second would delay every Ctrl-C.
-        threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
-
-    def stop(self) -> None:
-        """Stop listening."""
-        self._server.shutdown()
-        self._server.server_close()
-
-
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-
-
-class _Handler(BaseHTTPRequestHandler):
-    backend: int
-    start: str
-
-    def do_GET(self) -> None:  # noqa: N802  (the base class's name)
-        if self.path == "/":
-            self.send_response(302)
-            self.send_header("Location", self.start)
-            self.send_header("Content-Length", "0")
-            self.end_headers()
-            return
-        connection = http.client.HTTPConnection(LOOPBACK, self.backend, timeout=10)
-        try:
-            connection.request("GET", self.path)
-            self._pass_on(connection.getresponse())
-        except (BrokenPipeError, ConnectionResetError):
-            self.close_connection = True  # the browser went away
-        except (OSError, http.client.HTTPException):
-            self.send_error(502, "Rerun's server does not answer; it is being restarted")
-        finally:
-            connection.close()
-
-    do_HEAD = do_GET  # noqa: N815
-
-    def _pass_on(self, response: http.client.HTTPResponse) -> None:
-        headers = {name: response.getheader(name) for name in _PASSED_ON}
-        first = b""
-        if (headers["Content-Type"] or "").startswith("text/html"):
-            # The policy does not keep a browser from connecting ahead to foreign hosts.
-            first = _FOREIGN_LINK.sub(b"", response.read())
-            headers["Content-Length"] = headers["rerun-final-length"] = str(len(first))
-        self.send_response(response.status)
-        for name, value in headers.items():
-            if value is not None:
-                self.send_header(name, value)
-        self.send_header("Content-Security-Policy", POLICY)
-        self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(first)
-            while chunk := response.read(_CHUNK):
-                self.wfile.write(chunk)
-
-    def log_message(self, *_: object) -> None:
-        """Say nothing: requests for the page are of no interest."""
-
-
 # What the user looks at: the page in a browser, or the native window.
 
 
@@ -208,7 +122,11 @@ class WebPage:
 
     def __init__(self, port: int, recording_uri: str) -> None:
         """Start hosting on ``port``, or another one if it is in use (0: any)."""
+        from onebot_bringup.http_server import ServerThread  # imports aiohttp
+        from onebot_bringup.rerun_proxy import page_app
+
         self._uri = recording_uri
+        listener = listen(LOOPBACK, port, "web_port")
         self._backend = free_port(0)
         self._child = self._start()
         # persist=0: it shows this robot's view, not one remembered from another robot.
@@ -216,10 +134,10 @@ class WebPage:
             f"/?url={quote(recording_uri, safe=':/')}"
             "&hide_welcome_screen&theme=dark&persist=0&notebook=1"
         )
-        self.port = free_port(port, "web_port")
+        self.port = int(listener.getsockname()[1])
         self.url = f"http://{LOOPBACK}:{self.port}"
         self.address = self.url + start
-        self._server = PageServer(self.port, self._backend, start)
+        self._server = ServerThread(page_app(self._backend, start), listener, "page")
 
     def _start(self) -> Child:
         return Child(["--serve-web", "--web-viewer-port", str(self._backend), self._uri])

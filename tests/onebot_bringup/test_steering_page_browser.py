@@ -426,7 +426,7 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 listener", "its type")
         assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
         page.enter("#topic-name", "/rosout")
-        wait_for(lambda: "/rosout holds" in page.text("#message"), "the refusal")
+        wait_for(lambda: "/rosout has the type" in page.text("#message"), "the refusal")
         assert page.find("#topic-name").get_property("value") == "/other/cmd_vel"
         page.act().key_down("w").perform()
         wait_for(lambda: heard and pair(heard[-1].twist) == (0.5, 0.0), "a stamped command")

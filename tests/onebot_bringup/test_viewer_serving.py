@@ -1,5 +1,6 @@
 """The processes and servers around the recording."""
 
+import contextlib
 import os
 import signal
 import socket
@@ -103,6 +104,53 @@ def test_a_page_that_died_is_hosted_again_at_the_same_address():
         assert _get(page.url).status == 200
     finally:
         page.stop()
+
+
+def test_the_page_responds_by_the_rules_of_http():
+    """HEAD has no body, nothing is written, and a Rerun server that died is a 502 with its why."""
+    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+    try:
+        wait_for(lambda: page.ready, "the page")
+        whole = urllib.request.Request(f"{page.url}/re_viewer_bg.wasm", method="HEAD")
+        with urllib.request.urlopen(whole, timeout=PATIENCE) as response:
+            assert int(response.headers["rerun-final-length"]) > 1_000_000
+            assert response.read() == b""
+        with pytest.raises(urllib.error.HTTPError, match="405"):
+            urllib.request.urlopen(page.url, b"data", timeout=PATIENCE)
+        os.kill(page._child.pid, signal.SIGKILL)
+        wait_for(lambda: not page.running, "its end")
+        with pytest.raises(urllib.error.HTTPError, match="502") as caught:
+            _get(page.address)
+        assert b"Rerun's server does not answer" in caught.value.read()
+    finally:
+        page.stop()
+
+
+def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd):
+    """One idles, one does not read what it asked for: both connections are closed, silently."""
+    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+    with socket.socket() as idle, socket.socket() as slow:
+        try:
+            wait_for(lambda: page.ready, "the page")
+            for browser, path in ((idle, "/re_viewer.js"), (slow, "/re_viewer_bg.wasm")):
+                browser.settimeout(PATIENCE)
+                browser.connect(("127.0.0.1", page.port))
+                browser.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+                assert browser.recv(12).startswith(b"HTTP/1.1 ")
+        finally:
+            page.stop()
+        for browser in (idle, slow):
+            with contextlib.suppress(ConnectionResetError):
+                while browser.recv(1 << 20):
+                    pass
+    assert not answers(page.port)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_web_server_is_imported_only_for_a_page():
+    """A viewer with a window or a file alone starts without aiohttp."""
+    code = "import sys, onebot_bringup.viewer.display_server; sys.exit('aiohttp' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=PATIENCE).returncode == 0
 
 
 def test_only_loopback_is_listened_on():

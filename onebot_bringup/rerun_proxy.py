@@ -1,0 +1,151 @@
+"""How Rerun's page and its data are forwarded to browsers, by the viewer and the steering page.
+
+Every response gets a Content-Security-Policy, which keeps the page from connecting to other
+computers (Rerun's page sends usage statistics).
+"""
+
+import re
+
+import aiohttp
+from aiohttp import web
+from yarl import URL
+
+from onebot_bringup.ports import LOOPBACK
+
+_HEADERS = frozenset({"content-type", "content-length", "content-encoding", "rerun-final-length"})
+_FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
+_PAGE_TIMEOUT = 10.0  # s without a byte of a part of the page
+
+
+def content_policy(*sources: str) -> str:
+    """Return the Content-Security-Policy of the page, which gets its data from ``sources``."""
+    connect = " ".join(("'self'", *sources, "data: blob:"))
+    return f"default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src {connect}"
+
+
+class RerunProxy:
+    """Forwards requests to servers of Rerun on this computer, and streams their responses."""
+
+    def __init__(self, app: web.Application, policy: str, unavailable: str) -> None:
+        """Forward requests of ``app``.
+
+        Args:
+            app: its start opens the connection pool, its shutdown ends what is being forwarded.
+            policy: the Content-Security-Policy of all responses.
+            unavailable: the text of a response 502, when a server does not respond.
+        """
+        self._policy, self._unavailable = policy, unavailable
+        self._session: aiohttp.ClientSession | None = None
+        self._streams: dict[aiohttp.ClientResponse, web.Request] = {}
+        app.on_startup.append(self._open)
+        app.on_shutdown.append(self._close)
+
+    async def forward_page(self, request: web.Request, port: int, path: str) -> web.StreamResponse:
+        """Respond with the part of the page at ``path`` of 127.0.0.1:``port``."""
+        return await self._forward(request, "GET", port, path, sock_read=_PAGE_TIMEOUT)
+
+    async def forward_data(self, request: web.Request, port: int, path: str) -> web.StreamResponse:
+        """Respond to a call by gRPC-web; the response may have no end."""
+        headers = {
+            name: value
+            for name, value in request.headers.items()
+            if name.lower() in ("content-type", "accept") or "grpc" in name.lower()
+        }
+        return await self._forward(request, "POST", port, path, headers, await request.read())
+
+    async def _forward(
+        self,
+        request: web.Request,
+        method: str,
+        port: int,
+        path: str,
+        headers: dict[str, str] | None = None,
+        body: bytes | None = None,
+        sock_read: float | None = None,  # s
+    ) -> web.StreamResponse:
+        assert self._session is not None
+        answer = web.StreamResponse()
+        try:
+            async with self._session.request(
+                method,
+                URL(f"http://{LOOPBACK}:{port}{path}", encoded=True),
+                headers=headers,
+                data=body,
+                allow_redirects=False,
+                timeout=aiohttp.ClientTimeout(total=None, sock_connect=5.0, sock_read=sock_read),
+            ) as found:
+                self._streams[found] = request
+                try:
+                    await self._copy(found, request, answer)
+                finally:
+                    del self._streams[found]
+        except (aiohttp.ClientError, ConnectionError):
+            if not answer.prepared:
+                raise web.HTTPBadGateway(text=f"{self._unavailable}\n") from None
+            # One of both ends has left in the middle: so ends this connection, too.
+            if request.transport is not None:
+                request.transport.close()
+        return answer
+
+    async def _copy(
+        self, found: aiohttp.ClientResponse, request: web.Request, answer: web.StreamResponse
+    ) -> None:
+        """Respond as a server of Rerun does, piece by piece as it comes."""
+        answer.set_status(found.status, found.reason)
+        for name, value in found.headers.items():
+            if name.lower().startswith("grpc-") or name.lower() in _HEADERS:
+                answer.headers[name] = value
+        answer.headers["Content-Security-Policy"] = self._policy
+        html = b""
+        if found.content_type == "text/html":
+            # The policy does not keep a browser from connecting ahead to foreign hosts.
+            html = _FOREIGN_LINK.sub(b"", await found.read())
+            answer.headers["Content-Length"] = answer.headers["rerun-final-length"] = str(len(html))
+        await answer.prepare(request)
+        if request.method != "HEAD":
+            if html:
+                await answer.write(html)
+            async for chunk in found.content.iter_any():
+                await answer.write(chunk)
+        await answer.write_eof()
+
+    async def _open(self, _: web.Application) -> None:
+        self._session = aiohttp.ClientSession(
+            connector=aiohttp.TCPConnector(limit=0),
+            cookie_jar=aiohttp.DummyCookieJar(),
+            headers={"Accept-Encoding": "identity"},  # for this proxy reads what is HTML
+            auto_decompress=False,
+        )
+
+    async def _close(self, _: web.Application) -> None:
+        """End what is being forwarded: a recording has no end, and a browser may not read on."""
+        for found, request in self._streams.items():
+            found.close()
+            if request.transport is not None:
+                request.transport.abort()
+        if self._session is not None:
+            await self._session.close()
+
+
+def page_app(backend: int, start: str) -> web.Application:
+    """Make the application that serves Rerun's page.
+
+    Args:
+        backend: the port of Rerun's server on 127.0.0.1.
+        start: path and query that the bare address leads to.
+    """
+    app = web.Application()
+    proxy = RerunProxy(
+        app,
+        content_policy("http://127.0.0.1:*", "http://localhost:*"),
+        "Rerun's server does not answer; it is being restarted",
+    )
+
+    async def respond(request: web.Request) -> web.StreamResponse:
+        path = request.rel_url.raw_path_qs
+        if path == "/":
+            raise web.HTTPFound(URL(start, encoded=True))
+        return await proxy.forward_page(request, backend, path)
+
+    app.router.add_get("/{path:.*}", respond)
+    return app
