@@ -101,7 +101,7 @@ def not_negative(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """Parse a whole number above zero, for ``type=``."""
+    """Parse an integer above zero, for ``type=``."""
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not above zero")
@@ -109,7 +109,7 @@ def count(text: str) -> int:
 
 
 def natural(text: str) -> int:
-    """Parse a whole number that is zero or more, for ``type=``."""
+    """Parse an integer that is zero or more, for ``type=``."""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is less than zero")

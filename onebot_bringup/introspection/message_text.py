@@ -200,7 +200,7 @@ def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
         when it is sent.
 
     Raises:
-        OneBotError: it is no YAML, or a field does not exist or is given a wrong value; the
+        OneBotError: it is invalid YAML, or a field does not exist or is given a wrong value; the
             message names the field.
     """
     filler = _Filler(finite)
@@ -360,13 +360,13 @@ def _integer(kind: str, text: str, _: bool) -> int:
 
 
 def _whole(kind: str, text: str) -> int:
-    """Parse whole numbers such as 2.0 and 1e3; 2.5 is an error, and is not truncated."""
+    """Parse integers such as 2.0 and 1e3; 2.5 is an error, and is not truncated."""
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not math.isfinite(number) or number != int(number):
-        raise ValueError(f'is a whole number ({kind}), not "{text}"')
+        raise ValueError(f'is an integer ({kind}), not "{text}"')
     return int(number)
 
 
@@ -385,7 +385,7 @@ def _read_fields(text: str) -> dict[str, Any]:
     try:
         values = yaml.load(text, Loader=_TextLoader)
     except yaml.YAMLError as error:
-        raise OneBotError(f"the values are no YAML: {_where(error)}{_hint(text)}") from None
+        raise OneBotError(f"the values are invalid YAML: {_where(error)}{_hint(text)}") from None
     if values in (None, ""):
         return {}
     if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):

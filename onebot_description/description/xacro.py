@@ -330,8 +330,8 @@ def _own_names(table: Any) -> Iterator[str]:
         table = table.parent
 
 
-_MOST_BITS = 10_000  # of a whole number; a double ends at 1024
-_MOST_ITEMS = 100_000  # of a text, list or range; some seconds of work at the most
+_MOST_BITS = 10_000  # of an integer; a double ends at 1024
+_MOST_ITEMS = 100_000  # of a string, list or range; some seconds of work at the most
 _SHORT = 100  # bits
 _SPACES = ("math", "python")  # where xacro has its functions, beside the expression's own names
 
@@ -373,7 +373,7 @@ def bounded_power(base: Any, exponent: Any) -> Any:
     """Return ``base ** exponent``.
 
     Raises:
-        OverflowError: it is a whole number that nobody can mean.
+        OverflowError: it is an integer of unreasonable size.
     """
     if isinstance(base, int) and isinstance(exponent, int) and abs(base) > 1:
         _check_bits(base.bit_length() * exponent, f"{_short(base)} ** {_short(exponent)}")
@@ -381,10 +381,10 @@ def bounded_power(base: Any, exponent: Any) -> Any:
 
 
 def bounded_product(left: Any, right: Any) -> Any:
-    """Return ``left * right``, where one may be a text or a list.
+    """Return ``left * right``, where one may be a string or a list.
 
     Raises:
-        OverflowError: it is a whole number, or a repetition, that nobody can mean.
+        OverflowError: it is an integer, or a repetition, of unreasonable size.
     """
     if isinstance(left, int) and isinstance(right, int):
         _check_bits(left.bit_length() + right.bit_length(), "a product")
@@ -400,7 +400,7 @@ def bounded_shift(number: Any, bits: Any) -> Any:
     """Return ``number << bits``.
 
     Raises:
-        OverflowError: it is a whole number that nobody can mean.
+        OverflowError: it is an integer of unreasonable size.
     """
     if isinstance(number, int) and isinstance(bits, int) and number:
         _check_bits(number.bit_length() + bits, f"{_short(number)} << {_short(bits)}")
@@ -448,7 +448,7 @@ def _check_choices(number: Any = 0, chosen: Any = None, *_: Any, **__: Any) -> N
 
 
 def _check_round(number: Any = 0, ndigits: Any = None, *_: Any, **__: Any) -> None:
-    """Rounding a whole number to -n digits computes 10**n."""
+    """Rounding an integer to -n digits computes 10**n."""
     if isinstance(number, int) and isinstance(ndigits, int) and -4 * ndigits > _MOST_BITS:
         raise OverflowError(f"round to {_short(ndigits)} digits is too much")
 

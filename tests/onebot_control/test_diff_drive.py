@@ -236,14 +236,15 @@ def test_configure_changes_limits_timeout_geometry_and_window() -> None:
     assert updates(drive, 10, dt=0.1).linear == 0.0
 
 
-def test_open_loop_hears_no_wheels() -> None:
-    """Wheels that are not finite are no fault then, and those that move do not count."""
+def test_open_loop_ignores_the_wheels() -> None:
+    """Neither states that are not finite nor those of moving wheels change the odometry."""
     drive = controller(open_loop=True)
     drive.accept(0.5, 0.2)
-    for wheels in (REST, WheelStates(math.nan, 7.0, 7.0, math.nan)):
+    unused = (math.nan, 7.0, 7.0, math.nan), (7.0, 9.0, 7.0, 9.0)
+    for wheels in (REST, *(WheelStates(*states) for states in unused)):
         drive.update(wheels, 0.1)
     assert (drive.odometry.linear, drive.odometry.angular) == (0.5, 0.2)
-    assert drive.odometry.heading == pytest.approx(0.04)
+    assert drive.odometry.heading == pytest.approx(0.06)
 
 
 def test_both_axes_are_limited_each_on_its_own() -> None:

@@ -64,7 +64,7 @@ def test_a_wrong_key_is_named(tmp_path, change, message):
 
 @pytest.mark.parametrize("text", [None, "a: [", "just words"])
 def test_an_unreadable_file_is_one_error(tmp_path, text):
-    """No file, no YAML, or no mapping: an error that names the file."""
+    """No file, invalid YAML, or no mapping: an error that names the file."""
     path = tmp_path / "dimensions.yaml"
     if text is not None:
         path.write_text(text)
