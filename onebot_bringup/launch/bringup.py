@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from onebot_description.description import Description
     from onebot_description.description.xacro import XacroArguments
 
-_QUESTIONS = {"-h", "--help", "-s", "--show-args"}
-
 
 class Bringup(NamedTuple):
     """A bringup command, and its defaults."""
@@ -57,29 +55,6 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         UsageError: the command line is wrong.
         OneBotError: a file is.
     """
-    with Launcher(command.program) as launcher:
-        launcher.preload(_probable_modules(command, argv))
-        return _launch(command, argv, launcher)
-
-
-def _probable_modules(command: Bringup, argv: Sequence[str]) -> list[str]:
-    """Return the modules that will be needed, if nothing is wrong; the most urgent first."""
-    if not _QUESTIONS.isdisjoint(argv):
-        return []
-    modules = ["onebot_description.robot_state_publisher"]
-    if command.control and "sim:=false" not in argv:
-        modules.insert(0, "onebot_control.velocity_controller")
-    elif "joint_states:=false" not in argv:
-        modules.append("onebot_description.joint_state_publisher")
-    if "viewer:=none" not in argv:
-        modules.append("onebot_bringup.viewer.rerun_viewer")
-    if any(word.startswith("record:=") for word in argv):
-        modules.insert(0, "onebot_bringup.bags.bag_recorder")  # it is to miss nothing
-    return modules
-
-
-def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
-    # Only now: while this is imported, the preloaded interpreters import as well.
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
     from onebot_description.description.xacro import included_files, xacro_arguments
@@ -105,7 +80,10 @@ def _launch(command: Bringup, argv: Sequence[str], launcher: Launcher) -> int:
     description = load_description(model, for_xacro)
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
-    with tempfile.TemporaryDirectory(prefix="onebot-") as folder:
+    with (
+        tempfile.TemporaryDirectory(prefix="onebot-") as folder,
+        Launcher(command.program) as launcher,
+    ):
         make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
         return launcher.run(
             nodes_to_start(make),

@@ -6,9 +6,6 @@ The launcher starts this with SIGINT blocked, so that none can hit the interpret
 up. Then SIGINT gets its default action, which ends the process at once and without a traceback,
 until the node installs its own handler (``run_node`` does so before it starts ROS).
 
-``MODULE --preload`` imports the module, and runs it when a line of standard input names its
-arguments (see ``Launcher.preload``); it ends when none comes.
-
 When the module has ended, and all that is registered to be done at exit has been done, the process
 ends as well. To take down the modules of ROS and Rerun one by one would cost the interpreter up to
 half a second of a processor; on a busy machine that is longer than a Ctrl-C may take.
@@ -17,14 +14,11 @@ half a second of a processor; on a busy machine that is longer than a Ctrl-C may
 import atexit
 import contextlib
 import ctypes
-import importlib
 import os
 import runpy
 import signal
 import sys
 from typing import NoReturn
-
-PRELOAD = "--preload"
 
 
 def main() -> None:
@@ -32,8 +26,6 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     del sys.argv[0]
-    if sys.argv[1:] == [PRELOAD]:
-        sys.argv[1:] = _preload(sys.argv[0])
     codes = [1]  # of an error that nobody catches
     # What is registered first is called last.
     atexit.register(lambda: _leave(codes[-1]))
@@ -43,24 +35,6 @@ def main() -> None:
     except SystemExit as end:
         codes.append(_number(end.code))
         raise
-
-
-def _preload(module: str) -> list[str]:
-    """Import a module and what it imports; return the arguments it is to be run with."""
-    import json  # the other nodes do without
-
-    with contextlib.suppress(Exception):  # it comes again when the module is run
-        importlib.import_module(module)
-    sys.modules.pop(module, None)  # runpy runs it anew, as __main__
-    line = sys.stdin.readline()
-    if not line:
-        os._exit(0)  # it is not needed
-    order = json.loads(line)
-    os.environ.update(order["environment"])
-    null = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null, 0)
-    os.close(null)
-    return list(order["arguments"])
 
 
 def _number(code: object) -> int:

@@ -4,17 +4,15 @@ import asyncio
 import os
 import signal
 import sys
-from collections.abc import Coroutine, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from onebot_bringup.launcher.console import Console
 from onebot_bringup.launcher.guard import Guard
 from onebot_bringup.launcher.process import (
     NodeProcess,
-    Preloaded,
     Restart,
     RunningProcess,
     describe_exit,
@@ -84,30 +82,12 @@ class Launcher:
         """Open the event loop and start the guard."""
         self._loop = asyncio.new_event_loop()
         self._guard = Guard()
-        self._preloaded = Preloaded(self._guard)
         return self
 
     def __exit__(self, *_: object) -> None:
         """Leave no process behind."""
-        self._complete(self._preloaded.close())
         self._loop.close()
         self._guard.close()
-
-    def preload(self, modules: Sequence[str]) -> None:
-        """Start importing the modules of nodes that ``run`` will probably be asked to run.
-
-        Args:
-            modules: the most urgent first.
-        """
-        self._complete(self._preloaded.start(modules))
-
-    def _complete(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do what takes a moment; Ctrl-C waits until it is done."""
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            self._loop.run_until_complete(work)
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
     def run(
         self,
@@ -148,7 +128,6 @@ class Launcher:
             ended = asyncio.gather(*await self._start_all(nodes))
             if started_message and not self._stopping.is_set():
                 self._console.info(started_message)
-            await self._preloaded.close()
             await asyncio.wait([ended, self._given_up], return_when=asyncio.FIRST_COMPLETED)
             if ended.done():
                 ended.result()
@@ -182,7 +161,7 @@ class Launcher:
 
     async def _start(self, node: NodeProcess) -> RunningProcess | None:
         try:
-            process = self._preloaded.take(node) or await spawn(
+            process = await spawn(
                 node.command,
                 {**os.environ, **node.environment},
                 self._guard,

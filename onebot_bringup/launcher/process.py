@@ -1,8 +1,7 @@
-"""Nodes as processes: what to start, one that runs, and interpreters preloaded for some."""
+"""Nodes as processes: what to start, and one that runs."""
 
 import asyncio
 import contextlib
-import json
 import os
 import signal
 import subprocess
@@ -13,7 +12,6 @@ from functools import partial
 from typing import Literal
 
 from onebot_bringup.launcher.guard import Guard, group_alive, signal_group
-from onebot_bringup.launcher.interpreter import PRELOAD
 
 OnExit = Literal["shutdown", "restart", "ignore"]
 
@@ -51,13 +49,7 @@ class NodeProcess:
     environment: Mapping[str, str] = field(default_factory=dict)  # added to the launcher's
     restart: Restart = Restart()  # for on_exit="restart"
     hold_interrupt: bool = False  # start with SIGINT blocked; the program unblocks it when ready
-    module: str = ""  # the Python module that it is, if an interpreter may preload it
     nice: int = 0  # lower priority where processors are short, 0 to 19 (see nice(2))
-
-    @property
-    def arguments(self) -> tuple[str, ...]:
-        """What a Python module gets as arguments."""
-        return self.command[len(module_command(self.module)) :]
 
 
 def python_node(
@@ -72,9 +64,7 @@ def python_node(
     """Return a node that is a Python module, run by the interpreter that runs the launcher."""
     command = (*module_command(module), *arguments)
     variables = {**python_environment(), **(environment or {})}
-    return NodeProcess(
-        name, command, on_exit, variables, hold_interrupt=True, module=module, nice=nice
-    )
+    return NodeProcess(name, command, on_exit, variables, hold_interrupt=True, nice=nice)
 
 
 def module_command(module: str) -> tuple[str, ...]:
@@ -178,13 +168,6 @@ class RunningProcess(asyncio.SubprocessProtocol):
         self._output[1].connect(out)
         self._output[2].connect(err)
 
-    def write_last(self, line: bytes) -> None:
-        """Write to its standard input, and close that."""
-        pipe = self._transport.get_pipe_transport(0)
-        assert isinstance(pipe, asyncio.WriteTransport)
-        pipe.write(line)
-        pipe.close()
-
     def set_nice(self, nice: int) -> None:
         """Lower its priority."""
         niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + nice, 19)
@@ -225,7 +208,6 @@ async def spawn(
     guard: Guard,
     *,
     hold_interrupt: bool,
-    stdin: int = subprocess.DEVNULL,
 ) -> RunningProcess:
     """Start a program.
 
@@ -234,7 +216,6 @@ async def spawn(
         environment: all of its variables.
         guard: ends it if the launcher is killed.
         hold_interrupt: start it with SIGINT blocked.
-        stdin: ``subprocess.PIPE`` for one to write to.
 
     Raises:
         OSError: the program cannot be run.
@@ -244,7 +225,7 @@ async def spawn(
         _, process = await asyncio.get_running_loop().subprocess_exec(
             RunningProcess,
             *command,
-            stdin=stdin,
+            stdin=subprocess.DEVNULL,
             env=environment,
             start_new_session=True,
             preexec_fn=partial(_set_up_child, guard, write, hold_interrupt),
@@ -270,67 +251,6 @@ def _set_up_child(guard: Guard, write: int, hold_interrupt: bool) -> None:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     guard.add(os.getpid())
     os.write(write, str(os.getpid()).encode())
-
-
-class Preloaded:
-    """Interpreters that have imported a node's module and wait for its arguments.
-
-    So a robot is up sooner: modules are imported while the launcher still reads the description.
-    """
-
-    def __init__(self, guard: Guard) -> None:
-        """There are none yet; ``guard`` ends them if the launcher is killed."""
-        self._guard = guard
-        self._environment: dict[str, str] = {}
-        self._waiting: dict[str, RunningProcess] = {}
-
-    async def start(self, modules: Sequence[str]) -> None:
-        """Start an interpreter for each of ``modules``, the most urgent first.
-
-        No more than there are processors beside this process's own: more would only slow the
-        first ones down.
-        """
-        self._environment = {**os.environ, **python_environment()}
-        for module in modules[: max(1, _processors() - 1)]:
-            with contextlib.suppress(OSError):  # reported when the node itself cannot start
-                self._waiting[module] = await spawn(
-                    [*module_command(module), PRELOAD],
-                    self._environment,
-                    self._guard,
-                    hold_interrupt=True,
-                    stdin=subprocess.PIPE,
-                )
-
-    def waits_for(self, module: str) -> bool:
-        """Return whether an interpreter has been started for ``module`` and still runs."""
-        return module in self._waiting and not self._waiting[module].ended.done()
-
-    def take(self, node: NodeProcess) -> RunningProcess | None:
-        """Return the process that runs ``node`` from now on; None if none was preloaded for it."""
-        if not self.waits_for(node.module):
-            return None
-        process = self._waiting.pop(node.module)
-        variables = {**os.environ, **node.environment}
-        changed = {k: v for k, v in variables.items() if self._environment.get(k) != v}
-        order = {"arguments": node.arguments, "environment": changed}
-        process.write_last(json.dumps(order).encode() + b"\n")
-        return process
-
-    async def close(self) -> None:
-        """End those that still wait."""
-        while self._waiting:
-            process = self._waiting.popitem()[1]
-            process.signal_all(signal.SIGKILL)
-            await process.ended
-            await process.close()
-            self._guard.discard(process.group)
-
-
-def _processors() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def describe_exit(code: int) -> str:

@@ -22,10 +22,11 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.bringup import Bringup, bring_up, help_text, nodes_to_start, summary_text
 from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
-from onebot_bringup.launcher.process import NodeProcess
+from onebot_bringup.launcher.process import NodeProcess, module_command
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
 
+_MODULE = len(module_command("")) - 1  # where a command names the node's module
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="height" default="1.0"/>
   <link name="base"/><link name="tip"/><link name="camera"/>
@@ -76,8 +77,8 @@ def names(make: NodeFactory) -> list[str]:
 
 def parameters(node: NodeProcess) -> dict[str, Any]:
     """The parameters of its own that a node gets, from the last of its files."""
-    at = len(node.arguments) - 1 - node.arguments[::-1].index("--params-file")
-    [(full_name, content)] = yaml.safe_load(Path(node.arguments[at + 1]).read_text()).items()
+    at = len(node.command) - 1 - node.command[::-1].index("--params-file")
+    [(full_name, content)] = yaml.safe_load(Path(node.command[at + 1]).read_text()).items()
     assert full_name.split("/")[-1] == node.name
     found: dict[str, Any] = content["ros__parameters"]
     return found
@@ -145,9 +146,7 @@ def test_each_node_is_a_python_module_of_its_own(make: Make) -> None:
     """Run by the launcher's interpreter, with its SIGINT held until it is ready."""
     for node in nodes_to_start(make(record="bag", steer="true", port="0")):
         assert node.command[0] == sys.executable and node.hold_interrupt
-        assert node.module.rpartition(".")[2] == node.name
-        assert node.module in node.command and node.module not in node.arguments
-        assert node.command[-len(node.arguments) :] == node.arguments
+        assert node.command[_MODULE].rpartition(".")[2] == node.name
         assert node.environment["PYTHONUNBUFFERED"] == "1"
 
 
@@ -156,7 +155,7 @@ def test_every_node_gets_the_common_arguments(make: Make) -> None:
     given = {"namespace": "/left/arm/", "log_level": "warn", "use_sim_time": "true"}
     factory = make(ros_args=("-p", "x:=1"), record="bag", steer="true", port="0", **given)
     for node in nodes_to_start(factory):
-        words = list(node.arguments)
+        words = list(node.command[_MODULE + 1 :])
         assert words[-2:] == ["-p", "x:=1"]
         own = words[words.index("--ros-args") :]
         assert own[1:3] == ["--log-level", "warn"]
@@ -209,7 +208,7 @@ def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> No
         "update_rate": 200,
         "use_sim_time": False,
     }
-    files = [word for word in node.arguments if word.endswith(".yaml")]
+    files = [word for word in node.command[_MODULE + 1 :] if word.endswith(".yaml")]
     assert files[0] == str(arm.parent / "control.yaml") and len(files) == 2
 
 
@@ -222,7 +221,7 @@ def test_velocity_controller_takes_the_rest_from_its_file(
     found = parameters(node)
     assert "update_rate" not in found
     assert found["tf_frame_prefix_enable"] is False and found["tf_frame_prefix"] == ""
-    assert str(arm.parent / "control.yaml") in node.arguments
+    assert str(arm.parent / "control.yaml") in node.command[_MODULE + 1 :]
 
 
 @pytest.mark.parametrize(
@@ -271,7 +270,7 @@ def test_the_recorder_s_folder_is_absolute(make: Make, monkeypatch: pytest.Monke
 
 def test_the_watcher_knows_the_files_and_the_arguments(make: Make, arm: Path) -> None:
     """So that an edit while everything starts is found, and xacro gets the same again."""
-    words = make().description_watcher().arguments
+    words = make().description_watcher().command[_MODULE + 1 :]
     before = words[: words.index("--ros-args")]
     assert before[0] == "--known" and before[2:] == (str(arm), "height:=2.0")
     known = json.loads(before[1])
