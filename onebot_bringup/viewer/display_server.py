@@ -117,7 +117,7 @@ class WebPage:
     Attributes:
         port: where it listens, on 127.0.0.1.
         url: what to open in a browser.
-        address: where that leads to: the page, told which recording to show.
+        address: where that leads to: the page, with the recording to show.
     """
 
     def __init__(self, port: int, recording_uri: str) -> None:
@@ -283,7 +283,7 @@ _REMIND_AFTER = 5.0  # seconds
 
 
 class Log(Protocol):
-    """Tells the user (an rclpy logger is one)."""
+    """Where messages to the user go; an rclpy logger is one."""
 
     def info(self, message: str, /) -> object:
         """Say what is going on."""

@@ -144,7 +144,7 @@ def test_the_joystick_drives_to_where_the_arc_says(peer: Peer, page: Page, tmp_p
         steering(**LIMITS) as node,
     ):
         page.open(node.address)
-        wait_for(lambda: page.text("#topic output") == "Twist, 2 listeners", "the controller")
+        wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
         page.hold_pad(right=-0.6, up=0.7)
         wait_for(lambda: _steady(limited) and _steady(limited)[-1] > 2.0, "2 s of driving")
         assert page.body("driver") == "you" and page.text("#driver") == "You drive"
@@ -280,7 +280,7 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
     with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
         with steering(check=False, **LIMITS) as node:
             page.open(node.address)
-            wait_for(lambda: page.text("#topic output") == "Twist, 2 listeners", "the controller")
+            wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
             page.hold_pad(0.0, 0.5)
             wait_for(lambda: speeds and speeds[-1].twist.twist.linear.x > 0.1, "driving")
             node.node.process.send_signal(signal.SIGKILL)
@@ -418,12 +418,12 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         wait_for(
             lambda: "/other/cmd_vel" in page.driver.execute_script(offered), "the topic's offer"
         )
-        assert page.text("#topic output") == "Twist, nobody listens"
+        assert page.text("#topic output") == "Twist, no subscriber"
         page.enter("#topic-name", "not-a-topic")
         wait_for(lambda: "name of a ROS topic" in page.text("#message"), "the error")
         assert page.find("#topic-name").get_property("value") == TOPIC
         page.enter("#topic-name", "/other/cmd_vel")
-        wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 listener", "its type")
+        wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 subscriber", "its type")
         assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
         page.enter("#topic-name", "/rosout")
         wait_for(lambda: "/rosout has the type" in page.text("#message"), "the refusal")

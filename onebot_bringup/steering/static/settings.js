@@ -30,8 +30,8 @@ export class Topic {
       this.list.replaceChildren(...state.topics.map((topic) => new Option("", topic)));
     }
     const type = state.topic_type.split("/").pop();
-    const listeners = ["nobody listens", "1 listener"][state.listeners];
-    write(this.note, `${type}, ${listeners ?? `${state.listeners} listeners`}`);
+    const subscribers = ["no subscriber", "1 subscriber"][state.listeners];
+    write(this.note, `${type}, ${subscribers ?? `${state.listeners} subscribers`}`);
     this.note.classList.toggle("warning", state.listeners === 0);
   }
 }
