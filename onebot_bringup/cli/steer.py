@@ -139,7 +139,7 @@ def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
 
 def _answers(address: str) -> bool:
     """Whether the page still responds; its address stays on the latched topic."""
-    from onebot_bringup.ports import answers
+    from onebot_bringup.serving.ports import answers
     from onebot_bringup.steering.view_proxy import View
 
     view = View.parse(address)

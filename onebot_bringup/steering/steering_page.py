@@ -52,8 +52,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.http_server import ServerThread
-from onebot_bringup.ports import is_loopback, listen, reachable_as
+from onebot_bringup.serving.http_server import ServerThread
+from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
 from onebot_bringup.steering.access import Access, new_token
 from onebot_bringup.steering.arbiter import ZEROS, ThreadSafeArbiter
 from onebot_bringup.steering.protocol import Velocity

@@ -12,7 +12,7 @@ from urllib.parse import quote, unquote
 
 from aiohttp import web
 
-from onebot_bringup.rerun_proxy import RerunProxy, content_policy
+from onebot_bringup.serving.rerun_proxy import RerunProxy, content_policy
 
 _POLICY = f"{content_policy()}; frame-ancestors 'self'; base-uri 'none'; form-action 'none'"
 _SERVICE = "/rerun.sdk_comms.v1alpha1.MessageProxyService"

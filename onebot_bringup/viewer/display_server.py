@@ -17,7 +17,7 @@ from urllib.parse import quote
 import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
-from onebot_bringup.ports import LOOPBACK, answers, free_port, listen
+from onebot_bringup.serving.ports import LOOPBACK, answers, free_port, listen
 from onebot_description.errors import OneBotError
 
 # Rerun's own program as a child process that can never outlive us, whatever ends us.
@@ -122,8 +122,8 @@ class WebPage:
 
     def __init__(self, port: int, recording_uri: str) -> None:
         """Start hosting on ``port``, or another one if it is in use (0: any)."""
-        from onebot_bringup.http_server import ServerThread  # imports aiohttp
-        from onebot_bringup.rerun_proxy import page_app
+        from onebot_bringup.serving.http_server import ServerThread  # imports aiohttp
+        from onebot_bringup.serving.rerun_proxy import page_app
 
         self._uri = recording_uri
         listener = listen(LOOPBACK, port, "web_port")

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 from rerun.experimental import ViewerClient, ViewerState
 
-from onebot_bringup.ports import LOOPBACK, free_port
+from onebot_bringup.serving.ports import LOOPBACK, free_port
 from onebot_bringup.viewer.blueprint import ROBOT_VIEW
 from onebot_bringup.viewer.display_server import Child
 from onebot_description.description.description import Triple

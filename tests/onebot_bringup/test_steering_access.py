@@ -2,7 +2,7 @@
 
 import pytest
 
-from onebot_bringup.ports import is_loopback
+from onebot_bringup.serving.ports import is_loopback
 from onebot_bringup.steering.access import Access, new_token
 
 LOCAL = Access("", "127.0.0.1", 8080)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from onebot_bringup.ports import listen
+from onebot_bringup.serving.ports import listen
 from onebot_bringup.steering.access import choose_bind_address
 from onebot_description.errors import OneBotError
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from onebot_bringup.ports import answers, free_port
+from onebot_bringup.serving.ports import answers, free_port
 from onebot_bringup.viewer.display_server import (
     Child,
     NativeWindow,
