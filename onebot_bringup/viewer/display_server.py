@@ -208,17 +208,11 @@ APPLICATION = "onebot"
 
 @dataclass(frozen=True)
 class Recording:
-    """An open recording; the server lives as long as ``stream`` is referenced.
+    """An open recording; the server lives as long as ``stream`` is referenced."""
 
-    Attributes:
-        stream: where to log.
-        port: of the gRPC server on 127.0.0.1, None if nothing is served.
-        file: the file written, or None.
-    """
-
-    stream: rr.RecordingStream
-    port: int | None
-    file: Path | None
+    stream: rr.RecordingStream  # to log to
+    port: int | None  # of the gRPC server on 127.0.0.1, None if nothing is served
+    file: Path | None  # the file written, or None
 
     @property
     def uri(self) -> str:
