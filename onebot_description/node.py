@@ -33,6 +33,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _A_YEAR = 365.0 * 24 * 3600  # seconds
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
+_LONGEST = 1000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
 
 
@@ -281,4 +282,4 @@ class Throttled:
         wait = self._every if every is None else every
         if now - self._logged_at.get(kind, -math.inf) >= wait:
             self._logged_at[kind] = now
-            self._log(text)
+            self._log(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...")

@@ -447,9 +447,11 @@ class JointStateSource:
         if not (self.received.any or self.received.any_velocity):
             return position, velocity
         following = self._plan.following
-        known = ~np.isnan(received[following.leader])
-        speed = self.received.velocity[following.leader] * following.factor
-        position = np.where(known, self._follow(received), position)
+        with np.errstate(over="ignore"):
+            followed = self._follow(received)
+            speed = self.received.velocity[following.leader] * following.factor
+        known = np.isfinite(followed)  # a follower may go too far for a number
+        position = np.where(known, followed, position)
         velocity = np.where(known | ~np.isnan(speed), np.nan_to_num(speed), velocity)
         return position, velocity
 
