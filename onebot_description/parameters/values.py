@@ -13,7 +13,7 @@ MAX_PORT = 65535
 """The greatest number of a TCP port."""
 
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
-_PLURAL = {float: "numbers", int: "integers", bool: "of true and false", str: "strings"}
+_PLURAL = {float: "numbers", int: "integers", bool: "booleans", str: "strings"}
 
 
 @dataclass(frozen=True)
