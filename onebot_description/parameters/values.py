@@ -18,7 +18,7 @@ LARGEST = 1e60
 _INT64 = range(-(2**63), 2**63)
 
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
-_PLURAL = {float: "numbers", int: "integers", bool: "of true and false", str: "strings"}
+_PLURAL = {float: "numbers", int: "integers", bool: "booleans", str: "strings"}
 
 
 @dataclass(frozen=True)
