@@ -43,8 +43,9 @@ def run_node(
     """Run one node until Ctrl-C, SIGTERM or its own error.
 
     Args:
-        make_node: builds the node; rclpy is initialised by then. It, and any callback of the node,
-            may raise OneBotError, which ends the process with one line on stderr.
+        make_node: builds the node; rclpy is initialised by then. It, any callback of the node, and
+            its ``destroy_node`` may raise OneBotError, which ends the process with one line on
+            stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
 
@@ -66,6 +67,20 @@ def run_node(
 
 
 def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
+    try:
+        _spin_node(make_node, stop, signals, events)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except OneBotError as error:
+        return _fail(str(error))
+    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
+        return _fail(str(error))
+    return 0
+
+
+def _spin_node(
+    make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool
+) -> None:
     node: Node | None = None
     executor: Executor | None = None
     try:
@@ -74,12 +89,6 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
         executor = _make_executor(events)
         executor.add_node(node)
         _spin_until(stop, executor)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except OneBotError as error:
-        return _fail(str(error))
-    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
-        return _fail(str(error))
     finally:
         if executor is not None and node is not None:
             executor.remove_node(node)
@@ -87,7 +96,6 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
             node.destroy_node()
         if executor is not None:
             executor.shutdown()
-    return 0
 
 
 def _make_executor(events: bool) -> Executor:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from onebot_description.description.description import MOVING_KINDS, Joint
 from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.values import LARGEST
 
 FloatArray = NDArray[np.float64]
 
@@ -43,6 +44,8 @@ def joint_limits(joints: Sequence[Joint], *, soft: bool) -> Limits:
     speeds = [math.inf if j.velocity is None else max(0.0, j.velocity) for j in joints]
     if problems:
         raise ConfigError(problems)
+    # Finite ones stay so in computations.
+    ranges = np.where(np.isinf(ranges), ranges, np.clip(ranges, -LARGEST, LARGEST))
     return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64))
 
 

@@ -11,6 +11,7 @@ from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, Limits
 from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.values import LARGEST
 
 Followers = Mapping[str, Dependent]
 
@@ -53,7 +54,8 @@ def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: Follow
         mimics: the mimic relations, by name of the following joint.
 
     Raises:
-        ConfigError: a joint follows one that is missing or fixed, or the chain is a circle.
+        ConfigError: a joint follows one that is missing or fixed, the chain is a circle, or its
+            factor is too large or small to compute with.
     """
     index = {joint.name: number for number, joint in enumerate(joints)}
     kinds = {joint.name: joint.kind for joint in all_joints}
@@ -69,6 +71,11 @@ def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: Follow
     for name, number in index.items():
         root, factor[number], offset[number] = _resolve_chain(name, mimics)
         leader[number] = index[root]
+        if not _computable(factor[number], offset[number]):
+            text = f"its position * {factor[number]:g} + {offset[number]:g}"
+            problems.append(Problem("", f'joint "{name}" cannot follow "{root}" as {text}'))
+    if problems:
+        raise ConfigError(problems)
     return Following(leader, factor, offset)
 
 
@@ -128,6 +135,11 @@ def _resolve_chain(name: str, mimics: Followers) -> tuple[str, float, float]:
             raise ConfigError([Problem("", f"joints follow one another in a circle: {circle}")])
         seen.append(mimic.parent)
     return seen[-1], factor, offset
+
+
+def _computable(factor: float, offset: float) -> bool:
+    """Whether positions stay finite, of the follower and of the leader computed from it."""
+    return (factor == 0.0 or 1.0 / LARGEST <= abs(factor) <= LARGEST) and abs(offset) <= LARGEST
 
 
 def _narrow_leader(narrowed: Limits, limits: Limits, following: Following, follower: int) -> None:
