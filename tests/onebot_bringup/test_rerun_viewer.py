@@ -1,6 +1,9 @@
 """The rerun_viewer node, fed over real DDS."""
 
+import errno
+import os
 import re
+import resource
 import signal
 import urllib.request
 from pathlib import Path
@@ -180,6 +183,27 @@ def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, 
     with _viewer(tmp_path, check=False, **parameters) as node:
         assert node.wait() == 1
         assert said in node.output and "Traceback" not in node.output
+
+
+def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
+    """From the start, and once the robot is shown; without a traceback, Rerun's or Python's."""
+    (tmp_path / "full.rrd").symlink_to("/dev/full")
+    with _viewer(tmp_path, False, viewer="none", save=tmp_path / "full.rrd") as node:
+        assert node.wait() == 1
+        full = f"error: save:={tmp_path}/full.rrd: {os.strerror(errno.ENOSPC)}"
+        assert node.output.splitlines()[-1] == full and "Traceback" not in node.output
+    file = tmp_path / "x.rrd"
+    with _viewer(tmp_path, False, viewer="none", save=file) as node, Peer(ros_domain) as peer:
+        robot = Robot(peer)
+        wait_for(lambda: 'showing "arm"' in node.output, "the robot")
+        size = file.stat().st_size
+        resource.prlimit(node.process.pid, resource.RLIMIT_FSIZE, (size, size))
+        wait_for(lambda: robot.move() or node.process.poll() is not None, "the end")
+        assert node.wait() == 1
+        limit = f"error: save:={file}: {os.strerror(errno.EFBIG)}"
+        assert node.output.splitlines()[-1] == limit
+        for word in ("Traceback", "Error occurred", "ERROR", "FATAL"):
+            assert word not in node.output
 
 
 def test_native_without_a_display_is_a_clear_error(ros_domain, tmp_path, monkeypatch):

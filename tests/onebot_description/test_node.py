@@ -1,6 +1,8 @@
 """What nodes share: their ROS arguments, and warnings that are logged only so often."""
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,46 @@ def test_nothing_given() -> None:
     """And a dangling option is rcl's to complain about."""
     assert ros_arguments(["node", "robot.urdf"]) == RosArguments(others=("robot.urdf",))
     assert ros_arguments(["node", "--ros-args", "--params-file"]).files == ()
+
+
+_FAILING = """
+from rclpy.node import Node
+from onebot_description.errors import OneBotError
+from onebot_description.node import ends_node, run_node
+
+class Failing(Node):
+    def __init__(self, where):
+        super().__init__("failing")
+        self.where = where
+        if where == "start":
+            raise OneBotError(where)
+        self.create_timer(0.01, self.work)
+
+    @ends_node
+    def work(self):
+        if self.where == "callback":
+            raise OneBotError(self.where)
+        signal.raise_signal(signal.SIGINT)
+
+    def destroy_node(self):
+        super().destroy_node()
+        if self.where == "end":
+            raise OneBotError(self.where)
+
+import signal
+for events in (False, True):
+    for where in ("start", "callback", "end", "nowhere"):
+        print(run_node(lambda: Failing(where), ["failing"], events=events))
+"""
+
+
+def test_an_error_of_a_node_is_one_line(ros_domain: int) -> None:
+    """Wherever it is raised, whichever the executor: exit code 1 and no traceback."""
+    done = subprocess.run(
+        [sys.executable, "-c", _FAILING], capture_output=True, text=True, timeout=180, check=True
+    )
+    assert done.stdout.split() == ["1", "1", "1", "0"] * 2
+    assert done.stderr.splitlines() == ["error: start", "error: callback", "error: end"] * 2
 
 
 def test_each_kind_is_logged_once_within_its_time() -> None:
