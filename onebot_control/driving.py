@@ -38,6 +38,7 @@ from onebot_description.wire.cdr import nanoseconds
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _TOO_LATE = 0.05  # s of lag worth a warning
+_FARTHEST = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 
 _COMMAND_TOPIC = "~/cmd_vel"
 _COMMAND_QOS = QoSProfile(depth=_DEPTH)
@@ -307,8 +308,8 @@ class PoseTopics:
         loop, pose = self._loop(), planar_pose(message)
         if loop is None:
             self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
-        elif not all(math.isfinite(value) for value in pose):
-            text = "the pose is not finite, or its orientation no unit quaternion"
+        elif not all(abs(value) <= _FARTHEST for value in pose):
+            text = "the pose is not finite, too far away, or its orientation no unit quaternion"
             self._warn(topic, f"~/{topic} is ignored: {text}")
         else:
             try:

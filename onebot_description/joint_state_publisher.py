@@ -116,6 +116,7 @@ class JointParameters:
         config_file = values["config_file"]
         if isinstance(config_file, str) and config_file:
             self.live.add(config_file)
+            self.live.file = self.live.read()
             written = self.live.file.values
             declare(self._node, JointsConfig, dict.fromkeys(written))
             self._node.set_parameters([ros_parameter(n, value) for n, value in written.items()])

@@ -33,6 +33,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _A_YEAR = 365.0 * 24 * 3600  # seconds
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
+_LONGEST = 1000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
 _POLL_PUBLISHERS = 1.0  # seconds
 # For how long a second publisher must be there: a node may end while its successor starts, and to
@@ -46,8 +47,9 @@ def run_node(
     """Run one node until Ctrl-C, SIGTERM or its own error.
 
     Args:
-        make_node: builds the node; rclpy is initialised by then. It, and any callback of the node,
-            may raise OneBotError, which ends the process with one line on stderr.
+        make_node: builds the node; rclpy is initialised by then. It, any callback of the node, and
+            its ``destroy_node`` may raise OneBotError, which ends the process with one line on
+            stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
 
@@ -69,6 +71,20 @@ def run_node(
 
 
 def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
+    try:
+        _spin_node(make_node, stop, signals, events)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except OneBotError as error:
+        return _fail(str(error))
+    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
+        return _fail(str(error))
+    return 0
+
+
+def _spin_node(
+    make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool
+) -> None:
     node: Node | None = None
     executor: Executor | None = None
     try:
@@ -77,12 +93,6 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
         executor = _make_executor(events)
         executor.add_node(node)
         _spin_until(stop, executor)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except OneBotError as error:
-        return _fail(str(error))
-    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
-        return _fail(str(error))
     finally:
         if executor is not None and node is not None:
             executor.remove_node(node)
@@ -90,7 +100,6 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
             node.destroy_node()
         if executor is not None:
             executor.shutdown()
-    return 0
 
 
 def _make_executor(events: bool) -> Executor:
@@ -357,4 +366,4 @@ class Throttled:
         wait = self._every if every is None else every
         if now - self._logged_at.get(kind, -math.inf) >= wait:
             self._logged_at[kind] = now
-            self._log(text)
+            self._log(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...")

@@ -11,6 +11,7 @@ from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, Limits
 from onebot_description.parameters.reader import Problem
+from onebot_description.parameters.values import LARGEST
 
 Followers = dict[str, Dependent]  # by name of the joint that follows
 _Chain = tuple[str, float, float]  # its leader, and factor and offset of all of it
@@ -52,8 +53,9 @@ def resolve(
     Returns:
         The leaders; limits so narrow that all followers stay within their own; and a problem for
         each joint that cannot follow, and so moves alone (what it follows is missing or fixed, a
-        circle, or no position keeps both within their limits), and for each leader whose range
-        becomes smaller. The key is the joint's entry in dependent_joints, empty for a mimic tag.
+        circle, its factor cannot be computed with, or no position keeps both within their limits),
+        and for each leader whose range becomes smaller. The key is the joint's entry in
+        dependent_joints, empty for a mimic tag.
     """
     mimics = _mimics(joints, dependent, use_mimic_tags)
     problems: list[Problem] = []
@@ -71,10 +73,12 @@ def resolve(
         leave_out(name, f"joints follow one another in a circle: {names}")
     while True:
         following = _reduced(joints, mimics)
-        narrowed, contradictions, notes = _narrow(joints, limits, following)
-        if not contradictions:
+        wrong = _incomputable(joints, following)
+        if not wrong:
+            narrowed, wrong, notes = _narrow(joints, limits, following)
+        if not wrong:
             return following, narrowed, [*problems, *notes]
-        for name, text in contradictions.items():
+        for name, text in wrong.items():
             leave_out(name, text)
 
 
@@ -148,6 +152,18 @@ def _chain(name: str, mimics: Followers, known: dict[str, _Chain]) -> _Chain:
         chain = leader, factor * mimic.factor, offset * mimic.factor + mimic.offset
         known[follower] = chain
     return chain
+
+
+def _incomputable(joints: Sequence[Joint], following: Following) -> dict[str, str]:
+    """Return what is wrong with followers whose position, or their leader's, may not be finite."""
+    size, offset = np.abs(following.factor), np.abs(following.offset)
+    computable = (size == 0.0) | ((1.0 / LARGEST <= size) & (size <= LARGEST))
+    wrong = {}
+    for number in np.flatnonzero(~(computable & (offset <= LARGEST))).tolist():
+        name, leader = joints[number].name, joints[int(following.leader[number])].name
+        text = f"its position * {following.factor[number]:g} + {following.offset[number]:g}"
+        wrong[name] = f'joint "{name}" cannot follow "{leader}" as {text}'
+    return wrong
 
 
 def _narrow(

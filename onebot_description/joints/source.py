@@ -30,6 +30,7 @@ from onebot_description.joints.motions import (
     violations,
 )
 from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.values import LARGEST
 
 # A step this much over the limit is rounding; allowing it keeps followers exact.
 _ROUNDING = 1e-9
@@ -267,8 +268,8 @@ class ReceivedJointStates:
     ) -> str | None:
         """Store the values of one message.
 
-        Each list is as long as ``names``, or empty. Values that are not finite and joints of
-        other robots are skipped.
+        Each list is as long as ``names``, or empty. Values that are not finite, or too large to
+        compute with, and joints of other robots are skipped.
 
         Returns:
             None, or why the whole message was ignored.
@@ -281,7 +282,7 @@ class ReceivedJointStates:
             kept: FloatArray = getattr(self, what)
             for name, value in zip(names, values, strict=False):
                 number = self._index.get(name)
-                if number is not None and math.isfinite(value):
+                if number is not None and abs(value) <= LARGEST:
                     kept[number] = value
         return None
 
@@ -395,7 +396,7 @@ class JointStateSource:
         self._starts = np.where(changed, self._position, self._starts)
         self._tracks = Tracks(plan.motions, self._origins, self._starts, plan.endless)
         # A continuous joint turns the short way to its new target.
-        turns = np.round((self._tracks.at(self._elapsed) - self._position) / TURN)
+        turns = np.round((self._asked() - self._position) / TURN)
         self._position = self._position + np.where(turning, TURN * turns, 0.0)
 
     def sample(self, time: float) -> tuple[FloatArray, FloatArray]:
@@ -424,13 +425,19 @@ class JointStateSource:
             self._velocity = np.zeros_like(self._position)
             return
         limits, following = self._plan.limits, self._plan.following
-        asked = np.clip(self._tracks.at(self._elapsed), limits.lower, limits.upper)
+        asked = np.clip(self._asked(), limits.lower, limits.upper)
         leading = self._toward(asked, step)
         # Followers move to their leaders' new positions; they lag only after a change of leader.
         position = np.where(following.follows, self._toward(self._follow(leading), step), leading)
         velocity = (position - self._position) / step
         self._velocity = np.clip(velocity, -limits.velocity, limits.velocity)
         self._position = position
+
+    def _asked(self) -> FloatArray:
+        """The motions' positions of now; the present one where a motion's cannot be computed."""
+        with np.errstate(all="ignore"):
+            asked = self._tracks.at(self._elapsed)
+        return np.where(np.isfinite(asked), asked, self._position)
 
     def _toward(self, target: FloatArray, step: float) -> FloatArray:
         """Move from the present positions to ``target`` as far as the velocity limits allow."""
@@ -451,9 +458,11 @@ class JointStateSource:
         if not (self.received.any or self.received.any_velocity):
             return position, velocity
         following = self._plan.following
-        known = ~np.isnan(received[following.leader])
-        speed = self.received.velocity[following.leader] * following.factor
-        position = np.where(known, self._follow(received), position)
+        with np.errstate(over="ignore"):
+            followed = self._follow(received)
+            speed = self.received.velocity[following.leader] * following.factor
+        known = np.isfinite(followed)  # a follower may go too far for a number
+        position = np.where(known, followed, position)
         velocity = np.where(known | ~np.isnan(speed), np.nan_to_num(speed), velocity)
         return position, velocity
 
@@ -473,4 +482,4 @@ class JointStateSource:
 def wrapped(angle: FloatArray) -> FloatArray:
     """Return angles wrapped to -pi..pi, in rad; those in range are unchanged."""
     beyond = np.abs(angle) > math.pi
-    return np.asarray(np.where(beyond, angle - TURN * np.round(angle / TURN), angle))
+    return np.asarray(np.where(beyond, np.remainder(angle + math.pi, TURN) - math.pi, angle))
