@@ -68,6 +68,7 @@ class Driving:
         self._loop: ControlLoop | None = None
         self._failure: BaseException | None = None
         self._warn = Throttled(node.get_logger().warning)
+        self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self._settings = ControlParameters(node, arguments)
         config = self._settings.config
         self._simulated = node.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
@@ -134,11 +135,8 @@ class Driving:
                 loop.call(lambda: self._replace(loop, description))
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
-            if loop is None:
-                raise
-            self._node.get_logger().error(
-                f"robot description refused, going on as before:\n{error}"
-            )
+            goes_on = "still waiting for one" if loop is None else "the robot goes on as before"
+            self._refuse("description", f"robot_description not applied, {goes_on}:\n{error}")
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
         robot = loop.robot.replaced(description)

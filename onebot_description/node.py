@@ -38,6 +38,10 @@ _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 1000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
+_POLL_PUBLISHERS = 1.0  # seconds
+# For how long a second publisher must be there: a node may end while its successor starts, and to
+# those that knew it, one that was killed seems to be there for 20 s more (the lease of Fast DDS).
+_SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def run_node(
@@ -58,15 +62,16 @@ def run_node(
     use_environment_prefix()
     use_quick_discovery()
     stop: Future = Future()
-    _stops.append(stop)
     with StopSignals(lambda: _finish(stop)) as signals:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy raises several kinds, none of them public
             return _fail(f"bad ROS arguments: {_first_line(error)}")
+        _stops.append(stop)
         try:
             return _spin(make_node, stop, signals, events)
         finally:
+            _stops.remove(stop)
             rclpy.try_shutdown()
 
 
@@ -122,7 +127,7 @@ def _spin_until(stop: Future, executor: Executor) -> None:
         raise error
 
 
-_stops: list[Future] = []  # of the nodes that this process has run
+_stops: list[Future] = []  # of the nodes that this process runs
 
 
 def ends_node(callback: Callable[P, None]) -> Callable[P, None]:
@@ -297,11 +302,83 @@ class DescriptionTopic:
             )
 
 
+class DescriptionPublishers:
+    """Warns when robot_description has several publishers: two robots that take turns in one.
+
+    A publisher is warned of when it has been there for a while, and each only once: a robot that is
+    restarted is none.
+    """
+
+    def __init__(self, node: Node, *, own: bool) -> None:
+        """Watch the topic as it is in the node's namespace.
+
+        Args:
+            node: that knows the ROS graph.
+            own: it publishes the topic itself, so that one other is one too many.
+        """
+        self._node, self._topic = node, node.resolve_topic_name(_DESCRIPTION)
+        self._own = f"{node.get_namespace().rstrip('/')}/{node.get_name()}" if own else ""
+        self._lasting = Lasting(_SETTLED if own else _FORGOTTEN)
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_POLL_PUBLISHERS, self._poll, clock=steady)
+
+    def _poll(self) -> None:
+        names = self._names() if self._node.count_publishers(self._topic) > 1 else []
+        if not self._lasting.new(names, time.monotonic()):
+            return
+        others = ", ".join(names)
+        found = f"also published by {others}" if self._own else f"published by {others} at once"
+        self._node.get_logger().warning(
+            f"{self._topic} is {found}: two robots take turns in one. Stop one, or start one with "
+            "namespace:=NAME frame_prefix:=NAME/, or apart from the other with domain_id:=N"
+        )
+
+    def _names(self) -> list[str]:
+        """Return the nodes that publish it; of several of one name, the name as often."""
+        ends = self._node.get_publishers_info_by_topic(self._topic)
+        names = sorted(f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends)
+        if self._own in names:
+            names.remove(self._own)
+        return names
+
+
+class Lasting:
+    """Reports what has lasted for some time, once."""
+
+    def __init__(self, patience: float) -> None:
+        """Begin with nothing; ``patience`` is in seconds."""
+        self._patience = patience
+        self._what: Sequence[str] = ()
+        self._since = 0.0
+        self._reported = True
+
+    def new(self, what: Sequence[str], now: float) -> bool:
+        """Return whether ``what`` is there and has lasted, unless that was returned before.
+
+        Args:
+            what: is there now; empty for nothing.
+            now: seconds.
+        """
+        if list(what) != list(self._what):
+            self._what, self._since, self._reported = what, now, not what
+        if self._reported or now - self._since < self._patience:
+            return False
+        self._reported = True
+        return True
+
+
 class Throttled:
     """Logs what is of one kind only so often."""
 
     def __init__(self, log: Callable[[str], object], every: float = 5.0) -> None:
-        """Log with ``log``, such as a logger's ``warning``, at most once in ``every`` seconds."""
+        """Log with ``log`` at most once in ``every`` seconds.
+
+        Args:
+            log: a logger's ``warning``. For another severity, a lambda that calls it: to rclpy, a
+                line of code logs at one severity only, and all of these log from the same line.
+            every: seconds.
+        """
         self._log, self._every = log, every
         self._logged_at: dict[str, float] = {}
 

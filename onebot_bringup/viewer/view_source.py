@@ -23,7 +23,7 @@ from onebot_bringup.viewer.view_config import (
     view_text,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.file_watch import FileWatch
+from onebot_description.file_watch import Changes, FileWatch
 from onebot_description.parameters.files import read_text
 from onebot_description.parameters.reader import ConfigError, replaced
 
@@ -88,9 +88,9 @@ class ViewSource:
         self._watch.watch(self._files)
         return True
 
-    def saved(self) -> list[Path]:
-        """Return which of its files the user has saved since the last call."""
-        return self._watch.saved()
+    def poll(self) -> Changes:
+        """Return which of its files the user has saved or removed since the last call."""
+        return self._watch.poll()
 
     def reload(self) -> bool:
         """Read the view file again; True if that changes the view.

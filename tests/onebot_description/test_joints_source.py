@@ -364,6 +364,35 @@ def test_a_refused_edit_changes_nothing() -> None:
     assert settled(source)["elbow"] == 0.5
 
 
+def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
+    """A joint that is gone, that is fixed or that follows now is reported; the others move on.
+
+    Later edits may leave these entries as they are, but not add others.
+    """
+    parameters = {
+        "motions": {name: {"position": 0.25} for name in ("elbow", "slide", "finger")},
+        "poses": {"up": {"elbow": 0.5, "wheel": 0.1}},
+    }
+    old, config = source_of(parameters), JointsConfig.from_parameters(parameters)
+    joints = [joint("elbow"), joint("slide", "fixed"), joint("finger", mimic=mimic("elbow", 0.5))]
+    with pytest.raises(ConfigError):
+        JointStateSource(joints, config, previous=old)
+    source = JointStateSource(joints, config, previous=old, tolerant=True)
+    assert {report.key: report.text.partition(" (")[0] for report in source.reports} == {
+        "motions.slide": 'joint "slide" is fixed',
+        "motions.finger": 'joint "finger" follows "elbow"; move that one, or set use_mimic_tags'
+        " to false",
+        "poses.up.wheel": 'the robot has no joint "wheel"',
+    }
+    assert settled(source) == pytest.approx({"elbow": 0.25, "finger": 0.125})
+    source.configure(JointsConfig.from_parameters({**parameters, "pose": "up"}))
+    assert settled(source, 2000.0) == pytest.approx({"elbow": 0.5, "finger": 0.25})
+    more = {**parameters, "dependent_joints.elbow.parent": "slide"}
+    with pytest.raises(ConfigError) as caught:
+        source.configure(JointsConfig.from_parameters(more))
+    assert [problem.key for problem in caught.value.problems] == ["dependent_joints.elbow"]
+
+
 def test_a_clock_that_goes_back_stops_nothing() -> None:
     """The joints stay where they are for that sample, and go on from there."""
     source = source_of({"motions": {"elbow": {"position": 1.0}}})
@@ -441,13 +470,13 @@ def test_received_states_override_motions() -> None:
 
 @pytest.mark.parametrize("received", [1e300, -1.7e308])
 def test_a_follower_of_an_enormous_position_stays_finite(received: float) -> None:
-    """Where it would have to be is beyond all numbers; the joint it follows is as received."""
+    """Where it would have to be is beyond all numbers, so the value received is skipped."""
     joints = [joint("lead"), joint("follow", mimic=mimic("lead", 1e10, 0.0))]
     source = JointStateSource(joints)
     source.received.receive(["lead"], [received], [received], [received])
     for values in (*source.sample(0.0), source.efforts()):
         assert np.isfinite(values).all()
-    assert source.sample(1.0)[0].tolist() == [received, 0.0]
+    assert source.sample(1.0)[0].tolist() == [0.0, 0.0]
 
 
 def test_a_message_of_unequal_lengths_is_ignored() -> None:
