@@ -15,6 +15,7 @@ from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
 MODULE = "onebot_description.robot_state_publisher"
+LATEST = 2**31 - 1  # seconds of a stamp
 ARM = """<robot name="arm">
   <link name="base"/><link name="plate"/><link name="link1"/>
   <joint name="mount" type="fixed">
@@ -203,6 +204,7 @@ def test_bad_messages_leave_it_running(ros_domain, arm):
             (_state(float("nan")), "without a finite position: turn"),
             (JointState(header=Header(stamp=Time(sec=1)), name=["turn"]), "1 names but 0"),
             (_state(1.0, seconds=0), "with stamp 0"),
+            (_state(float("nan"), seconds=LATEST), "without a finite position: turn"),
             (b"\x00\x01\x00\x00\xff\xff\xff\xff", "cannot be read"),
         ):
             _until(lambda bad=bad: publisher.publish(bad), node, warning)
@@ -211,6 +213,18 @@ def test_bad_messages_leave_it_running(ros_domain, arm):
         assert not moving
         _send_until(publisher, moving, 0.5)
         assert moving[0].transforms[0].child_frame_id == "link1"
+        future = Time(sec=LATEST, nanosec=2**32 - 1)
+        message = _state(0.75)
+        message.header.stamp = future
+
+        def sent_to_the_future():
+            publisher.publish(message)
+            return moving[-1].transforms[0].header.stamp == future
+
+        wait_for(sent_to_the_future, "a transform of the future")
+        moving.clear()
+        _send_until(publisher, moving, 0.5)
+        assert "stamps of joint states went back" in node.output
 
 
 @pytest.mark.parametrize(
@@ -269,3 +283,16 @@ def test_ctrl_c_while_busy(ros_domain, arm):
         finally:
             done.set()
             thread.join()
+
+
+def test_a_second_publisher_of_the_description_is_warned_of(ros_domain, arm):
+    """By both, once, with the remedy; one that was killed before counts no more."""
+    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(arm), check=False) as killed:
+        wait_for(lambda: peer.node.count_publishers("robot_description") == 1, "the first")
+        killed.process.kill()
+        with NodeProcess(MODULE, str(arm)) as one, NodeProcess(MODULE, str(arm)) as other:
+            warning = "/robot_description is also published by /robot_state_publisher: two robots"
+            for node in (one, other):
+                wait_for(lambda node=node: warning in node.output, "the warning")
+                assert "namespace:=" in node.output and "domain_id:=" in node.output
+            assert [node.output.count("also published by") for node in (one, other)] == [1, 1]
