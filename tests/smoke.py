@@ -38,7 +38,7 @@ def lowest() -> list[str]:
     text = (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
     section = text.partition("\ndependencies = [")[2].partition("\n]")[0]
     found = re.findall(r'"([\w.-]+)[^"]*?>=([\w.]+)[^";]*(?:;\s*([^"]*))?"', section)
-    return [f"{name}=={version}{f'; {marker}' if marker else ''}" for name, version, marker in found]
+    return [f"{name}=={version}{marker and '; ' + marker}" for name, version, marker in found]
 
 
 def _bring_up(name: str, folder: Path) -> None:
