@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.node import RosArguments, Throttled, ros_arguments
+from onebot_description.node import Lasting, RosArguments, Throttled, ros_arguments
 
 
 def test_files_and_names_are_found() -> None:
@@ -104,3 +104,24 @@ def test_a_kind_is_logged_again_when_its_time_is_over(monkeypatch: pytest.Monkey
         now[0] = moment
         log("a", str(moment))
     assert logged == ["100.0", "105.0", "110.0"]
+
+
+def test_what_lasts_is_reported_once() -> None:
+    """After its time; something else begins anew, and what comes back is reported again."""
+    lasting = Lasting(3.0)
+    moments = [
+        (0.0, [], False),
+        (10.0, ["a"], False),
+        (12.9, ["a"], False),
+        (13.0, ["a"], True),
+        (14.0, ["a"], False),
+        (15.0, ["a", "b"], False),
+        (18.0, ["a", "b"], True),
+        (19.0, [], False),
+        (30.0, [], False),
+        (31.0, ["a", "b"], False),
+        (33.0, ["a"], False),
+        (35.0, ["a"], False),
+        (36.0, ["a"], True),
+    ]
+    assert [lasting.new(what, now) for now, what, _ in moments] == [new for _, _, new in moments]
