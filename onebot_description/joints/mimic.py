@@ -66,8 +66,9 @@ def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: Follow
         raise ConfigError(problems)
     count = len(joints)
     leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
+    known: dict[str, tuple[str, float, float]] = {}
     for name, number in index.items():
-        root, factor[number], offset[number] = _resolve_chain(name, mimics)
+        root, factor[number], offset[number] = _resolve_chain(name, mimics, known)
         leader[number] = index[root]
     return Following(leader, factor, offset)
 
@@ -116,18 +117,28 @@ def _leader_problem(
     return f'joint "{name}" follows "{parent}", which {wrong}{hint}'
 
 
-def _resolve_chain(name: str, mimics: Followers) -> tuple[str, float, float]:
-    """The leader at the end of the chain, and the factor and offset of the whole chain."""
-    seen, factor, offset = [name], 1.0, 0.0
-    while seen[-1] in mimics:
-        mimic = mimics[seen[-1]]
-        offset += factor * mimic.offset
-        factor *= mimic.factor
-        if mimic.parent in seen:
-            circle = " -> ".join([*seen[seen.index(mimic.parent) :], mimic.parent])
+def _resolve_chain(
+    name: str, mimics: Followers, known: dict[str, tuple[str, float, float]]
+) -> tuple[str, float, float]:
+    """The leader at the end of the chain, and the factor and offset of the whole chain.
+
+    Args:
+        name: the joint at the beginning.
+        mimics: the mimic relations.
+        known: the answers for other joints; those found on the way are added.
+    """
+    path: dict[str, Dependent] = {}
+    while name in mimics and name not in known:
+        if name in path:
+            circle = " -> ".join([*list(path)[list(path).index(name) :], name])
             raise ConfigError([Problem("", f"joints follow one another in a circle: {circle}")])
-        seen.append(mimic.parent)
-    return seen[-1], factor, offset
+        path[name] = mimics[name]
+        name = mimics[name].parent
+    leader, factor, offset = known.get(name, (name, 1.0, 0.0))
+    for follower, mimic in reversed(path.items()):
+        factor, offset = mimic.factor * factor, mimic.factor * offset + mimic.offset
+        known[follower] = leader, factor, offset
+    return leader, factor, offset
 
 
 def _narrow_leader(narrowed: Limits, limits: Limits, following: Following, follower: int) -> None:
