@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 _MAX_LISTED = 12
 _MAX_COMPARED = 1000  # names; comparing one with them takes some hundredths of a second
@@ -10,6 +10,7 @@ _MAX_ALIKE = 20
 _MAX_LENGTH = 2000  # characters of one message
 # What messages of one kind differ in: names, numbers and hints.
 _PARTICULARS = re.compile(r'\([^()]*\)|"[^"]*"|\d+')
+_MAX_SHOWN = 100  # characters
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -46,9 +47,9 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
         candidates: the valid names.
         what: the word before the list, such as "declared" or "joints".
     """
+    if isinstance(candidates, Collection) and len(candidates) > _MAX_COMPARED:
+        return f" ({len(candidates)} {what})"
     known = [candidate for candidate in candidates if candidate != name]
-    if len(known) > _MAX_COMPARED:
-        return f" ({len(known)} {what})"
     guess = nearest(name, known)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
     rest = len(set(known)) - _MAX_LISTED
@@ -90,6 +91,11 @@ def condensed(messages: Sequence[str]) -> tuple[str, ...]:
         if count:
             lines.append(message)
     return tuple(lines)
+
+
+def shortened(text: str, most: int = _MAX_SHOWN) -> str:
+    """Return ``text`` for a message: of a long one only the first ``most`` characters."""
+    return text if len(text) <= most else f"{text[:most]}..."
 
 
 class OneBotError(Exception):

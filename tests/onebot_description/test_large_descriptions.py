@@ -7,8 +7,8 @@ import pytest
 
 from onebot_description.description import DescriptionError, describe, parse_description
 from onebot_description.joints.config import Dependent
+from onebot_description.joints.limits import joint_limits
 from onebot_description.joints.mimic import resolve
-from onebot_description.parameters.reader import ConfigError
 
 COUNT = 20_000
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
@@ -55,23 +55,26 @@ def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_mimic_chain_is_followed_once(order: int) -> None:
-    """From whichever end, and so is a circle."""
+    """From whichever end; and so are a circle, and followers of what is not there."""
     resolved(200, order)
     small = min(resolved(COUNT // 10, order) for _ in range(2))
     assert resolved(COUNT, order) < 40 * small
 
 
 def resolved(count: int, order: int) -> float:
-    """The processor time to resolve a chain of so many joints, and a circle of them."""
+    """The processor time to resolve a chain of so many joints, a circle, and what is wrong."""
     (joint,) = parse_description(chain(links=2)).joints
     names = [f"j{n}" for n in range(count)][::order]
-    joints = [replace(joint, name=name) for name in names]
+    joints = [replace(joint, name=name, lower=-1e9, upper=1e9) for name in names]
+    limits, _ = joint_limits(joints, soft=False)
     mimics = {f"j{n}": Dependent(f"j{n - 1}", 1.0, 0.5) for n in range(1, count)}
     start = time.process_time()
-    found = resolve(joints, joints, mimics)
+    found, _, _ = resolve(joints, joints, limits, mimics, False)
     last = names.index(f"j{count - 1}")
     assert found.leader[last] == names.index("j0")
     assert found.offset[last] == (count - 1) * 0.5
-    with pytest.raises(ConfigError, match="in a circle"):
-        resolve(joints, joints, {**mimics, "j0": Dependent(f"j{count - 1}", 1.0, 0.0)})
+    circle = {**mimics, "j0": Dependent(f"j{count - 1}", 1.0, 0.0)}
+    assert len(resolve(joints, joints, limits, circle, False)[2]) >= 1
+    nothing = {name: Dependent(f"no_{name}", 1.0, 0.0) for name in names}
+    assert len(resolve(joints, joints, limits, nothing, False)[2]) == count
     return time.process_time() - start
