@@ -245,7 +245,8 @@ def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
     with np.errstate(all="ignore"):
         lengths, distances = (np.einsum("ij,ij->i", a, a) for a in (rotations, translations))
         usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= _UNIT  # squares, both
-        return usable & (distances <= _FARTHEST**2)
+        usable &= distances <= _FARTHEST**2
+        return usable
 
 
 class TransformStream:
