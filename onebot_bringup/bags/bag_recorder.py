@@ -31,7 +31,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import full_definition, message_class
 from onebot_description.errors import OneBotError
-from onebot_description.node import run_node
+from onebot_description.node import ends_node, run_node
 from onebot_description.parameters.reader import (
     REQUIRED,
     declare,
@@ -115,6 +115,7 @@ class BagRecorder(Node):
         self._topics.poll()
         self.get_logger().info(f"recording to {self._bag.folder}")
 
+    @ends_node
     def _write(self) -> None:
         assert self._bag is not None
         start = time.monotonic()
@@ -240,6 +241,7 @@ class TopicRecorder:
         return found
 
     def _record(self, topic: str, kind: str, qos: QoSProfile) -> None:
+        @ends_node
         def received(kind: str, data: bytes) -> None:
             now = self._now()
             if recorded.number is None:
