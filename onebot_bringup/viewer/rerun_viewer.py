@@ -70,6 +70,7 @@ from onebot_description.parameters.reader import (
     is_parameter,
     parameter,
     read,
+    refuse_undeclared,
     replaced,
     ros_parameter,
     values_of,
@@ -155,6 +156,7 @@ class ViewParameters:
         self._mirroring = False
         self._declare()
         self.mirror()
+        refuse_undeclared(node, ViewConfig)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
         node.create_service(Trigger, "~/save_view", self._save)

@@ -24,7 +24,7 @@ from onebot_description.description.reading import (
     local_name,
 )
 from onebot_description.description.xml import XACRO_NAMESPACES, missing_file
-from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.errors import OneBotError, listing
 
 
 def check_root(findings: Findings) -> None:
@@ -136,40 +136,28 @@ def check_mimics(
 ) -> None:
     """Findings joints that follow nothing, themselves, a circle, or one that has no position."""
     masters = {name: joint.mimic.joint for name, joint in joints.items() if joint.mimic}
-    seen: set[str] = set()
+    moving = [name for name, joint in joints.items() if joint.kind in MOVING_KINDS]
+    circles = {name: circle for circle in _loops(masters) for name in circle}
     for name, master in masters.items():
         element = elements[name].find("mimic")
         assert element is not None  # a Mimic was read from it
-        moving = [other for other, joint in joints.items() if joint.kind in MOVING_KINDS]
         kind = joints[name].kind
         if kind and kind not in MOVING_KINDS:
             findings.error(element, f"a {kind} joint has no single position, so it cannot mimic")
         elif master == name:
             findings.error(element, "the joint mimics itself; name another joint")
         elif master not in joints:
-            hint = did_you_mean(master, [other for other in moving if other != name], "joints")
+            hint = findings.hint(master, (other for other in moving if other != name), "joints")
             findings.error(element, f'there is no joint "{master}" to mimic{hint}')
         elif joints[master].kind and joints[master].kind not in MOVING_KINDS:
             text = f'joint "{master}" is {joints[master].kind} and has no position to mimic'
             findings.error(element, text)
-        elif name not in seen and (circle := _circle(name, masters)):
-            seen.update(circle)
-            names = " -> ".join([*circle, name])
+        elif circle := circles.get(name):
+            here = circle.index(name)
+            names = " -> ".join([*circle[here::-1], *circle[:here:-1], name])
+            for other in circle:
+                del circles[other]
             findings.error(element, f"the joints {names} mimic each other in a circle")
-
-
-def _circle(start: str, masters: Mapping[str, str]) -> list[str]:
-    """The joints passed from ``start`` until back there; empty if the way leads elsewhere."""
-    path = [start]
-    visited = {start}
-    while (master := masters.get(path[-1])) is not None:
-        if master == start:
-            return path
-        if master in visited:
-            return []
-        path.append(master)
-        visited.add(master)
-    return []
 
 
 # Moments are written with few digits; a plate's are just at the limit of the triangle inequality.
@@ -302,7 +290,7 @@ def check_materials(findings: Findings, materials: Mapping[Element, Material]) -
     for element, material in inline.items():
         name = material.name
         if material.is_reference and name and name not in shared and name not in local:
-            hint = did_you_mean(name, [*shared, *local], "materials")
+            hint = findings.hint(name, [*shared, *local], "materials")
             findings.warning(element, f"no material of that name is defined{hint}")
 
 
@@ -410,7 +398,7 @@ def _check_child(findings: Findings, element: Element, child: Element) -> None:
         return  # unknown itself, so already reported, or checked with the shapes
     children = _SCHEMA[element.tag][0].split()
     if child.tag not in children:
-        hint = did_you_mean(child.tag, children, "known here") if children else ""
+        hint = findings.hint(child.tag, children, "known here") if children else ""
         findings.typo(child, f"unknown inside <{element.tag}>, so it is ignored{hint}")
 
 
@@ -427,7 +415,7 @@ def _check_attributes(
         if element.tag == "origin" and name == "quat_xyzw":
             findings.error(element, "quat_xyzw is not supported; write rpy in radians")
         else:
-            hint = did_you_mean(name, known) if known else ""
+            hint = findings.hint(name, known) if known else ""
             findings.typo(element, f'unknown attribute "{name}", so it is ignored{hint}')
 
 

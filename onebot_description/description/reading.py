@@ -6,7 +6,7 @@ all of them.
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Literal, NamedTuple
 from xml.etree import ElementTree
@@ -33,7 +33,7 @@ from onebot_description.description.description import (
     Triple,
 )
 from onebot_description.description.xml import Document
-from onebot_description.errors import DescriptionError, did_you_mean, listing
+from onebot_description.errors import DescriptionError, did_you_mean, listing, printable
 
 Element = ElementTree.Element
 
@@ -43,6 +43,7 @@ _LIMITED_KINDS = ("revolute", "prismatic")
 _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
 # Further than this from 1, an axis was not merely rounded when written.
 _AXIS_ROUNDING = 1e-3
+_MOST_HINTS = 100
 
 
 class Finding(NamedTuple):
@@ -60,6 +61,7 @@ class Findings:
         """Start with nothing found in ``document``."""
         self.document = document
         self.found: list[Finding] = []
+        self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
         """Note that ``element`` makes the description unusable."""
@@ -76,8 +78,13 @@ class Findings:
     def _add(
         self, severity: Literal["error", "warning", "typo"], element: Element, text: str
     ) -> None:
-        message = f"{self.where(element)}: {self.label(element)}: {text}"
+        message = printable(f"{self.where(element)}: {self.label(element)}: {text}")
         self.found.append(Finding(severity, element, message))
+
+    def hint(self, name: str, candidates: Iterable[str], what: str = "known") -> str:
+        """Return ``did_you_mean``, which takes time, unless it was asked for very often."""
+        self._hints += 1
+        return did_you_mean(name, candidates, what) if self._hints <= _MOST_HINTS else ""
 
     @property
     def errors(self) -> list[str]:
@@ -325,7 +332,7 @@ def _read_geometry(
 
 def _read_shape(findings: Findings, element: Element, shapes: Collection[str]) -> Shape | None:
     if element.tag not in shapes:
-        findings.error(element, f"unknown shape{did_you_mean(str(element.tag), shapes)}")
+        findings.error(element, f"unknown shape{findings.hint(str(element.tag), shapes)}")
         return None
     if element.tag == "mesh":
         return _read_mesh(findings, element)
@@ -449,7 +456,7 @@ def _read_end(
         findings.error(element, f'names no link; write <{end} link="..."/>')
         return None
     if link not in links:
-        hint = did_you_mean(link, links, "links")
+        hint = findings.hint(link, links, "links")
         findings.error(element, f'there is no link "{link}"{hint}')
         return None
     return link
@@ -490,7 +497,7 @@ def _read_kind(findings: Findings, element: Element) -> str:
     if kind is None:
         findings.error(element, f"has no type; write one of: {', '.join(JOINT_KINDS)}")
     elif kind not in JOINT_KINDS:
-        hint = did_you_mean(kind, JOINT_KINDS)
+        hint = findings.hint(kind, JOINT_KINDS)
         findings.error(element, f'unknown joint type "{kind}"{hint}')
     else:
         return kind
