@@ -113,8 +113,9 @@ class Driving:
         gc.freeze()
         self._loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        for warning in description.warnings:
-            self._node.get_logger().warning(warning)
+        # Those of what robot_state_publisher has sent are in its log.
+        for notice in description.notices if description.files else ():
+            self._node.get_logger().warning(notice)
         separation, radius = robot.geometry
         self._node.get_logger().info(
             f'driving robot "{description.robot_name}": wheels {separation:g} m apart, of radius '

@@ -31,19 +31,26 @@ def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
     return tuple(joint for joint in joints if joint.kind in MOVING_KINDS)
 
 
-def joint_limits(joints: Sequence[Joint], *, soft: bool) -> Limits:
+def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[Limits, list[Problem]]:
     """Return the limits of movable joints; with ``soft``, after the soft limits are applied.
 
+    Returns:
+        The limits, and warnings on soft limits that leave no range and so are not applied.
+
     Raises:
-        ConfigError: a revolute or prismatic joint has no limits, or its soft limits leave no
-            range.
+        ConfigError: a revolute or prismatic joint has no limits.
     """
-    problems: list[Problem] = []
-    ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)
-    speeds = [math.inf if j.velocity is None else max(0.0, j.velocity) for j in joints]
+    problems = [
+        Problem("", f'Limits must be specified for joint "{joint.name}" of type "{joint.kind}"')
+        for joint in joints
+        if joint.kind != "continuous" and (joint.lower is None or joint.upper is None)
+    ]
     if problems:
         raise ConfigError(problems)
-    return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64))
+    notes: list[Problem] = []
+    ranges = np.array([_range(joint, soft, notes) for joint in joints]).reshape(-1, 2)
+    speeds = [math.inf if j.velocity is None else max(0.0, j.velocity) for j in joints]
+    return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64)), notes
 
 
 def zero_position(lower: float, upper: float) -> float:
@@ -51,23 +58,20 @@ def zero_position(lower: float, upper: float) -> float:
     return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2.0
 
 
-def _range(joint: Joint, soft: bool, problems: list[Problem]) -> tuple[float, float]:
-    if joint.kind == "continuous":
+def _range(joint: Joint, soft: bool, notes: list[Problem]) -> tuple[float, float]:
+    if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
         return -math.inf, math.inf
-    if joint.lower is None or joint.upper is None:
-        text = f'Limits must be specified for joint "{joint.name}" of type "{joint.kind}"'
-        problems.append(Problem("", text))
-        return 0.0, 0.0
     if not soft:
         return joint.lower, joint.upper
     soft_lower = -math.inf if joint.soft_lower is None else joint.soft_lower
     soft_upper = math.inf if joint.soft_upper is None else joint.soft_upper
     lower, upper = max(joint.lower, soft_lower), min(joint.upper, soft_upper)
-    if lower > upper:
-        text = (
-            f'joint "{joint.name}": limits [{joint.lower:g}, {joint.upper:g}] and soft limits'
-            f" [{soft_lower:g}, {soft_upper:g}] leave no range; correct its safety_controller, or"
-            " set use_smallest_joint_limits to false"
-        )
-        problems.append(Problem("", text))
-    return lower, upper
+    if lower <= upper:
+        return lower, upper
+    text = (
+        f'joint "{joint.name}": limits [{joint.lower:g}, {joint.upper:g}] and soft limits'
+        f" [{soft_lower:g}, {soft_upper:g}] leave no range, so the soft ones are not applied;"
+        " correct its safety_controller, or set use_smallest_joint_limits to false"
+    )
+    notes.append(Problem("", text))
+    return joint.lower, joint.upper

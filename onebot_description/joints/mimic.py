@@ -78,12 +78,10 @@ def narrow(
     """Narrow the limits of leaders so that their followers stay within their own limits.
 
     Returns:
-        Limits of all joints, and warnings on leaders whose range became smaller.
-
-    Raises:
-        ConfigError: no position of the leader keeps a follower within its limits.
+        Limits of all joints, and warnings on leaders whose range became smaller, or of which no
+        position keeps a follower within its limits.
     """
-    narrowed, problems, notes = limits.copy(), [], []
+    narrowed, notes = limits.copy(), []
     for follower in np.flatnonzero(following.follows).tolist():
         leader = int(following.leader[follower])
         before = narrowed.lower[leader], narrowed.upper[leader]
@@ -96,12 +94,11 @@ def narrow(
         )
         if after[0] > after[1]:
             remedy = "correct the limits or the mimic tag, or set use_mimic_tags to false"
-            problems.append(Problem("", f"{text}, and no position suits both; {remedy}"))
+            beyond = "and no position suits both, so it goes beyond them"
+            notes.append(Problem("", f"{text}, {beyond}; {remedy}"))
             narrowed.lower[leader], narrowed.upper[leader] = before
         elif after[0] > before[0] + 1e-6 or after[1] < before[1] - 1e-6:  # also of infinite ones
             notes.append(Problem("", f"{text}, so both keep to [{after[0]:g}, {after[1]:g}]"))
-    if problems:
-        raise ConfigError(problems)
     return narrowed, notes
 
 

@@ -56,7 +56,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     """
     joints = _limits.movable(all_joints)
     _check_names(joints, all_joints, config)
-    limits = _limits.joint_limits(joints, soft=config.use_smallest_joint_limits)
+    limits, unused = _limits.joint_limits(joints, soft=config.use_smallest_joint_limits)
     mimics = mimic.followers(joints, config.dependent_joints, config.use_mimic_tags)
     following = mimic.resolve(joints, all_joints, mimics)
     _check_followers(mimics, config)
@@ -64,7 +64,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     alone = np.ones(len(joints), dtype=bool)
     alone[following.leader[following.follows]] = False
     endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
-    planner = _Planner(joints, narrowed, limits, config, [*config.notes, *notes])
+    planner = _Planner(joints, narrowed, limits, config, [*config.notes, *unused, *notes])
     motions = tuple(
         Constant(0.0) if follows else planner.motion(index)
         for index, follows in enumerate(following.follows)
