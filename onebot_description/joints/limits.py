@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description.description import MOVING_KINDS, Joint
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import Problem
+from onebot_description.parameters.values import LARGEST
 
 FloatArray = NDArray[np.float64]
 
@@ -35,22 +36,15 @@ def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[Limits, list[P
     """Return the limits of movable joints; with ``soft``, after the soft limits are applied.
 
     Returns:
-        The limits, and warnings on soft limits that leave no range and so are not applied.
-
-    Raises:
-        ConfigError: a revolute or prismatic joint has no limits.
+        The limits, and a problem for each revolute or prismatic joint without limits, which stays
+        at 0, or whose soft limits leave no range, which are then not applied.
     """
-    problems = [
-        Problem("", f'Limits must be specified for joint "{joint.name}" of type "{joint.kind}"')
-        for joint in joints
-        if joint.kind != "continuous" and (joint.lower is None or joint.upper is None)
-    ]
-    if problems:
-        raise ConfigError(problems)
-    notes: list[Problem] = []
-    ranges = np.array([_range(joint, soft, notes) for joint in joints]).reshape(-1, 2)
+    problems: list[Problem] = []
+    ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)
     speeds = [math.inf if j.velocity is None else max(0.0, j.velocity) for j in joints]
-    return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64)), notes
+    # Finite ones stay so in computations.
+    ranges = np.where(np.isinf(ranges), ranges, np.clip(ranges, -LARGEST, LARGEST))
+    return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64)), problems
 
 
 def zero_position(lower: float, upper: float) -> float:
@@ -58,20 +52,24 @@ def zero_position(lower: float, upper: float) -> float:
     return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2.0
 
 
-def _range(joint: Joint, soft: bool, notes: list[Problem]) -> tuple[float, float]:
-    if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
+def _range(joint: Joint, soft: bool, problems: list[Problem]) -> tuple[float, float]:
+    if joint.kind == "continuous":
         return -math.inf, math.inf
+    if joint.lower is None or joint.upper is None:
+        text = f'Limits must be specified for joint "{joint.name}" of type "{joint.kind}"'
+        problems.append(Problem("", f"{text}; it stays at 0"))
+        return 0.0, 0.0
+    hard = joint.lower, joint.upper
     if not soft:
-        return joint.lower, joint.upper
+        return hard
     soft_lower = -math.inf if joint.soft_lower is None else joint.soft_lower
     soft_upper = math.inf if joint.soft_upper is None else joint.soft_upper
-    lower, upper = max(joint.lower, soft_lower), min(joint.upper, soft_upper)
-    if lower <= upper:
-        return lower, upper
-    text = (
-        f'joint "{joint.name}": limits [{joint.lower:g}, {joint.upper:g}] and soft limits'
-        f" [{soft_lower:g}, {soft_upper:g}] leave no range, so the soft ones are not applied;"
-        " correct its safety_controller, or set use_smallest_joint_limits to false"
-    )
-    notes.append(Problem("", text))
-    return joint.lower, joint.upper
+    lower, upper = max(hard[0], soft_lower), min(hard[1], soft_upper)
+    if lower > upper:
+        text = (
+            f"limits [{hard[0]:g}, {hard[1]:g}] and soft limits [{soft_lower:g}, {soft_upper:g}]"
+            " leave no range; the soft ones are not applied: correct its safety_controller"
+        )
+        problems.append(Problem("", f'joint "{joint.name}": {text}'))
+        return hard
+    return lower, upper

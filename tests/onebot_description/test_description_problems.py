@@ -63,8 +63,8 @@ def moved(description: Description, **positions: float) -> dict[str, str]:
 
 def at_rest(description: Description, **config: object) -> dict[str, float]:
     """Positions that joint_state_publisher's core publishes."""
-    source = JointStateSource.from_description(
-        description, JointsConfig.from_parameters(config) if config else None
+    source = JointStateSource(
+        description.joints, JointsConfig.from_parameters(config) if config else None
     )
     return dict(zip(source.names, source.sample(0.0)[0].tolist(), strict=True))
 
@@ -96,13 +96,12 @@ def test_a_limit_below_zero_is_none(name: str) -> None:
         ('<limit lower="-1" upper="inf" effort="1" velocity="1"/>', "not a finite number"),
     ],
 )
-def test_a_joint_without_limits_has_transforms(limit: str, problem: str) -> None:
-    """Joint states cannot be made up for it: the error is the standard node's."""
+def test_a_joint_without_limits_stays_at_0(limit: str, problem: str) -> None:
+    """And has its transform, wherever another node says it is."""
     description = taken(robot(hinge("j", "a", limit)), problem)
     assert (description.joints[0].lower, description.joints[0].upper) == (None, None)
     assert moved(description, j=2.0) == {"a": "base"}
-    with pytest.raises(OneBotError, match='Limits must be specified for joint "j" of type "revol'):
-        at_rest(description)
+    assert at_rest(description, motions={"j": {"position": 0.5}}) == {"j": 0.0}
 
 
 @pytest.mark.parametrize(
