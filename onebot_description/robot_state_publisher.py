@@ -46,7 +46,7 @@ from onebot_description.node import (
     ros_arguments,
     run_node,
 )
-from onebot_description.parameters.reader import declare, parameter, read
+from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
@@ -88,6 +88,7 @@ class RobotStatePublisher(Node):
         self._accepted = description, RobotModel.from_description(description)
         self._apply_description()
         self._apply()
+        refuse_undeclared(self, StateParameters)
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._changed)
         self._jumps = self.get_clock().create_jump_callback(

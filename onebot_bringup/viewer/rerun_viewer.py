@@ -53,7 +53,13 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.node import LATCHED, DescriptionPublishers, Throttled, run_node
+from onebot_description.node import (
+    LATCHED,
+    DescriptionPublishers,
+    Throttled,
+    ends_node,
+    run_node,
+)
 from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
@@ -61,6 +67,7 @@ from onebot_description.parameters.reader import (
     is_parameter,
     parameter,
     read,
+    refuse_undeclared,
     replaced,
     ros_parameter,
     values_of,
@@ -146,6 +153,7 @@ class ViewParameters:
         self._mirroring = False
         self._declare()
         self.mirror()
+        refuse_undeclared(node, ViewConfig)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
         node.create_service(Trigger, "~/save_view", self._save)
@@ -330,6 +338,7 @@ class RerunViewer(Node):
             self.get_logger().info(f'showing "{robot.robot_name}" ({len(robot.link_names)} links)')
             self._updates.apply_view_of(robot.robot_name)
 
+    @ends_node
     def _poll(self) -> None:
         assert self._server is not None
         self._server.watch()
@@ -353,11 +362,18 @@ class RerunViewer(Node):
             self._warn(topic, f"ignored a message of {topic}: {error}")
 
     def destroy_node(self) -> None:
-        """Write out the recording, end the viewers and the node."""
-        if self._server is not None:
-            self._view.finish()
-            self._server.close()
-        super().destroy_node()
+        """Write out the recording, end the viewers and the node.
+
+        Raises:
+            OneBotError: the recording was not written to its end.
+        """
+        server, self._server = self._server, None
+        try:
+            if server is not None:
+                self._view.finish()
+                server.close()
+        finally:
+            super().destroy_node()
 
 
 def main(args: list[str] | None = None) -> int:

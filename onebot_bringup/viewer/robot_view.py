@@ -35,6 +35,8 @@ DESCRIPTION: MessageType[str] = MessageType(
 _DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=True)
 # How long the view waits for every link's frame before it is laid out without them (seconds).
 _PATIENCE = 1.0
+_MOST_WARNINGS = 100  # of one description
+_LONGEST_WARNING = 1000  # characters
 _SIM_TIME_OFFSET_NS = 10_000_000_000  # a greater one between stamp and receive time: simulated
 
 ReportBad = Callable[[str, Exception], object]
@@ -390,8 +392,13 @@ class WarningFilter:
         self._passed.clear()
 
     def once(self, sentences: Iterable[str]) -> list[str]:
-        """Return those of ``sentences`` not passed so far."""
-        new = [sentence for sentence in sentences if sentence not in self._passed]
+        """Return those of ``sentences`` not passed so far, cut if long, and none after very many.
+
+        They may name what others publish.
+        """
+        short = (sentence[:_LONGEST_WARNING] for sentence in sentences)
+        new = [sentence for sentence in short if sentence not in self._passed]
+        new = new[: _MOST_WARNINGS - len(self._passed)]
         self._passed.update(new)
         return new
 

@@ -25,7 +25,7 @@ from onebot_description.description.reading import (
     local_name,
 )
 from onebot_description.description.xml import XACRO_NAMESPACES, missing_file
-from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.errors import OneBotError, listing
 
 # Robots in other formats, by their outermost elements.
 _FORMATS = {"sdf": "SDF", "COLLADA": "COLLADA", "mujoco": "MJCF"}
@@ -166,7 +166,7 @@ def check_mimics(
         elif master == name:
             wrong[name] = "the joint mimics itself; name another joint"
         elif master not in joints:
-            hint = did_you_mean(master, [other for other in moving if other != name], "joints")
+            hint = findings.hint(master, (other for other in moving if other != name), "joints")
             wrong[name] = f'there is no joint "{master}" to mimic{hint}'
         elif joints[master].kind and joints[master].kind not in MOVING_KINDS:
             wrong[name] = f'joint "{master}" is {joints[master].kind} and has no position to mimic'
@@ -174,8 +174,8 @@ def check_mimics(
     order = {name: number for number, name in enumerate(masters)}
     for circle in circles:
         first = min(circle, key=order.__getitem__)
-        before = circle.index(first)
-        names = " -> ".join([first, *reversed(circle[:before]), *reversed(circle[before:])])
+        here = circle.index(first)
+        names = " -> ".join([*circle[here::-1], *circle[:here:-1], first])
         wrong[first] = f"the joints {names} mimic each other in a circle"
     for name, text in wrong.items():
         element = elements[name].find("mimic")
@@ -321,7 +321,7 @@ def check_materials(findings: Findings, materials: Mapping[Element, Material]) -
     for element, material in inline.items():
         name = material.name
         if material.is_reference and name and name not in shared and name not in local:
-            hint = did_you_mean(name, [*shared, *local], "materials")
+            hint = findings.hint(name, [*shared, *local], "materials")
             findings.warning(element, f"no material of that name is defined{hint}")
 
 
@@ -431,7 +431,7 @@ def _check_child(findings: Findings, element: Element, child: Element) -> None:
         return  # unknown itself, so already reported, or checked with the shapes
     children = _SCHEMA[element.tag][0].split()
     if child.tag not in children:
-        hint = did_you_mean(child.tag, children, "known here") if children else ""
+        hint = findings.hint(child.tag, children, "known here") if children else ""
         findings.warning(child, f"unknown inside <{element.tag}>, so it is ignored{hint}")
 
 
@@ -448,7 +448,7 @@ def _check_attributes(
         if element.tag == "origin" and name == "quat_xyzw":
             findings.error(element, "quat_xyzw is not supported; write rpy in radians")
         else:
-            hint = did_you_mean(name, known) if known else ""
+            hint = findings.hint(name, known) if known else ""
             findings.warning(element, f'unknown attribute "{name}", so it is ignored{hint}')
 
 

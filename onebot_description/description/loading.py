@@ -25,7 +25,7 @@ from onebot_description.description.reading import (
     read_links,
     read_materials,
 )
-from onebot_description.errors import DescriptionError, OneBotError
+from onebot_description.errors import DescriptionError, OneBotError, condensed, printable
 
 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
@@ -85,8 +85,6 @@ def _parse(urdf: str, name: str) -> xml.Document:
         data = urdf.encode("utf-8")
     except UnicodeEncodeError as error:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
-    if not data.strip():
-        raise DescriptionError([f'{name}: is empty; it should hold <robot name="...">'])
     found = xml.scan(data, name, "utf-8")
     return xml.to_document(data, found, name, _folder(name), "utf-8")
 
@@ -146,8 +144,8 @@ def _check(
         root_link=root_link,
         links=tuple(read[element] for element in links.values()),
         joints=tuple(joints.values()),
-        problems=findings.texts("problem"),
-        warnings=(*warnings, *findings.texts("warning")),
+        problems=condensed(findings.texts("problem")),
+        warnings=condensed([*map(printable, warnings), *findings.texts("warning")]),
     )
 
 

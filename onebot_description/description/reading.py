@@ -33,7 +33,7 @@ from onebot_description.description.description import (
     Triple,
 )
 from onebot_description.description.xml import Document
-from onebot_description.errors import DescriptionError, did_you_mean, listing
+from onebot_description.errors import DescriptionError, did_you_mean, listing, printable
 
 Element = ElementTree.Element
 
@@ -43,6 +43,7 @@ _LIMITED_KINDS = ("revolute", "prismatic")
 _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
 # Further than this from 1, an axis was not merely rounded when written.
 _AXIS_ROUNDING = 1e-3
+_MOST_HINTS = 100
 
 Severity = Literal["error", "problem", "warning"]
 
@@ -66,6 +67,7 @@ class Findings:
         """Start with nothing found in ``document``."""
         self.document = document
         self.found: list[Finding] = []
+        self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
         """Note that ``element`` leaves nothing that can be published."""
@@ -80,8 +82,13 @@ class Findings:
         self._add("warning", element, text)
 
     def _add(self, severity: Severity, element: Element, text: str) -> None:
-        message = f"{self.where(element)}: {self.label(element)}: {text}"
+        message = printable(f"{self.where(element)}: {self.label(element)}: {text}")
         self.found.append(Finding(severity, element, message))
+
+    def hint(self, name: str, candidates: Iterable[str], what: str = "known") -> str:
+        """Return ``did_you_mean``, which takes time, unless it was asked for very often."""
+        self._hints += 1
+        return did_you_mean(name, candidates, what) if self._hints <= _MOST_HINTS else ""
 
     def texts(self, *severities: Severity) -> tuple[str, ...]:
         """Return the texts of the findings of these severities, in the order they were found."""
@@ -338,7 +345,7 @@ def _read_shape(findings: Findings, element: Element) -> Shape | None:
     if element.tag == "capsule":
         findings.problem(element, "is no shape of URDF; other programs refuse the robot")
     elif element.tag not in _SHAPES:
-        findings.problem(element, f"unknown shape{did_you_mean(str(element.tag), _SHAPES)}")
+        findings.problem(element, f"unknown shape{findings.hint(str(element.tag), _SHAPES)}")
         return None
     if element.tag == "mesh":
         return _read_mesh(findings, element)
@@ -462,7 +469,7 @@ def _read_end(
         findings.error(element, f'names no link; write <{end} link="..."/>')
         return None
     if link not in links:
-        hint = did_you_mean(link, links, "links")
+        hint = findings.hint(link, links, "links")
         findings.error(element, f'there is no link "{link}"{hint}')
         return None
     return link
@@ -503,7 +510,7 @@ def _read_kind(findings: Findings, element: Element) -> str:
     if kind is None:
         findings.error(element, f"has no type; write one of: {', '.join(JOINT_KINDS)}")
     elif kind not in JOINT_KINDS:
-        hint = did_you_mean(kind, JOINT_KINDS)
+        hint = findings.hint(kind, JOINT_KINDS)
         findings.error(element, f'unknown joint type "{kind}"{hint}')
     else:
         return kind

@@ -9,7 +9,9 @@ from onebot_description.description import (
     describe,
     load_description,
     parse_description,
+    xacro,
 )
+from onebot_description.description.bounded_process import Bounds
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 
@@ -122,8 +124,8 @@ FAULTS: dict[str, tuple[str, ...]] = {
     "xacro_unknown_package.xacro": (":3: no ROS package", 'mean "onebot_description"?'),
     "xacro_argument_without_value.xacro": (":4: argument", 'mean "side"?', "sied:=<value>"),
     "xacro_endless_macro.xacro": (":4 (called at", 'macro "again" calls itself without end'),
-    "xacro_endless_power.xacro": (":4: cannot evaluate ${10**10**10}", "too large a number"),
-    "xacro_macro_bomb.xacro": ("expand to more than 30000 elements",),
+    "xacro_endless_power.xacro": (":4: expanding it was stopped", "1 s of processor time"),
+    "xacro_macro_bomb.xacro": (": expanding it was stopped", "1 s of processor time"),
     "xacro_includes_itself.xacro": ("include each other without end",),
     "xacro_includes_malformed.xacro": ("malformed.urdf:3:3: malformed XML",),
     "xacro_includes_bomb.xacro": ("entity_bomb.urdf:2: <!DOCTYPE>",),
@@ -159,8 +161,9 @@ WARNINGS: dict[str, str] = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_fault_is_explained(name: str) -> None:
+def test_fault_is_explained(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The message names the file and holds every fragment that its reader needs."""
+    monkeypatch.setattr(xacro, "_BOUNDS", Bounds(processor=1))
     with pytest.raises(DescriptionError) as caught:
         load_description(ROBOTS / name).raise_problems()
     message = str(caught.value)

@@ -323,6 +323,10 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
             '<xacro:arg name="side" default="..."/>',
         ),
         (
+            ['<link name="$(arg side)"/>', '<xacro:arg name="side" default="left"/>'],
+            '2: argument "side" has no value here; move its <xacro:arg name="side"> above',
+        ),
+        (
             ['<xacro:macro name="m"><xacro:m/></xacro:macro>', "<xacro:m/>"],
             'macro "m" calls itself without end',
         ),

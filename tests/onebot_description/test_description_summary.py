@@ -50,6 +50,23 @@ def test_long_chain_is_no_trouble() -> None:
     assert text.startswith("chain  (text)") and "└─ l999" in text
 
 
+def test_a_line_costs_what_it_shows() -> None:
+    """However deep the tree and long the names; what a terminal would obey is escaped."""
+    count = 10_000
+    links = "".join(f'<link name="l{i}"/>' for i in range(count))
+    joints = "".join(
+        f'<joint name="j{i}" type="fixed"><parent link="l{i}"/><child link="l{i + 1}"/></joint>'
+        for i in range(count - 1)
+    )
+    last = f"<link name='{'x' * 100_000}\u202e'/><joint name='last\x85' type='fixed'>"
+    ends = f"<parent link='l5'/><child link='{'x' * 100_000}\u202e'/></joint>"
+    urdf = f'<robot name="\u202er">{links}{joints}{last}{ends}</robot>'
+    text = describe(parse_description(urdf))
+    assert len(text) < count * 400
+    assert text.startswith("\\u202er  (") and "last\\x85" in text
+    assert "…  " in text and "└─ l9999" in text
+
+
 def _hinge(kind: str, inside: str = "") -> str:
     """The second row of the table of a robot of two links."""
     urdf = (

@@ -293,3 +293,16 @@ def test_ctrl_c_while_busy(ros_domain, arm):
         finally:
             done.set()
             thread.join()
+
+
+def test_a_second_publisher_of_the_description_is_warned_of(ros_domain, arm):
+    """By both, once, with the remedy; one that was killed before counts no more."""
+    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(arm), check=False) as killed:
+        wait_for(lambda: peer.node.count_publishers("robot_description") == 1, "the first")
+        killed.process.kill()
+        with NodeProcess(MODULE, str(arm)) as one, NodeProcess(MODULE, str(arm)) as other:
+            warning = "/robot_description is also published by /robot_state_publisher: two robots"
+            for node in (one, other):
+                wait_for(lambda node=node: warning in node.output, "the warning")
+                assert "namespace:=" in node.output and "domain_id:=" in node.output
+            assert [node.output.count("also published by") for node in (one, other)] == [1, 1]
