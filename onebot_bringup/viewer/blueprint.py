@@ -289,11 +289,10 @@ def axes_lengths(robot: Description) -> dict[str, float]:
         cloud = link_corners(link)
         if cloud is not None:
             lengths[link.name] = round(_OF_LINK * float(np.linalg.norm(np.ptp(cloud, axis=0))), 3)
-    for link_name in robot.link_names:
-        way: dict[str, None] = {}  # a set with an order
-        name = link_name
-        while name not in lengths and name not in way and name in parents:
-            way[name] = None
+    for name in robot.link_names:
+        way = []
+        while name not in lengths and name in parents:
+            way.append(name)
             name = parents[name]
         if name in lengths:
             lengths.update(dict.fromkeys(way, lengths[name]))
