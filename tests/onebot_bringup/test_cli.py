@@ -84,6 +84,28 @@ def test_check_reports_a_bad_robot(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr and done.stdout == ""
 
 
+@pytest.mark.parametrize("home", ["/dev/null", None])
+def test_check_works_without_a_home_or_a_locale(tmp_path: Path, home: str | None) -> None:
+    """Nor does it need a folder that can be written; what cannot be shown is escaped."""
+    file = tmp_path / "r\N{LATIN SMALL LETTER E WITH ACUTE}.xacro"
+    text = ARM.replace('"arm"', '"\N{RIGHT-TO-LEFT OVERRIDE}arm"').replace('"base"', '"ba&#155;se"')
+    file.write_text(text, encoding="utf-8")
+    limited = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    environment = {name: value for name, value in os.environ.items() if name != "HOME"}
+    environment |= limited | ({"HOME": home, "PYTHONIOENCODING": "ascii"} if home else {})
+    environment |= {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, "-m", "onebot_bringup.cli.main", "check", os.fsencode(file)],
+        capture_output=True,
+        cwd="/proc",
+        env=environment,
+        timeout=180,
+    )
+    assert done.returncode == 0 and b"Traceback" not in done.stderr, done.stderr
+    assert done.stdout.startswith(b"\\u202earm  (") and b"ba\\x9bse" in done.stdout
+    assert b"shoulder" in done.stdout
+
+
 def test_check_of_a_file_that_does_not_exist() -> None:
     """A missing file is one clear line."""
     done = onebot("check", "/no/such/robot.urdf")
