@@ -34,6 +34,7 @@ def run(argv: Sequence[str]) -> int:
     from onebot_description.description import describe, load_description  # slower to import
 
     description = load_description(file, arguments.given)
+    description.raise_problems()
     print(describe(description))
     for warning in description.warnings:
         print(f"warning: {warning}", file=sys.stderr)
