@@ -116,7 +116,9 @@ class Driving:
         gc.freeze()
         self._loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        for warning in (*description.warnings, *self._settings.warnings):
+        # Those of what robot_state_publisher has sent are in its log.
+        notices = description.notices if description.files else ()
+        for warning in (*notices, *self._settings.warnings):
             self._node.get_logger().warning(warning)
         separation, radius = robot.geometry
         self._node.get_logger().info(

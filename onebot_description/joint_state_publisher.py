@@ -563,6 +563,10 @@ class JointStatePublisher(Node):
             if state.plan is not None:
                 state.source.apply(state.plan)
             if state.source is not old.source:
+                assert state.description is not None
+                # Those of what robot_state_publisher has sent are in its log.
+                for notice in state.description.notices if state.description.files else ():
+                    self.get_logger().warning(notice)
                 moved = listing(state.source.names) if state.source.names else ""
                 joints = f"joints: {moved or 'no joint moves, nothing to publish'}"
                 self.get_logger().info(f"robot description applied; {joints}")

@@ -479,9 +479,11 @@ def test_a_robot_that_cannot_move_publishes_nothing(
 ) -> None:
     """It says so, and waits for another description."""
     file = tmp_path / "fixed.urdf"
-    file.write_text(urdf(joint(0, "only", "fixed")))
+    # As in a test of the standard node: links without joints, <robot> within another element.
+    file.write_text('<urdf><robot name="zero"><link name="a"/><link name="b"/></robot></urdf>')
     node = start(str(file), "--ros-args", "-p", "rate:=100")
     node.says("no joint moves")
+    assert "let <robot> be the outermost element" in node.output
     file.write_text(MRM)
     listener.hears(lambda s: True, "a message")
     assert all(list(state.name) == [JOINT] for state in listener.states)
