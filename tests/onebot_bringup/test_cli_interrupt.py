@@ -28,6 +28,16 @@ sys.exit(main())
 READY = "import sys; from {module} import main; print('ready', flush=True); sys.exit(main())"
 
 
+EARLY = """
+import sys
+from onebot_bringup.cli.main import main
+for words in {commands}:
+    code = main(words)
+    slow = [name for name in ("rclpy", "rerun", "pybullet", "scipy") if name in sys.modules]
+    print(code, *words, *slow)
+"""
+
+
 def python(program: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=180, check=False
@@ -45,6 +55,36 @@ def test_hardly_anything_is_imported_before_ctrl_c_is_answered(module):
     ours = [name for name in names if name.partition(".")[0].startswith(("onebot", "mrm"))]
     assert module in ours and len(ours) < 10
     assert set(names) - set(ours) <= {"collections", "collections.abc"}
+
+
+def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
+    """Such as ROS and Rerun, which take seconds."""
+    png = str(tmp_path / "a.png")
+    commands = {
+        ("bench", "--nope"): 2,
+        ("bench", "--list"): 0,
+        ("snapshot", "--nope"): 2,
+        ("snapshot", "a.jpg"): 1,
+        ("snapshot", png, "absent.urdf"): 1,
+        ("snapshot", png, "absent.rrd"): 1,
+        ("snapshot", png, "absent.mcap"): 1,
+        ("replay", "absent.mcap"): 1,
+        ("replay", "absent.rrd"): 1,
+        ("view", "absent.urdf"): 1,
+        ("check", "absent.urdf"): 1,
+        ("topic", "echo"): 2,
+        ("topic", "pub", "/x"): 2,
+        ("param", "get"): 2,
+        ("service", "call", "/x"): 2,
+        ("node", "info"): 2,
+        ("teleop", "--nope"): 2,
+        ("steer", "nope:=1"): 2,
+    }
+    done = python(EARLY.format(commands=[list(words) for words in commands]))
+    expected = [" ".join(map(str, (code, *words))) for words, code in commands.items()]
+    reported = [line for line in done.stdout.splitlines() if line[:2] in ("0 ", "1 ", "2 ")]
+    assert reported == expected
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(

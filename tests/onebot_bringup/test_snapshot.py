@@ -8,15 +8,11 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from onebot_bringup.cli.snapshot import (
-    parse_camera,
-    parse_command_line,
-    pose_of,
-    server_of,
-)
+from onebot_bringup.cli.scenes import pose_of, server_of
+from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import Framing, check_picture, framed, robot_view_id
+from onebot_bringup.viewer.pictures import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
