@@ -3,14 +3,23 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.launch.arguments import Argument, UsageError, split, table
+from onebot_bringup.launch.arguments import (
+    PACKAGES,
+    Argument,
+    UsageError,
+    split,
+    table,
+    take_package_path,
+)
 from onebot_description.description.xacro import xacro_arguments
 
 HELP = """\
-usage: onebot check FILE [name:=value ...]
+usage: onebot check FILE [name:=value ...] [package_path:=FOLDER]
 
 Checks a URDF or xacro file. Prints all problems (exit code 1), or the tree of links and joints
-(exit code 0). name:=value are arguments that the xacro file declares; --show-args lists them."""
+(exit code 0). name:=value are arguments that the xacro file declares; --show-args lists them.
+ROS packages are found in package_path (folders joined by :), ROS_PACKAGE_PATH, AMENT_PREFIX_PATH,
+this environment, and the source tree around FILE."""
 
 
 def run(argv: Sequence[str]) -> int:
@@ -26,14 +35,15 @@ def run(argv: Sequence[str]) -> int:
     if len(arguments.positional) != 1:
         raise UsageError(f"onebot check takes one file, not {len(arguments.positional)}")
     file = arguments.positional[0]
+    given = take_package_path(arguments.given)
     if arguments.show:
         declared = [Argument(*argument) for argument in xacro_arguments(file).arguments]
-        print(table(declared) or f"{file} declares no arguments")
+        print(table([PACKAGES, *declared]))
         return 0
 
     from onebot_description.description import describe, load_description  # slower to import
 
-    description = load_description(file, arguments.given)
+    description = load_description(file, given)
     print(describe(description))
     for warning in description.warnings:
         print(f"warning: {warning}", file=sys.stderr)

@@ -1,6 +1,5 @@
 """The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
 
-import contextlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import Context, Display, LayoutPart, last
 from onebot_bringup.viewer.displays.tf import axes_entity
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
+from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene, marker_size
 from onebot_bringup.viewer.settings import Color
 from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import (
@@ -226,13 +225,17 @@ def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Float
         poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
     """
     points = []
+    marker = marker_size(description)
     for link in description.links:
         if link.name not in poses:
             continue
         pose = poses[link.name]
         for geometry in link.visuals:
-            with contextlib.suppress(OneBotError):  # reported when it was drawn
-                points.append(corners(geometry) @ pose[:3, :3].T + pose[:3, 3])
+            try:
+                found = corners(geometry)
+            except OneBotError:  # reported when it was drawn, and marked
+                found = geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3])
+            points.append(found @ pose[:3, :3].T + pose[:3, 3])
     if not points:
         return None
     cloud = np.concatenate(points)

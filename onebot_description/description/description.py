@@ -59,10 +59,12 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh file, its axes scaled by ``scale``; ``packages.resolve`` finds it."""
+    """A mesh file, its axes scaled by ``scale``; ``meshes.locate_mesh`` finds it."""
 
-    uri: str
+    uri: str  # by which other programs find it, too: file://, or package:// of an installed package
     scale: Triple
+    path: Path | None = field(default=None, compare=False)  # None if there is no such file
+    problem: str = field(default="", compare=False)  # why there is none
 
 
 Shape = Box | Cylinder | Sphere | Capsule | Mesh
@@ -156,11 +158,6 @@ class Description:
     links: tuple[Link, ...]  # in the order of the XML
     joints: tuple[Joint, ...]  # likewise
     warnings: tuple[str, ...]  # what works but is probably not meant
-
-    @property
-    def folder(self) -> Path | None:
-        """The folder of the file loaded; None for text that is in no file."""
-        return self.files[0].parent if self.files else None
 
     @cached_property
     def link_names(self) -> tuple[str, ...]:

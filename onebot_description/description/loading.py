@@ -170,9 +170,9 @@ def _check(
         for name, element in elements.items()
     }
     check_mimics(findings, joints, elements)
-    check_meshes(findings)
     materials = read_materials(findings)
     read = read_links(findings, materials)
+    check_meshes(findings)
     for element, link in read.items():
         if link.inertial is not None:
             check_inertial(findings, element, link.inertial)
