@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from operator import itemgetter
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
@@ -20,6 +21,8 @@ T = TypeVar("T")
 
 # The system clock is followed when it is this far from the cycles' own count, ns.
 _DRIFT = 2_000_000
+_COMPARISONS = 10  # at the start, of which the most exact one counts
+_SET_BACK = NANO  # ns that the system clock goes back at least when somebody sets it
 _PATIENCE = 10.0  # s for the loop to answer
 _PAUSED_WAIT = 0.01  # s between polls of the inbox while simulated time is stopped
 # Of Linux's <sys/prctl.h>.
@@ -82,6 +85,9 @@ class SystemStamps:
 
     Reading the system clock in each cycle would put the jitter of waking up into every velocity
     that somebody computes from stamps. It is followed when it is set or has drifted, though.
+
+    Stamps do not go back, unless the system clock is set back by a second or more: where the system
+    clock goes back by less, they advance at half speed until it has caught up.
     """
 
     def __init__(
@@ -91,14 +97,32 @@ class SystemStamps:
     ) -> None:
         """Compare the two clocks, both in ns."""
         self._monotonic, self._system = monotonic_ns, system_ns
-        self._offset = system_ns() - monotonic_ns()
+        comparisons = [self._compare() for _ in range(_COMPARISONS)]
+        self._offset, _ = min(comparisons, key=itemgetter(1))
+        self._last_due, self._last = 0, -(2**63)
 
     def at(self, due: float) -> int:
         """Return the system time, ns, of the monotonic time ``due``, s."""
-        offset = self._system() - self._monotonic()
-        if abs(offset - self._offset) > _DRIFT:
+        offset, uncertainty = self._compare()
+        if uncertainty <= _DRIFT < abs(offset - self._offset):
             self._offset = offset
-        return round(due * NANO) + self._offset
+        due_ns = round(due * NANO)
+        stamp = due_ns + self._offset
+        least = self._last + (due_ns - self._last_due) // 2
+        if least - _SET_BACK < stamp:
+            stamp = max(stamp, least)
+        self._last_due, self._last = due_ns, stamp
+        return stamp
+
+    def _compare(self) -> tuple[int, int]:
+        """Return how far the system clock is ahead of the monotonic one, and the error's bound, ns.
+
+        On a busy machine the thread may be off the processor for long between two readings.
+        """
+        before = self._monotonic()
+        system = self._system()
+        after = self._monotonic()
+        return system - (before + after) // 2, after - before
 
 
 class Divider:

@@ -13,6 +13,7 @@ from onebot_control.parameters import ControlConfig
 from onebot_control.speed_limiter import SpeedLimiter
 
 _ROUNDING = 1e-9  # s that a sum of periods may be off
+_FASTEST = 1e6  # m/s or rad/s; what follows from a faster command need not be finite
 
 
 class WheelStates(NamedTuple):
@@ -61,8 +62,8 @@ class DiffDriveController:
         """Command a velocity.
 
         Args:
-            linear: m/s, forward.
-            angular: rad/s, to the left.
+            linear: m/s, forward; above 1e6, it counts as that.
+            angular: rad/s, to the left; likewise.
             age: seconds since it was given. Below 0 (a clock ahead of ours) counts as 0, so that no
                 command outlives cmd_vel_timeout.
 
@@ -74,7 +75,7 @@ class DiffDriveController:
         timeout = self._config.cmd_vel_timeout
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
-        self._reference = (linear, angular)
+        self._reference = (_within_fastest(linear), _within_fastest(angular))
         self._age = max(age, 0.0)
         self._fresh = True
         return None
@@ -128,3 +129,7 @@ class DiffDriveController:
         )
         self._before_last, self._last = self._last, limited
         return limited
+
+
+def _within_fastest(speed: float) -> float:
+    return min(max(speed, -_FASTEST), _FASTEST)

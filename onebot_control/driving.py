@@ -38,6 +38,7 @@ from onebot_description.wire.cdr import nanoseconds
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _TOO_LATE = 0.05  # s of lag worth a warning
+_FARTHEST = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 
 _COMMAND_TOPIC = "~/cmd_vel"
 _COMMAND_QOS = QoSProfile(depth=_DEPTH)
@@ -67,6 +68,7 @@ class Driving:
         self._loop: ControlLoop | None = None
         self._failure: BaseException | None = None
         self._warn = Throttled(node.get_logger().warning)
+        self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self._settings = ControlParameters(node, arguments)
         config = self._settings.config
         self._simulated = node.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
@@ -133,11 +135,8 @@ class Driving:
                 loop.call(lambda: self._replace(loop, description))
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
-            if loop is None:
-                raise
-            self._node.get_logger().error(
-                f"robot description refused, going on as before:\n{error}"
-            )
+            goes_on = "still waiting for one" if loop is None else "the robot goes on as before"
+            self._refuse("description", f"robot_description not applied, {goes_on}:\n{error}")
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
         robot = loop.robot.replaced(description)
@@ -309,8 +308,8 @@ class PoseTopics:
         loop, pose = self._loop(), planar_pose(message)
         if loop is None:
             self._warn(topic, f"~/{topic} is ignored: there is no robot yet")
-        elif not all(math.isfinite(value) for value in pose):
-            text = "the pose is not finite, or its orientation no unit quaternion"
+        elif not all(abs(value) <= _FARTHEST for value in pose):
+            text = "the pose is not finite, too far away, or its orientation no unit quaternion"
             self._warn(topic, f"~/{topic} is ignored: {text}")
         else:
             try:

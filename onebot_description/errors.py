@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 _MAX_LISTED = 12
+_MAX_SHOWN = 100  # characters
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -50,6 +51,11 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
         alike = get_close_matches(name, set(known), n=_MAX_LISTED, cutoff=0.0)
         return f" ({question}{what}: {', '.join(alike)}, and {rest} more)"
     return f" ({question}{what}: {listing(known)})"
+
+
+def shortened(text: str, most: int = _MAX_SHOWN) -> str:
+    """Return ``text`` for a message: of a long one only the first ``most`` characters."""
+    return text if len(text) <= most else f"{text[:most]}..."
 
 
 class OneBotError(Exception):

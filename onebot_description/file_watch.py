@@ -1,16 +1,20 @@
 """Notices that files were saved and are complete again, at the price of one stat call a file.
 
 An editor may empty a file and then fill it, write a new one and rename it over the old one, or save
-several at once. So files are polled by name, and a change counts when two polls in a row find all
-of them the same.
+several at once. So files are polled by name, and a change counts once all of them have been at rest
+for a moment; for a longer one where a file is empty or gone, which most are before they are filled.
 """
 
 import os
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 FileState = tuple[int, int, int] | None  # time of modification (ns), size, inode; None: no file
 _UNREAD = (-1, -1, -1)
+_REST = 0.2  # seconds without a change until a change counts
+_REST_EMPTY = 1.0  # the same, where a changed file is empty or gone
 
 
 def file_states(files: Iterable[Path]) -> dict[Path, FileState]:
@@ -26,6 +30,17 @@ def _state(file: Path) -> FileState:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
+def _has_content(state: FileState) -> bool:
+    return state is not None and state[1] > 0
+
+
+class Changes(NamedTuple):
+    """Which files have changed."""
+
+    saved: list[Path]  # written or replaced
+    removed: list[Path]  # deleted, or renamed to something else
+
+
 class FileWatch:
     """Reports which of some files have changed, once all of them are at rest."""
 
@@ -35,6 +50,7 @@ class FileWatch:
         *,
         known: Mapping[Path, FileState] | None = None,
         unread: bool = False,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Watch ``files``; none need exist.
 
@@ -42,11 +58,14 @@ class FileWatch:
             files: by name.
             known: states that count as unchanged; by default, the present ones do.
             unread: report all files as changed the first time that they are at rest.
+            clock: seconds.
         """
         self._known: dict[Path, FileState] = dict.fromkeys(files, _UNREAD)
         if not unread:
             self._known = file_states(self._known) | dict(known or {})
         self._last = dict(self._known)
+        self._clock = clock
+        self._since = clock()  # when the files were first found as they were last
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -61,17 +80,18 @@ class FileWatch:
         self._known = {file: known[file] for file in wanted}
         self._last = {file: last[file] for file in wanted}
 
-    def changed(self) -> list[Path]:
-        """Poll the files; return those edited, replaced or removed since they were last reported.
+    def poll(self) -> Changes:
+        """Look at the files; return what has happened to them since it was last returned.
 
-        Nothing is returned while any of the files differs from the poll before.
+        Nothing is returned before all of the files have been at rest.
         """
-        last, self._last = self._last, file_states(self._known)
+        last, self._last, now = self._last, file_states(self._known), self._clock()
         if self._last != last:
-            return []
-        known, self._known = self._known, dict(last)
-        return [file for file, state in last.items() if state != known[file]]
-
-    def saved(self) -> list[Path]:
-        """Return those ``changed`` that exist: what is gone is not saved."""
-        return [file for file in self.changed() if self._known[file] is not None]
+            self._since = now
+        changed = [file for file, state in self._last.items() if state != self._known[file]]
+        complete = all(_has_content(self._last[file]) for file in changed)
+        if not changed or now - self._since < (_REST if complete else _REST_EMPTY):
+            return Changes([], [])
+        self._known = dict(self._last)
+        there = [file for file in changed if self._known[file] is not None]
+        return Changes(there, [file for file in changed if file not in there])

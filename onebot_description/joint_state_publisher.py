@@ -39,7 +39,6 @@ Parameters (all can be changed while it runs; a change takes effect or is refuse
 import sys
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -117,6 +116,7 @@ class JointParameters:
         config_file = values["config_file"]
         if isinstance(config_file, str) and config_file:
             self.live.add(config_file)
+            self.live.file = self.live.read()
             written = self.live.file.values
             declare(self._node, JointsConfig, dict.fromkeys(written))
             self._node.set_parameters([ros_parameter(n, value) for n, value in written.items()])
@@ -223,21 +223,23 @@ class JointsState:
     source: JointStateSource | None = None  # moves the robot's joints
     plan: Plan | None = None  # what is still to be applied to the source
 
-    def describing(self, description: Description) -> "JointsState":
+    def describing(self, description: Description, *, tolerant: bool) -> "JointsState":
         """Return the state with another robot, whose joints go on from where they are.
+
+        Args:
+            description: the robot.
+            tolerant: parameters that do not suit it are left out, and reported.
 
         Raises:
             ConfigError: the parameters do not suit it.
         """
-        source = JointStateSource.from_description(description, self.config, previous=self.source)
+        source = JointStateSource(
+            description.joints, self.config, previous=self.source, tolerant=tolerant
+        )
         return replace(self, description=description, source=source, plan=None)
 
     def with_parameters(
-        self,
-        values: Mapping[str, Any],
-        config: JointsConfig,
-        new: Description | None = None,
-        waiting: Description | None = None,
+        self, values: Mapping[str, Any], config: JointsConfig, new: Description | None = None
     ) -> "JointsState":
         """Return the state with other parameters; this one stays as it is.
 
@@ -245,22 +247,18 @@ class JointsState:
             values: the parameters.
             config: the same, checked.
             new: the robot they describe, if it is another one.
-            waiting: a robot that the parameters so far did not suit: applied if these do.
 
         Raises:
             ConfigError: the parameters do not suit the robot.
         """
-        changed = replace(self, values=values, config=config)
+        changed = replace(self, values=values, config=config, plan=None)
         if new is not None:
-            return changed.describing(new)
-        if waiting is not None:
-            # A joint renamed in both files: the description waited for these parameters.
-            with suppress(ConfigError):
-                return changed.describing(waiting)
+            return changed.describing(new, tolerant=False)
         return replace(changed, plan=self.source.prepare(config) if self.source else None)
 
 
 _POLL_EVERY = 0.05  # seconds
+_GOES_ON = "the robot goes on as before"
 
 
 class JointFiles:
@@ -285,7 +283,8 @@ class JointFiles:
         """
         self._node, self._description_file = node, description_file
         self._parameters, self._state, self._offer = parameters, state, offer
-        self._broken: set[str] = set()
+        self._saved: list[Path] = []  # parameter files, since they were last applied
+        self._refused = False  # the parameter files as they are
         self._unread = False
         self._watch = FileWatch(())
 
@@ -300,15 +299,10 @@ class JointFiles:
         """Read the parameter files at the next poll, saved or not."""
         self._unread = True
 
-    def read_broken(self) -> None:
-        """Try the parameter files again, if they could not be applied so far."""
-        if self._parameters.live.names in self._broken:
+    def read_refused(self) -> None:
+        """Read the parameter files again, if they were refused."""
+        if self._refused:
             self._reload_parameters()
-
-    def keep(self, what: str, error: OneBotError) -> None:
-        """Log why something new was not applied."""
-        self._broken.add(what)
-        self._node.get_logger().error(f"{what} not applied, the robot goes on as before:\n{error}")
 
     def _watched(self) -> list[Path]:
         state = self._state()
@@ -319,8 +313,13 @@ class JointFiles:
     def _poll(self) -> None:
         """Apply what was saved since the last poll."""
         self._watch.watch(self._watched())
-        saved, files = self._watch.saved(), self._parameters.live.files
-        if self._unread or any(file in saved for file in files):
+        saved, removed = self._watch.poll()
+        files = self._parameters.live.files
+        for file in removed:
+            self._node.get_logger().warning(f"{file} was removed: {_GOES_ON}")
+        edited = [file for file in saved if file in files]
+        self._saved += edited
+        if edited or self._unread:
             self._unread = False
             self._reload_parameters()
         if any(file not in self._parameters.live.files for file in saved):
@@ -329,7 +328,9 @@ class JointFiles:
     def _reload_parameters(self) -> None:
         """Set every parameter as the files have it; one they do not name gets its default."""
         live, log = self._parameters.live, self._node.get_logger()
-        names, before = live.names, live.file
+        # Not all of them: the bringup's own, in a temporary folder, is nobody's to edit.
+        names = ", ".join(map(str, dict.fromkeys(self._saved or live.files[-1:]))) or "parameters"
+        before = live.file
         try:
             file = live.read()
             overridden = live.overridden(file)
@@ -337,11 +338,11 @@ class JointFiles:
             live.file = file
             self._parameters.set_all(changes, file.places)
         except OneBotError as error:
-            live.file = before
-            self.keep(names, error)
+            live.file, self._refused = before, True
+            log.error(f"{names} not applied, {_GOES_ON}:\n{error}")
             return
-        mended = "mended, " if names in self._broken else ""
-        self._broken.discard(names)
+        mended = "mended, " if self._refused else ""
+        self._saved, self._refused = [], False
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
         log.info(f"{names}: {mended}applied, {changed}")
         for name in overridden:
@@ -354,7 +355,7 @@ class JointFiles:
         try:
             description = load_description(path)
         except DescriptionError as error:
-            self.keep(str(path), error)
+            self._node.get_logger().error(f"{path} not applied, {_GOES_ON}:\n{error}")
         else:
             self._offer(description)
 
@@ -450,14 +451,14 @@ class JointStatePublisher(Node):
         """
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
         self._reported: set[Problem] = set()
-        self._refused: Description | None = None
         self._warn = Throttled(self.get_logger().warning)
+        self._refuse = Throttled(lambda text: self.get_logger().error(text))
         self._settings = JointParameters(self, arguments)
         self._state = JointsState(self._settings.values, self._settings.config)
         self._output = JointStatesOut(self)
         self._input = JointStatesIn(self, self._on_joint_state)
         self._files = JointFiles(
-            self, description_file, self._settings, lambda: self._state, self._offer
+            self, description_file, self._settings, lambda: self._state, self._replace
         )
         self._start(description_file)
         self.add_on_set_parameters_callback(self._validate)
@@ -495,7 +496,7 @@ class JointStatePublisher(Node):
         values, config = self._settings.changed(old.values, parameters)
         text = values.get("robot_description")
         new = described_by(text) if text and text != old.values.get("robot_description") else None
-        return old.with_parameters(values, config, new, self._refused)
+        return old.with_parameters(values, config, new)
 
     def _accept(self, parameters: Sequence[Parameter]) -> None:
         if self._settings.describing:
@@ -510,50 +511,47 @@ class JointStatePublisher(Node):
     # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Change to ``description``.
+        """Start with ``description``.
 
         Raises:
             ConfigError: the parameters do not suit it.
         """
-        old = self._state
         try:
-            self._apply(old.describing(description))
+            self._apply(self._state.describing(description, tolerant=False))
         except ConfigError as error:
-            raise error.located(self._settings.live.places(old.values)) from None
+            raise error.located(self._settings.live.places(self._state.values)) from None
 
-    def _offer(self, description: Description) -> None:
-        """Change to ``description`` if the parameters suit it, and log why if they do not.
+    def _replace(self, description: Description) -> None:
+        """Change to ``description``, as all other nodes do, whether the parameters suit it or not.
 
-        Raises:
-            ConfigError: they do not, and there is no description so far.
+        A joint that was removed from the robot may still be named in the parameters: its entries
+        are reported and left out, or this node would go on with a robot that nobody else shows.
         """
-        try:
-            self._use(description)
-        except ConfigError as error:
-            if self._state.source is None:
-                raise
-            self._refused = description
-            self._files.read_broken()
-            if self._refused is not None:
-                self._files.keep("the new robot description", error)
+        self._change(self._state.describing(description, tolerant=True))
+        self._files.read_refused()  # they may be about this robot
+        self._report()
 
     def _apply(self, state: JointsState) -> None:
+        self._change(state)
+        self._report()
+
+    def _change(self, state: JointsState) -> None:
         old, self._state = self._state, state
         if state.source is not None:
             if state.plan is not None:
                 state.source.apply(state.plan)
             if state.source is not old.source:
-                self._refused = None
                 moved = listing(state.source.names) if state.source.names else ""
                 joints = f"joints: {moved or 'no joint moves, nothing to publish'}"
                 self.get_logger().info(f"robot description applied; {joints}")
-            self._report(state)
             self._output.use(state.source, state.config)
         self._input.subscribe(state.config.source_list)
 
-    def _report(self, state: JointsState) -> None:
-        """Log once what the parameters ask in excess of limits."""
-        assert state.source is not None
+    def _report(self) -> None:
+        """Log once what of the parameters exceeds limits or does not suit the robot."""
+        state = self._state
+        if state.source is None:
+            return
         places = self._settings.live.places(state.values)
         for problem in state.source.reports:
             if problem not in self._reported:
@@ -567,11 +565,10 @@ class JointStatePublisher(Node):
         if known is not None and urdf == known.urdf:
             return
         try:
-            description = parse_description(urdf, "robot_description")
-        except DescriptionError as error:
-            self._files.keep("the robot description", error)
-        else:
-            self._offer(description)
+            self._replace(parse_description(urdf, "robot_description"))
+        except OneBotError as error:
+            goes_on = "still waiting for one" if known is None else _GOES_ON
+            self._refuse("description", f"robot_description not applied, {goes_on}:\n{error}")
 
     def _on_joint_state(self, topic: str, message: JointState) -> None:
         if self._state.source is None:

@@ -33,7 +33,12 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _A_YEAR = 365.0 * 24 * 3600  # seconds
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
+_LONGEST = 1000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
+_POLL_PUBLISHERS = 1.0  # seconds
+# For how long a second publisher must be there: a node may end while its successor starts, and to
+# those that knew it, one that was killed seems to be there for 20 s more (the lease of Fast DDS).
+_SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def run_node(
@@ -42,8 +47,9 @@ def run_node(
     """Run one node until Ctrl-C, SIGTERM or its own error.
 
     Args:
-        make_node: builds the node; rclpy is initialised by then. It, and any callback of the node,
-            may raise OneBotError, which ends the process with one line on stderr.
+        make_node: builds the node; rclpy is initialised by then. It, any callback of the node, and
+            its ``destroy_node`` may raise OneBotError, which ends the process with one line on
+            stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
 
@@ -65,6 +71,20 @@ def run_node(
 
 
 def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
+    try:
+        _spin_node(make_node, stop, signals, events)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except OneBotError as error:
+        return _fail(str(error))
+    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
+        return _fail(str(error))
+    return 0
+
+
+def _spin_node(
+    make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool
+) -> None:
     node: Node | None = None
     executor: Executor | None = None
     try:
@@ -73,12 +93,6 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
         executor = _make_executor(events)
         executor.add_node(node)
         _spin_until(stop, executor)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except OneBotError as error:
-        return _fail(str(error))
-    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
-        return _fail(str(error))
     finally:
         if executor is not None and node is not None:
             executor.remove_node(node)
@@ -86,7 +100,6 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
             node.destroy_node()
         if executor is not None:
             executor.shutdown()
-    return 0
 
 
 def _make_executor(events: bool) -> Executor:
@@ -261,11 +274,83 @@ class DescriptionTopic:
             )
 
 
+class DescriptionPublishers:
+    """Warns when robot_description has several publishers: two robots that take turns in one.
+
+    A publisher is warned of when it has been there for a while, and each only once: a robot that is
+    restarted is none.
+    """
+
+    def __init__(self, node: Node, *, own: bool) -> None:
+        """Watch the topic as it is in the node's namespace.
+
+        Args:
+            node: that knows the ROS graph.
+            own: it publishes the topic itself, so that one other is one too many.
+        """
+        self._node, self._topic = node, node.resolve_topic_name(_DESCRIPTION)
+        self._own = f"{node.get_namespace().rstrip('/')}/{node.get_name()}" if own else ""
+        self._lasting = Lasting(_SETTLED if own else _FORGOTTEN)
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_POLL_PUBLISHERS, self._poll, clock=steady)
+
+    def _poll(self) -> None:
+        names = self._names() if self._node.count_publishers(self._topic) > 1 else []
+        if not self._lasting.new(names, time.monotonic()):
+            return
+        others = ", ".join(names)
+        found = f"also published by {others}" if self._own else f"published by {others} at once"
+        self._node.get_logger().warning(
+            f"{self._topic} is {found}: two robots take turns in one. Stop one, or start one with "
+            "namespace:=NAME frame_prefix:=NAME/, or apart from the other with domain_id:=N"
+        )
+
+    def _names(self) -> list[str]:
+        """Return the nodes that publish it; of several of one name, the name as often."""
+        ends = self._node.get_publishers_info_by_topic(self._topic)
+        names = sorted(f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends)
+        if self._own in names:
+            names.remove(self._own)
+        return names
+
+
+class Lasting:
+    """Reports what has lasted for some time, once."""
+
+    def __init__(self, patience: float) -> None:
+        """Begin with nothing; ``patience`` is in seconds."""
+        self._patience = patience
+        self._what: Sequence[str] = ()
+        self._since = 0.0
+        self._reported = True
+
+    def new(self, what: Sequence[str], now: float) -> bool:
+        """Return whether ``what`` is there and has lasted, unless that was returned before.
+
+        Args:
+            what: is there now; empty for nothing.
+            now: seconds.
+        """
+        if list(what) != list(self._what):
+            self._what, self._since, self._reported = what, now, not what
+        if self._reported or now - self._since < self._patience:
+            return False
+        self._reported = True
+        return True
+
+
 class Throttled:
     """Logs what is of one kind only so often."""
 
     def __init__(self, log: Callable[[str], object], every: float = 5.0) -> None:
-        """Log with ``log``, such as a logger's ``warning``, at most once in ``every`` seconds."""
+        """Log with ``log`` at most once in ``every`` seconds.
+
+        Args:
+            log: a logger's ``warning``. For another severity, a lambda that calls it: to rclpy, a
+                line of code logs at one severity only, and all of these log from the same line.
+            every: seconds.
+        """
         self._log, self._every = log, every
         self._logged_at: dict[str, float] = {}
 
@@ -281,4 +366,4 @@ class Throttled:
         wait = self._every if every is None else every
         if now - self._logged_at.get(kind, -math.inf) >= wait:
             self._logged_at[kind] = now
-            self._log(text)
+            self._log(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...")

@@ -43,7 +43,13 @@ from onebot_description.description import (
 )
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-from onebot_description.node import LATCHED, Throttled, ros_arguments, run_node
+from onebot_description.node import (
+    LATCHED,
+    DescriptionPublishers,
+    Throttled,
+    ros_arguments,
+    run_node,
+)
 from onebot_description.parameters.reader import declare, parameter, read
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
@@ -97,6 +103,7 @@ class RobotStatePublisher(Node):
         self.create_subscription(
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
+        DescriptionPublishers(self, own=True)
 
     def _apply(self) -> None:
         """Convert with the parameters as they are now."""

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.benchmarks.domains import claimed_domain
+from tests.orphans import end_with_this_process
 
 # nohup and a shell's & make all their children deaf to these, and so what the tests interrupt.
 for _number, _handler in (
@@ -15,6 +16,9 @@ for _number, _handler in (
 ):
     if signal.getsignal(_number) == signal.SIG_IGN:
         signal.signal(_number, _handler)
+
+# A later run must not discover the nodes of one that was killed.
+end_with_this_process()
 
 # How long an example takes is the machine's affair.
 settings.register_profile(

@@ -4,12 +4,14 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.cli.main import run_command
+from onebot_bringup.cli.main import run_command, start_process
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Bring MRM up until Ctrl-C; ``mrm_bringup --help`` lists the arguments."""
     words = sys.argv[1:] if argv is None else argv
+    if argv is None:
+        start_process(interrupted=0)
 
     def launch() -> int:
         # Here, where Ctrl-C is already answered: importing takes a moment.

@@ -117,20 +117,20 @@ class BagRecorder(Node):
             self._next_write = now + _LEAST_IDLE * (now - start) - _WRITE_PERIOD
 
     def destroy_node(self) -> None:
-        """Write what is left, log how much was recorded, and destroy the node."""
-        if self._bag is not None:
-            self._finish(self._bag)
-            self._bag = None
-        super().destroy_node()
+        """Write what is left, log how much was recorded, and destroy the node.
+
+        Raises:
+            OneBotError: it cannot be written.
+        """
+        bag, self._bag = self._bag, None
+        try:
+            if bag is not None and bag.open:
+                self._finish(bag)
+        finally:
+            super().destroy_node()
 
     def _finish(self, bag: BagWriter) -> None:
-        if not bag.open:
-            return  # it failed, which was logged
-        try:
-            bag.close()
-        except OneBotError as error:
-            self.get_logger().error(str(error))
-            return
+        bag.close()
         recorded = f"recorded {bag.message_count} messages of {bag.topic_count} topics"
         self.get_logger().info(f"{recorded} to {bag.folder}")
 

@@ -22,6 +22,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from onebot_bringup.bags.writer import METADATA
 from onebot_description.errors import OneBotError
+from onebot_description.parameters import bounded_yaml
 
 # rosbag2's own compression, beside that of the chunks in an MCAP file.
 _COMPRESSED = {"file": "files", "message": "messages"}
@@ -135,7 +136,8 @@ class Bag:
     def _metadata(self) -> Mapping[str, Any] | None:
         path = self.source / METADATA
         try:
-            found = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]
+            text = bounded_yaml.read_text(path)
+            found = bounded_yaml.load(text)["rosbag2_bagfile_information"]
             found.get("relative_file_paths")
         except OSError:
             self.warnings.append(f"{self.source} has no {METADATA}; showing the files that it has")

@@ -3,7 +3,7 @@
 Exit codes: 0 success, or stopped by the user; 1 a mistake in the user's files, or a node failed;
 2 a wrong command line; 130 a plain command was interrupted; 141 the output pipe was closed.
 
-This module imports nothing slow: before ``run_command`` runs, Ctrl-C prints a traceback.
+This module imports nothing slow: before ``start_process`` runs, Ctrl-C prints a traceback.
 """
 
 import os
@@ -39,6 +39,26 @@ VERBS = {
 _GROUPS = ("topic", "node", "param", "service", "interface")
 # Verbs that run until Ctrl-C, which is a success for them.
 _UNTIL_CTRL_C = ("view", "topic", "replay", "steer", "teleop")
+
+
+def start_process(interrupted: int) -> None:
+    """Prepare the process of a command, before anything slow is imported.
+
+    Ctrl-C ends it at once, until something runs that has to be ended in order and installs its own
+    handler: a KeyboardInterrupt would become a traceback in imports of compiled libraries, and at
+    the interpreter's end. What the terminal's encoding lacks is printed as escape sequences.
+
+    Args:
+        interrupted: the exit code after Ctrl-C.
+    """
+    import signal
+
+    if (
+        signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+    ):  # as a shell's background jobs have it
+        signal.signal(signal.SIGINT, lambda *_: os._exit(interrupted))
+    if sys.stdout is not None:
+        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 def run_command(
@@ -139,12 +159,10 @@ def version() -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``onebot`` with ``argv`` (default: the command line's) and return the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    until_interrupted = bool(words) and words[0] in _UNTIL_CTRL_C
-    return run_command(
-        lambda: run_verb(words),
-        lambda: help_command(words),
-        0 if until_interrupted else INTERRUPTED,
-    )
+    interrupted = 0 if words and words[0] in _UNTIL_CTRL_C else INTERRUPTED
+    if argv is None:
+        start_process(interrupted)
+    return run_command(lambda: run_verb(words), lambda: help_command(words), interrupted)
 
 
 if __name__ == "__main__":

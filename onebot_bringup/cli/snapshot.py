@@ -522,7 +522,7 @@ def record_pose(
 
 
 def _tf_message(joints: JointArrays, values: Floats) -> bytes:
-    message = transforms_message(_NOW_NS, joints.parents, joints.children, values)
+    message = transforms_message(time_message(_NOW_NS), joints.parents, joints.children, values)
     return bytes(serialize_message(message))
 
 

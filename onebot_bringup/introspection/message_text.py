@@ -27,6 +27,7 @@ from rosidl_parser.definition import (
 
 from onebot_bringup.introspection.interfaces import nested_class, type_name
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.parameters import bounded_yaml
 
 _TIME = ("builtin_interfaces", "msg", "Time")
 _HEADER = ("std_msgs", "msg", "Header")
@@ -383,7 +384,7 @@ def _character(kind: str, text: str, _: bool) -> str:
 def _read_fields(text: str) -> dict[str, Any]:
     """The fields in YAML text; scalars are strings, empty values are ""."""
     try:
-        values = yaml.load(text, Loader=_TextLoader)
+        values = bounded_yaml.load(text, _TextLoader)
     except yaml.YAMLError as error:
         raise OneBotError(f"the values are invalid YAML: {_where(error)}{_hint(text)}") from None
     if values in (None, ""):

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from onebot_description.errors import OneBotError
+from onebot_description.parameters import bounded_yaml
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)
@@ -73,7 +74,7 @@ def _unquoted(text: str) -> str:
 
 def _load(text: str) -> Any:
     try:
-        return yaml.safe_load(text)
+        return bounded_yaml.load(text)
     except yaml.YAMLError:
         return text  # a string that is not valid YAML, as in rclpy
 

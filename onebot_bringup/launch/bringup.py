@@ -1,5 +1,6 @@
 """Brings up a robot from a command line: checks the arguments, then starts a process a node."""
 
+import errno
 import os
 import sys
 import tempfile
@@ -179,6 +180,34 @@ def _check_outputs(values: Mapping[str, str]) -> None:
         raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
     if values["record"] and output_path(values["record"]).exists():
         raise OneBotError(f"record:={values['record']} exists already: name a new folder")
+    for name, make in (("save", _make_file), ("record", _make_folder)):
+        try:
+            if values[name]:
+                make(output_path(values[name]))
+        except OSError as error:
+            raise OneBotError(f"{name}:={values[name]}: {error.strerror}") from error
+
+
+def _make_file(path: Path) -> None:
+    """Open a file to be written, and leave things as they were."""
+    _check_space(path.parent)
+    is_new = not os.path.lexists(path)
+    path.open("ab").close()
+    if is_new:
+        path.unlink()
+
+
+def _make_folder(path: Path) -> None:
+    """Make a folder that is to be made later, and remove it again."""
+    _check_space(path.parent)
+    path.mkdir()
+    path.rmdir()
+
+
+def _check_space(folder: Path) -> None:
+    space = os.statvfs(folder)
+    if space.f_blocks and not space.f_bavail:  # a file system without blocks reports none
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _check_joints(file: Path, namespace: str) -> None:

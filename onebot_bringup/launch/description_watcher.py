@@ -60,7 +60,7 @@ class Known(NamedTuple):
     def wait_for_edit(self) -> None:
         """Return when a file differs from its known state, and is no longer being written."""
         watch = FileWatch(self.files, known=self.files)
-        while not watch.changed():
+        while not any(watch.poll()):
             time.sleep(_POLL)
 
 
@@ -72,31 +72,44 @@ def digest_of(urdf: str) -> str:
 class DescriptionUpdates:
     """Passes the edited robot to robot_state_publisher, as long as its node runs."""
 
-    def __init__(self, node: Node, model: str, arguments: Mapping[str, str], digest: str) -> None:
+    def __init__(
+        self, node: Node, model: str, arguments: Mapping[str, str], known: Known | None
+    ) -> None:
         """Watch ``model`` and what it includes.
 
         Args:
             node: calls the service.
             model: a URDF or xacro file.
             arguments: of xacro.
-            digest: of the URDF that robot_state_publisher has; empty: unknown.
+            known: the files when robot_state_publisher was given the robot; None: unknown.
         """
         from rcl_interfaces.srv import SetParameters
+        from rclpy.clock import Clock, ClockType
 
         from onebot_description.description.xacro import included_files
 
         self._log = node.get_logger()
-        self._model, self._arguments, self._sent = model, arguments, digest
-        # Read once at the start, too: it may have changed by then.
-        self._watch = FileWatch(included_files(model), unread=True)
+        self._model, self._arguments = model, arguments
+        self._edited: list[Path] = []  # since the robot was loaded
+        self._refused = False  # the files as they are
+        if known is None:
+            self._sent = ""
+            self._watch = FileWatch(included_files(model), unread=True)
+        else:
+            self._sent = known.digest
+            self._watch = FileWatch(known.files, known=known.files)
         self._client = node.create_client(SetParameters, f"{_PUBLISHER}/set_parameters")
-        node.create_timer(_POLL, self._poll)
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_POLL, self._poll, clock=steady)
 
     def _poll(self) -> None:
         """Load the robot if a file has changed."""
         if not self._client.service_is_ready():
             return  # and find the change once it is
-        if self._watch.changed():
+        saved, removed = self._watch.poll()
+        if saved or removed:
+            self._edited += [*saved, *removed]
             self._load()
 
     def _load(self) -> None:
@@ -106,32 +119,44 @@ class DescriptionUpdates:
         try:
             description = load_description(self._model, self._arguments)
         except OneBotError as error:
-            self._log.error(f"{error}\nThe robot stays as it was until this is mended.")
+            self._refuse(str(error))
             # The mistake may be in a file that was included only just now.
             self._watch.watch((*self._watch.files, *included_files(self._model)))
             return
         self._watch.watch(description.files)
-        self._send(description.urdf)
+        names = ", ".join(map(str, dict.fromkeys(self._edited)))
+        self._edited.clear()
+        self._send(description.urdf, names)
 
-    def _send(self, urdf: str) -> None:
+    def _refuse(self, reason: str) -> None:
+        self._refused = True
+        self._log.error(f"{reason}\nThe robot stays as it was until this is mended.")
+
+    def _send(self, urdf: str, names: str) -> None:
+        """Have ``urdf`` published; ``names`` are the files edited."""
         from rcl_interfaces.srv import SetParameters
         from rclpy.parameter import Parameter
 
         digest = digest_of(urdf)
         if digest == self._sent:
+            if self._refused:
+                self._refused = False
+                self._log.info(f"{names}: mended, the robot is unchanged")
             return
         self._sent = digest
         parameter = Parameter("robot_description", value=urdf).to_parameter_msg()
         future = self._client.call_async(SetParameters.Request(parameters=[parameter]))
-        future.add_done_callback(self._on_answer)
+        future.add_done_callback(lambda answered: self._on_answer(answered, names))
 
-    def _on_answer(self, future: Any) -> None:
+    def _on_answer(self, future: Any, names: str) -> None:
         result = future.result().results[0]
         if result.successful:
-            self._log.info(f"{self._model} was edited: the robot is up to date")
+            self._refused = False
+            # Not more: every other node logs whether the new robot suits it.
+            self._log.info(f"{names}: edited, {_PUBLISHER} publishes the new robot")
         else:
             self._sent = ""
-            self._log.error(f"{_PUBLISHER} refused the edited robot: {result.reason}")
+            self._refuse(f"{names}: {_PUBLISHER} refused the edited robot: {result.reason}")
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -145,13 +170,13 @@ def main(args: Sequence[str] | None = None) -> int:
         with KeyboardInterrupts():
             if known is not None:
                 known.wait_for_edit()
-            return _run(arguments, known.digest if known is not None else "")
+            return _run(arguments, known)
     except KeyboardInterrupt:
         return 0
 
 
-def _run(arguments: list[str], digest: str) -> int:
-    """Load the file whenever it is edited; ``digest`` is that of the URDF in force."""
+def _run(arguments: list[str], known: Known | None) -> int:
+    """Load the robot whenever a file of it is edited; ``known`` is what is published of it."""
     from onebot_bringup.launch.arguments import split
     from onebot_description.node import ros_arguments, run_node
 
@@ -167,7 +192,7 @@ def _run(arguments: list[str], digest: str) -> int:
         from rclpy.node import Node
 
         node = Node("description_watcher")
-        DescriptionUpdates(node, parts.positional[0], parts.given, digest)
+        DescriptionUpdates(node, parts.positional[0], parts.given, known)
         return node
 
     # To rcl, name:=value outside of --ros-args is a remapping in its old form: keep it from that.

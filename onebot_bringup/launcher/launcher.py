@@ -76,7 +76,7 @@ class Launcher:
         self._running: dict[RunningProcess, NodeProcess] = {}
         self._stopping, self._stop_now = asyncio.Event(), asyncio.Event()
         self._escalated = False  # SIGTERM or SIGKILL was used
-        self._exit_code = 0
+        self._failed: dict[str, str] = {}  # nodes for good, and how each ended
 
     def __enter__(self) -> "Launcher":
         """Open the event loop and start the guard."""
@@ -106,7 +106,8 @@ class Launcher:
 
         Returns:
             0 when a signal asked to stop, the output was closed, or no node was left to run; 1
-            when a node that matters exited unexpectedly or could not be started.
+            when a node failed: it could not be started, ended with an error, also while stopping,
+            or ended at all although the others need it. Which one is the last line printed.
 
         Raises:
             ValueError: two nodes have the same name.
@@ -118,7 +119,7 @@ class Launcher:
             self._guard.remove_later(folder)
         self._console = Console(sys.stdout, sys.stderr, names, self._stop)
         self._loop.run_until_complete(self._run(nodes, started_message))
-        return self._exit_code
+        return 1 if self._failed else 0
 
     async def _run(self, nodes: Sequence[NodeProcess], started_message: str) -> None:
         for number in stop_signals():
@@ -155,6 +156,9 @@ class Launcher:
         await asyncio.gather(*tasks, return_exceptions=True)
         if not self._stopping.is_set():
             self._info("no node is left to run")
+        if self._failed:
+            nodes = ", ".join(f"{name} ({how})" for name, how in self._failed.items())
+            self._warn(f"failed: {nodes}")
         await self._console.flush(timeout=0.3)
 
     # One node
@@ -184,17 +188,17 @@ class Launcher:
         """Return when ``node`` has ended for good; None for a process that did not start."""
         restarts = Restarts(node.restart)
         while True:
-            lived = 0.0 if process is None else await self._until_end(node, process)
+            lived, code = (0.0, None) if process is None else await self._until_end(node, process)
             if self._stopping.is_set():
                 return
-            wait = self._after_end(node, restarts, lived)
+            wait = self._after_end(node, restarts, lived, code)
             if wait is None or await _is_set_within(wait, self._stopping):
                 return
             self._info(f"starting {node.name} again")
             process = await self._start(node)
 
-    async def _until_end(self, node: NodeProcess, process: RunningProcess) -> float:
-        """Wait for the end of ``process`` and report it; return how long it ran, in seconds."""
+    async def _until_end(self, node: NodeProcess, process: RunningProcess) -> tuple[float, int]:
+        """Wait for the end of ``process`` and report it; return its seconds and its exit code."""
         began = self._loop.time()
         code = await process.ended
         lived = self._loop.time() - began
@@ -205,11 +209,12 @@ class Launcher:
             await self._forget(process)
             if code not in _STOPPED and not self._escalated:
                 self._warn(f"{node.name} stopped with an error: {describe_exit(code)}")
+                self._failed[node.name] = describe_exit(code)
         else:
             process.signal_all(signal.SIGKILL)  # what it started has no owner any more
             await self._forget(process)
             self._warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
-        return lived
+        return lived, code
 
     async def _forget(self, process: RunningProcess) -> None:
         """Show what is left of its output; it is gone, or given up."""
@@ -217,7 +222,9 @@ class Launcher:
         self._guard.discard(process.group)
         self._running.pop(process, None)
 
-    def _after_end(self, node: NodeProcess, restarts: Restarts, lived: float) -> float | None:
+    def _after_end(
+        self, node: NodeProcess, restarts: Restarts, lived: float, code: int | None
+    ) -> float | None:
         """Apply the node's policy; return the seconds until its restart, None for none."""
         wait = None
         if node.on_exit == "ignore":
@@ -229,14 +236,15 @@ class Launcher:
                 self._warn(f"{node.name} was restarted {count} times, giving up")
             else:
                 self._warn(f"starting {node.name} again in {wait:g} s (attempt {count})")
+        if wait is None and (code != 0 or node.on_exit != "ignore"):
+            self._failed[node.name] = "not started" if code is None else describe_exit(code)
         if wait is None and node.on_exit != "ignore":
-            self._fail()
+            self._stop_others()
         return wait
 
     # Stopping
 
-    def _fail(self) -> None:
-        self._exit_code = 1
+    def _stop_others(self) -> None:
         if not self._stopping.is_set():
             if self._running:
                 self._warn("stopping the others")

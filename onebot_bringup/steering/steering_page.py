@@ -572,7 +572,8 @@ class SteeringPage(Node):
         view = View.parse(message.data, self._viewers)
         if message.data and view is None:
             self.get_logger().warning(
-                f"{self._page_topic} has no address of a page on this computer"
+                f"{self._page_topic} has no address of a page on this computer",
+                throttle_duration_sec=_WARN_EVERY,
             )
         self._set_view(view)
 

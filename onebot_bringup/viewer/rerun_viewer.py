@@ -53,7 +53,7 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.node import LATCHED, Throttled, run_node
+from onebot_description.node import LATCHED, DescriptionPublishers, Throttled, run_node
 from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
@@ -238,7 +238,10 @@ class ViewUpdates:
 
     def poll(self) -> None:
         """Apply what was edited; call it now and then."""
-        for file in self._source.saved():
+        saved, removed = self._source.poll()
+        for file in removed:
+            self._log.warning(f"{file} was removed: keeping the view shown so far")
+        for file in saved:
             mended = file in self._refused
             self._refused.discard(file)
             try:
@@ -316,6 +319,7 @@ class RerunViewer(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_PERIOD, self._tick, clock=steady)
         self.create_timer(POLL_PERIOD, self._poll, clock=steady)
+        DescriptionPublishers(self, own=False)
 
     def _tick(self) -> None:
         for warning in self._view.tick(int(self.get_clock().now().nanoseconds)):
@@ -342,7 +346,9 @@ class RerunViewer(Node):
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""
         if isinstance(error, OneBotError):
-            self.get_logger().warning(f"keeping the robot shown so far: {error}")
+            kept = self._robot is not None
+            goes_on = "keeping the robot shown so far" if kept else "still waiting for a robot"
+            self._warn(topic, f"{goes_on}: {error}")
         else:
             self._warn(topic, f"ignored a message of {topic}: {error}")
 

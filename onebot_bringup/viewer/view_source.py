@@ -23,7 +23,8 @@ from onebot_bringup.viewer.view_config import (
     view_text,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.file_watch import FileWatch
+from onebot_description.file_watch import Changes, FileWatch
+from onebot_description.parameters.files import read_text
 from onebot_description.parameters.reader import ConfigError, replaced
 
 NO_VIEW = "none"
@@ -87,9 +88,9 @@ class ViewSource:
         self._watch.watch(self._files)
         return True
 
-    def saved(self) -> list[Path]:
-        """Return which of its files the user has saved since the last call."""
-        return self._watch.saved()
+    def poll(self) -> Changes:
+        """Return which of its files the user has saved or removed since the last call."""
+        return self._watch.poll()
 
     def reload(self) -> bool:
         """Read the view file again; True if that changes the view.
@@ -145,11 +146,11 @@ class ViewSource:
     def _text(self, target: Path) -> str:
         """The text of its file with the settings in force; a new text where there is no file."""
         try:
-            text = self._file.read_text(encoding="utf-8") if self._file is not None else ""
+            text = read_text(self._file) if self._file is not None else ""
             text = edit_yaml(text, changed_settings(parse_view(text), self.view))
             if parse_view(text) == self.view:
                 return text
-        except (OSError, ValueError, ConfigError):
+        except (ValueError, ConfigError):
             pass  # its form is not one that single values can be changed in
         if target == self._file:
             raise OneBotError(

@@ -524,8 +524,9 @@ def xacro_arguments(source: str) -> XacroArguments:
 
 
 def included_files(source: str) -> tuple[Path, ...]:
-    """Return the file itself and those it includes, as far as they can be read now."""
-    return tuple(dict.fromkeys(path for path, _ in _files(_path_of(source), _DEPTH)))
+    """Return the file itself, and those it includes as far as they can be read now."""
+    file = _path_of(source).absolute()
+    return tuple(dict.fromkeys([file, *(path for path, _ in _files(file, _DEPTH))]))
 
 
 def _used_arguments(text: str) -> Iterator[str]:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description.description import MOVING_KINDS, Joint
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import Problem
+from onebot_description.parameters.values import LARGEST
 
 FloatArray = NDArray[np.float64]
 
@@ -31,19 +32,20 @@ def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
     return tuple(joint for joint in joints if joint.kind in MOVING_KINDS)
 
 
-def joint_limits(joints: Sequence[Joint], *, soft: bool) -> Limits:
+def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[Limits, list[Problem]]:
     """Return the limits of movable joints; with ``soft``, after the soft limits are applied.
 
-    Raises:
-        ConfigError: a revolute or prismatic joint has no limits, or its soft limits leave no
-            range.
+    Returns:
+        The limits, and a problem for each revolute or prismatic joint without limits, which stays
+        at 0, with limits the wrong way round, or whose soft limits leave no range, which are then
+        not applied.
     """
     problems: list[Problem] = []
     ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)
     speeds = [math.inf if j.velocity is None else max(0.0, j.velocity) for j in joints]
-    if problems:
-        raise ConfigError(problems)
-    return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64))
+    # Finite ones stay so in computations.
+    ranges = np.where(np.isinf(ranges), ranges, np.clip(ranges, -LARGEST, LARGEST))
+    return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64)), problems
 
 
 def zero_position(lower: float, upper: float) -> float:
@@ -56,18 +58,22 @@ def _range(joint: Joint, soft: bool, problems: list[Problem]) -> tuple[float, fl
         return -math.inf, math.inf
     if joint.lower is None or joint.upper is None:
         text = f'Limits must be specified for joint "{joint.name}" of type "{joint.kind}"'
-        problems.append(Problem("", text))
+        problems.append(Problem("", f"{text}; it stays at 0"))
         return 0.0, 0.0
+    hard = min(joint.lower, joint.upper), max(joint.lower, joint.upper)
+    if joint.lower > joint.upper:
+        text = f"lower {joint.lower:g} is above upper {joint.upper:g}; it moves between the two"
+        problems.append(Problem("", f'joint "{joint.name}": {text}'))
     if not soft:
-        return joint.lower, joint.upper
+        return hard
     soft_lower = -math.inf if joint.soft_lower is None else joint.soft_lower
     soft_upper = math.inf if joint.soft_upper is None else joint.soft_upper
-    lower, upper = max(joint.lower, soft_lower), min(joint.upper, soft_upper)
+    lower, upper = max(hard[0], soft_lower), min(hard[1], soft_upper)
     if lower > upper:
         text = (
-            f'joint "{joint.name}": limits [{joint.lower:g}, {joint.upper:g}] and soft limits'
-            f" [{soft_lower:g}, {soft_upper:g}] leave no range; correct its safety_controller, or"
-            " set use_smallest_joint_limits to false"
+            f"limits [{hard[0]:g}, {hard[1]:g}] and soft limits [{soft_lower:g}, {soft_upper:g}]"
+            " leave no range; the soft ones are not applied: correct its safety_controller"
         )
-        problems.append(Problem("", text))
+        problems.append(Problem("", f'joint "{joint.name}": {text}'))
+        return hard
     return lower, upper

@@ -10,9 +10,11 @@ from onebot_description.description import Joint
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, Limits
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import Problem
+from onebot_description.parameters.values import LARGEST
 
-Followers = Mapping[str, Dependent]
+Followers = dict[str, Dependent]  # by name of the joint that follows
+_Chain = tuple[str, float, float]  # its leader, and factor and offset of all of it
 
 
 @dataclass(frozen=True)
@@ -32,58 +34,148 @@ class Following:
         return np.asarray(self.leader != np.arange(len(self.leader)))
 
 
-def followers(
-    joints: Sequence[Joint], dependent: Followers, use_mimic_tags: bool
-) -> dict[str, Dependent]:
-    """Return the leader of each mimic joint; ``dependent_joints`` override mimic tags."""
-    tags = {
-        joint.name: Dependent(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
-        for joint in joints
-        if use_mimic_tags and joint.mimic is not None
-    }
-    return {**tags, **dependent}
-
-
-def resolve(joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: Followers) -> Following:
+def resolve(
+    joints: Sequence[Joint],
+    all_joints: Sequence[Joint],
+    limits: Limits,
+    dependent: Mapping[str, Dependent],
+    use_mimic_tags: bool,
+) -> tuple[Following, Limits, list[Problem]]:
     """Reduce chains of mimic joints to their leaders.
 
     Args:
         joints: the N movable joints.
         all_joints: all joints of the robot, for error messages.
-        mimics: the mimic relations, by name of the following joint.
+        limits: of the N joints.
+        dependent: the parameters dependent_joints, which override mimic tags.
+        use_mimic_tags: apply the tags.
 
-    Raises:
-        ConfigError: a joint follows one that is missing or fixed, or the chain is a circle.
+    Returns:
+        The leaders; limits so narrow that all followers stay within their own; and a problem for
+        each joint that cannot follow, and so moves alone (what it follows is missing or fixed, a
+        circle, its factor cannot be computed with, or no position keeps both within their limits),
+        and for each leader whose range becomes smaller. The key is the joint's entry in
+        dependent_joints, empty for a mimic tag.
     """
-    index = {joint.name: number for number, joint in enumerate(joints)}
+    mimics = _mimics(joints, dependent, use_mimic_tags)
+    problems: list[Problem] = []
+
+    def leave_out(name: str, text: str) -> None:
+        del mimics[name]
+        problems.append(Problem(f"dependent_joints.{name}" if name in dependent else "", text))
+
+    for name, text in _without_leader(joints, all_joints, mimics).items():
+        leave_out(name, text)
+    for circle in _circles(mimics):
+        names = " -> ".join([*circle, circle[0]])
+        # Without one of them the others can follow; rather one that the tags do not ask for.
+        name = next((one for one in circle if one in dependent), circle[0])
+        leave_out(name, f"joints follow one another in a circle: {names}")
+    while True:
+        following = _reduced(joints, mimics)
+        wrong = _incomputable(joints, following)
+        if not wrong:
+            narrowed, wrong, notes = _narrow(joints, limits, following)
+        if not wrong:
+            return following, narrowed, [*problems, *notes]
+        for name, text in wrong.items():
+            leave_out(name, text)
+
+
+def _mimics(
+    joints: Sequence[Joint], dependent: Mapping[str, Dependent], use_mimic_tags: bool
+) -> Followers:
+    """Return the leader of each joint that is to follow."""
+    found: Followers = {}
+    for joint in joints:
+        if joint.name in dependent:
+            found[joint.name] = dependent[joint.name]
+        elif use_mimic_tags and joint.mimic is not None:
+            tag = joint.mimic
+            found[joint.name] = Dependent(tag.joint, tag.multiplier, tag.offset)
+    return found
+
+
+def _without_leader(
+    joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: Followers
+) -> dict[str, str]:
+    """Return what is wrong with the followers of joints that do not move."""
+    names = {joint.name for joint in joints}
     kinds = {joint.name: joint.kind for joint in all_joints}
-    problems = [
-        Problem("", text)
-        for name, mimic in mimics.items()
-        if name in index and (text := _leader_problem(name, mimic.parent, index, kinds))
-    ]
-    if problems:
-        raise ConfigError(problems)
+    problems = {}
+    for name, mimic in mimics.items():
+        if mimic.parent in names:
+            continue
+        wrong = f"is {kinds[mimic.parent]}" if mimic.parent in kinds else "does not exist"
+        hint = did_you_mean(mimic.parent, names - {name}, "joints that move")
+        problems[name] = f'joint "{name}" follows "{mimic.parent}", which {wrong}{hint}'
+    return problems
+
+
+def _circles(mimics: Followers) -> list[list[str]]:
+    """Return each circle as its joints, in the order in which they follow."""
+    circles = []
+    done: set[str] = set()
+    for start in mimics:
+        path: dict[str, None] = {}  # a set with an order
+        name = start
+        while name in mimics and name not in done and name not in path:
+            path[name] = None
+            name = mimics[name].parent
+        if name in path:
+            names = list(path)
+            circles.append(names[names.index(name) :])
+        done.update(path)
+    return circles
+
+
+def _reduced(joints: Sequence[Joint], mimics: Followers) -> Following:
+    index = {joint.name: number for number, joint in enumerate(joints)}
     count = len(joints)
     leader, factor, offset = np.arange(count), np.ones(count), np.zeros(count)
+    known: dict[str, _Chain] = {}
     for name, number in index.items():
-        root, factor[number], offset[number] = _resolve_chain(name, mimics)
+        root, factor[number], offset[number] = _chain(name, mimics, known)
         leader[number] = index[root]
     return Following(leader, factor, offset)
 
 
-def narrow(
+def _chain(name: str, mimics: Followers, known: dict[str, _Chain]) -> _Chain:
+    """Return the chain that starts at ``name``, and remember those that start inside it."""
+    followers = []
+    while name in mimics and name not in known:
+        followers.append(name)
+        name = mimics[name].parent
+    chain = known.get(name, (name, 1.0, 0.0))
+    for follower in reversed(followers):
+        (leader, factor, offset), mimic = chain, mimics[follower]
+        chain = leader, factor * mimic.factor, offset * mimic.factor + mimic.offset
+        known[follower] = chain
+    return chain
+
+
+def _incomputable(joints: Sequence[Joint], following: Following) -> dict[str, str]:
+    """Return what is wrong with followers whose position, or their leader's, may not be finite."""
+    size, offset = np.abs(following.factor), np.abs(following.offset)
+    computable = (size == 0.0) | ((1.0 / LARGEST <= size) & (size <= LARGEST))
+    wrong = {}
+    for number in np.flatnonzero(~(computable & (offset <= LARGEST))).tolist():
+        name, leader = joints[number].name, joints[int(following.leader[number])].name
+        text = f"its position * {following.factor[number]:g} + {following.offset[number]:g}"
+        wrong[name] = f'joint "{name}" cannot follow "{leader}" as {text}'
+    return wrong
+
+
+def _narrow(
     joints: Sequence[Joint], limits: Limits, following: Following
-) -> tuple[Limits, list[Problem]]:
-    """Narrow the limits of leaders so that their followers stay within their own limits.
+) -> tuple[Limits, dict[str, str], list[Problem]]:
+    """Narrow the limits of leaders so that their followers stay within their own.
 
     Returns:
-        Limits of all joints, and warnings on leaders whose range became smaller.
-
-    Raises:
-        ConfigError: no position of the leader keeps a follower within its limits.
+        Limits of all joints, what is wrong with followers that no position of their leader keeps
+        within their limits, and warnings on leaders whose range became smaller.
     """
-    narrowed, problems, notes = limits.copy(), [], []
+    narrowed, wrong, notes = limits.copy(), {}, []
     for follower in np.flatnonzero(following.follows).tolist():
         leader = int(following.leader[follower])
         before = narrowed.lower[leader], narrowed.upper[leader]
@@ -96,38 +188,11 @@ def narrow(
         )
         if after[0] > after[1]:
             remedy = "correct the limits or the mimic tag, or set use_mimic_tags to false"
-            problems.append(Problem("", f"{text}, and no position suits both; {remedy}"))
+            wrong[joints[follower].name] = f"{text}, and no position suits both; {remedy}"
             narrowed.lower[leader], narrowed.upper[leader] = before
         elif after[0] > before[0] + 1e-6 or after[1] < before[1] - 1e-6:  # also of infinite ones
             notes.append(Problem("", f"{text}, so both keep to [{after[0]:g}, {after[1]:g}]"))
-    if problems:
-        raise ConfigError(problems)
-    return narrowed, notes
-
-
-def _leader_problem(
-    name: str, parent: str, index: Mapping[str, int], kinds: Mapping[str, str]
-) -> str | None:
-    """The error if the joint cannot follow ``parent``."""
-    if parent in index:
-        return None
-    wrong = f"is {kinds[parent]}" if parent in kinds else "does not exist"
-    hint = did_you_mean(parent, [joint for joint in index if joint != name], "joints that move")
-    return f'joint "{name}" follows "{parent}", which {wrong}{hint}'
-
-
-def _resolve_chain(name: str, mimics: Followers) -> tuple[str, float, float]:
-    """The leader at the end of the chain, and the factor and offset of the whole chain."""
-    seen, factor, offset = [name], 1.0, 0.0
-    while seen[-1] in mimics:
-        mimic = mimics[seen[-1]]
-        offset += factor * mimic.offset
-        factor *= mimic.factor
-        if mimic.parent in seen:
-            circle = " -> ".join([*seen[seen.index(mimic.parent) :], mimic.parent])
-            raise ConfigError([Problem("", f"joints follow one another in a circle: {circle}")])
-        seen.append(mimic.parent)
-    return seen[-1], factor, offset
+    return narrowed, wrong, notes
 
 
 def _narrow_leader(narrowed: Limits, limits: Limits, following: Following, follower: int) -> None:

@@ -25,6 +25,7 @@ MINIMUM_JERK_PEAK = 1.875
 _WHOLE_TURN = 1e-2
 # Relative to a limit: rounding must not be reported, such as 2 pi f written with a few digits.
 _TOLERANCE = 1e-9
+_TINY = 1e-100  # not worth a digit
 
 
 @dataclass(frozen=True)
@@ -369,7 +370,9 @@ def _ceil(value: float) -> str:
 
 
 def _digits(value: float, rounding: Callable[[float], int]) -> float:
-    if value == 0.0 or not math.isfinite(value):
+    if not math.isfinite(value):
         return value
+    if abs(value) < _TINY:
+        return 0.0
     step = 10.0 ** (math.floor(math.log10(abs(value))) - 3)
     return rounding(round(value / step, 6)) * step

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.description import Description, Joint
+from onebot_description.description import Joint
 from onebot_description.errors import did_you_mean
 from onebot_description.joints import limits as _limits
 from onebot_description.joints import mimic
@@ -30,6 +30,7 @@ from onebot_description.joints.motions import (
     violations,
 )
 from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.values import LARGEST
 
 # A step this much over the limit is rounding; allowing it keeps followers exact.
 _ROUNDING = 1e-9
@@ -45,26 +46,27 @@ class Plan:
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
     zeros: FloatArray  # (N,) positions of joints that nothing moves
     motions: tuple[Motion, ...]  # N; those of followers are not used
-    reports: tuple[Problem, ...]  # warnings, such as motions beyond limits
+    unsuitable: tuple[Problem, ...]  # parameters that do not suit the joints, and are left out
+    reports: tuple[Problem, ...]  # warnings: these, and such as motions beyond limits
 
 
 def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
-    """Check ``config`` against the robot's joints and return the motion of each.
-
-    Raises:
-        ConfigError: with the problems found.
-    """
+    """Return the motion of each joint, without the parameters that do not suit the robot."""
     joints = _limits.movable(all_joints)
-    _check_names(joints, all_joints, config)
-    limits = _limits.joint_limits(joints, soft=config.use_smallest_joint_limits)
-    mimics = mimic.followers(joints, config.dependent_joints, config.use_mimic_tags)
-    following = mimic.resolve(joints, all_joints, mimics)
-    _check_followers(mimics, config)
-    narrowed, notes = mimic.narrow(joints, limits, following)
+    limits, problems = _limits.joint_limits(joints, soft=config.use_smallest_joint_limits)
+    following, narrowed, more = mimic.resolve(
+        joints, all_joints, limits, config.dependent_joints, config.use_mimic_tags
+    )
+    problems = [
+        *_wrong_names(joints, all_joints, config),
+        *_moved_followers(joints, following, config),
+        *problems,
+        *more,
+    ]
     alone = np.ones(len(joints), dtype=bool)
     alone[following.leader[following.follows]] = False
     endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
-    planner = _Planner(joints, narrowed, limits, config, [*config.notes, *notes])
+    planner = _Planner(joints, narrowed, limits, config, [*config.notes, *problems])
     motions = tuple(
         Constant(0.0) if follows else planner.motion(index)
         for index, follows in enumerate(following.follows)
@@ -77,6 +79,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         endless=endless & alone & ~following.follows,
         zeros=np.array([planner.zero(index) for index in range(len(joints))]),
         motions=motions,
+        unsuitable=tuple(problem for problem in problems if problem.key),
         reports=tuple(planner.reports),
     )
 
@@ -127,7 +130,9 @@ class _Planner:
         index = {joint.name: number for number, joint in enumerate(self._joints)}
         for pose, positions in self._config.poses.items():
             for name, position in positions.items():
-                key, number = f"poses.{pose}.{name}", index[name]
+                key, number = f"poses.{pose}.{name}", index.get(name)
+                if number is None:
+                    continue  # reported already
                 if following.follows[number]:
                     leader = self._joints[following.leader[number]].name
                     self._report(key, f'not used: this joint follows "{leader}"')
@@ -189,10 +194,10 @@ class _Planner:
         self.reports.append(Problem(key, text))
 
 
-def _check_names(
+def _wrong_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
-) -> None:
-    """Reject motions and poses of joints that do not exist or cannot move."""
+) -> list[Problem]:
+    """Return the motions, poses and followers of joints that do not exist or cannot move."""
     known = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
     named = {f"motions.{name}": name for name in config.motions}
@@ -207,23 +212,26 @@ def _check_names(
         elif name not in known:
             hint = did_you_mean(name, known, "joints that move")
             problems.append(Problem(key, f'the robot has no joint "{name}"{hint}'))
-    if problems:
-        raise ConfigError(problems)
+    return problems
 
 
-def _check_followers(mimics: mimic.Followers, config: JointsConfig) -> None:
-    """Reject motions of joints that follow others."""
-    problems = [
+def _moved_followers(
+    joints: Sequence[Joint], following: Following, config: JointsConfig
+) -> list[Problem]:
+    """Return the motions of joints that follow others."""
+    index = {joint.name: number for number, joint in enumerate(joints)}
+    leaders = {
+        name: joints[int(following.leader[index[name]])].name
+        for name in config.motions
+        if name in index and following.follows[index[name]]
+    }
+    return [
         Problem(
             f"motions.{name}",
-            f'joint "{name}" follows "{mimics[name].parent}"; move that one, or set use_mimic_tags'
-            " to false",
+            f'joint "{name}" follows "{leader}"; move that one, or set use_mimic_tags to false',
         )
-        for name in config.motions
-        if name in mimics
+        for name, leader in leaders.items()
     ]
-    if problems:
-        raise ConfigError(problems)
 
 
 class ReceivedJointStates:
@@ -260,8 +268,8 @@ class ReceivedJointStates:
     ) -> str | None:
         """Store the values of one message.
 
-        Each list is as long as ``names``, or empty. Values that are not finite and joints of
-        other robots are skipped.
+        Each list is as long as ``names``, or empty. Values that are not finite, or too large to
+        compute with, and joints of other robots are skipped.
 
         Returns:
             None, or why the whole message was ignored.
@@ -274,7 +282,7 @@ class ReceivedJointStates:
             kept: FloatArray = getattr(self, what)
             for name, value in zip(names, values, strict=False):
                 number = self._index.get(name)
-                if number is not None and math.isfinite(value):
+                if number is not None and abs(value) <= LARGEST:
                     kept[number] = value
         return None
 
@@ -306,6 +314,7 @@ class JointStateSource:
         config: JointsConfig | None = None,
         *,
         previous: "JointStateSource | None" = None,
+        tolerant: bool = False,
     ) -> None:
         """Start at the zero positions, or at the positions of ``previous``.
 
@@ -313,9 +322,10 @@ class JointStateSource:
             joints: all joints of the robot, in the order of the samples; fixed ones are left out.
             config: the parameters; by default no joint moves.
             previous: a source to continue from, for joints of the same names.
+            tolerant: parameters that do not suit the joints are left out, and among ``reports``.
 
         Raises:
-            ConfigError: parameters or limits are invalid.
+            ConfigError: parameters do not suit the joints.
         """
         self._all_joints = tuple(joints)
         self._joints = movable(joints)
@@ -323,7 +333,9 @@ class JointStateSource:
         self.received = ReceivedJointStates(self.names)
         self._time: float | None = None
         self._elapsed = 0.0
-        self._plan = self.prepare(config or JointsConfig())
+        self._plan = make_plan(joints, config or JointsConfig())
+        if self._plan.unsuitable and not tolerant:
+            raise ConfigError(self._plan.unsuitable)
         count = len(self.names)
         self._position = self._follow(self._plan.zeros)
         self._velocity = np.zeros(count)
@@ -332,17 +344,6 @@ class JointStateSource:
         if previous is not None:
             self._continue_from(previous)
         self.apply(self._plan)
-
-    @classmethod
-    def from_description(
-        cls,
-        description: Description,
-        config: JointsConfig | None = None,
-        *,
-        previous: "JointStateSource | None" = None,
-    ) -> "JointStateSource":
-        """Return a source for the joints of ``description``."""
-        return cls(description.joints, config, previous=previous)
 
     @property
     def config(self) -> JointsConfig:
@@ -363,9 +364,13 @@ class JointStateSource:
         """Return the plan for new parameters, without applying it.
 
         Raises:
-            ConfigError: with the problems found.
+            ConfigError: they do not suit the joints; what those in force have wrong is tolerated.
         """
-        return make_plan(self._all_joints, config)
+        plan = make_plan(self._all_joints, config)
+        known = self._plan.unsuitable
+        if new := [problem for problem in plan.unsuitable if problem not in known]:
+            raise ConfigError(new)
+        return plan
 
     def configure(self, config: JointsConfig) -> tuple[Problem, ...]:
         """Apply new parameters and return the warnings on them.
@@ -391,7 +396,7 @@ class JointStateSource:
         self._starts = np.where(changed, self._position, self._starts)
         self._tracks = Tracks(plan.motions, self._origins, self._starts, plan.endless)
         # A continuous joint turns the short way to its new target.
-        turns = np.round((self._tracks.at(self._elapsed) - self._position) / TURN)
+        turns = np.round((self._asked() - self._position) / TURN)
         self._position = self._position + np.where(turning, TURN * turns, 0.0)
 
     def sample(self, time: float) -> tuple[FloatArray, FloatArray]:
@@ -420,13 +425,19 @@ class JointStateSource:
             self._velocity = np.zeros_like(self._position)
             return
         limits, following = self._plan.limits, self._plan.following
-        asked = np.clip(self._tracks.at(self._elapsed), limits.lower, limits.upper)
+        asked = np.clip(self._asked(), limits.lower, limits.upper)
         leading = self._toward(asked, step)
         # Followers move to their leaders' new positions; they lag only after a change of leader.
         position = np.where(following.follows, self._toward(self._follow(leading), step), leading)
         velocity = (position - self._position) / step
         self._velocity = np.clip(velocity, -limits.velocity, limits.velocity)
         self._position = position
+
+    def _asked(self) -> FloatArray:
+        """The motions' positions of now; the present one where a motion's cannot be computed."""
+        with np.errstate(all="ignore"):
+            asked = self._tracks.at(self._elapsed)
+        return np.where(np.isfinite(asked), asked, self._position)
 
     def _toward(self, target: FloatArray, step: float) -> FloatArray:
         """Move from the present positions to ``target`` as far as the velocity limits allow."""
@@ -447,9 +458,11 @@ class JointStateSource:
         if not (self.received.any or self.received.any_velocity):
             return position, velocity
         following = self._plan.following
-        known = ~np.isnan(received[following.leader])
-        speed = self.received.velocity[following.leader] * following.factor
-        position = np.where(known, self._follow(received), position)
+        with np.errstate(over="ignore"):
+            followed = self._follow(received)
+            speed = self.received.velocity[following.leader] * following.factor
+        known = np.isfinite(followed)  # a follower may go too far for a number
+        position = np.where(known, followed, position)
         velocity = np.where(known | ~np.isnan(speed), np.nan_to_num(speed), velocity)
         return position, velocity
 
@@ -469,4 +482,4 @@ class JointStateSource:
 def wrapped(angle: FloatArray) -> FloatArray:
     """Return angles wrapped to -pi..pi, in rad; those in range are unchanged."""
     beyond = np.abs(angle) > math.pi
-    return np.asarray(np.where(beyond, angle - TURN * np.round(angle / TURN), angle))
+    return np.asarray(np.where(beyond, np.remainder(angle + math.pi, TURN) - math.pi, angle))

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml  # type: ignore[import-untyped, unused-ignore]
+import yaml
 
-from onebot_description.errors import listing
+from onebot_description.errors import listing, shortened
+from onebot_description.parameters import bounded_yaml
 from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
@@ -29,9 +30,8 @@ _FALSE = {"n", "N", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "
 _INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
 _DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
-# libyaml's, which rcl uses as well; not in every build of PyYAML.
-_FastLoader = getattr(yaml, "CSafeLoader", None)
 _INT64 = range(-(2**63), 2**63)
+_LONGEST_NAME = 255
 
 
 @dataclass
@@ -94,63 +94,56 @@ class _Yaml:
     def __init__(self, name: str) -> None:
         self._name = name
 
-    def _compose(self, text: str) -> yaml.Node | None:
+    def _compose(self, text: str, *, aliases: bool = True) -> yaml.Node | None:
         """Return the text's tree; None if it is empty."""
         try:
-            if _FastLoader is not None:
-                try:
-                    return self._composed(text, _FastLoader)
-                except yaml.YAMLError:
-                    pass  # the other one's errors are clearer
-            return self._composed(text, yaml.SafeLoader)
+            return bounded_yaml.compose(text, aliases=aliases)
+        except bounded_yaml.BoundError as error:
+            line = error.problem_mark.line if error.problem_mark else None
+            raise self._error(line, str(error.problem)) from None
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
+            # libyaml ends a last line that has no end.
+            line = min(mark.line, text.count("\n")) if mark else None
             reason = " ".join(part for part in (error.context, error.problem) if part)
-            raise self._error(mark, f"invalid YAML: {reason}") from None
+            raise self._error(line, f"invalid YAML: {reason}") from None
         except yaml.YAMLError as error:
-            raise ConfigError([Problem("", f"{self._name}: invalid YAML: {error}")]) from None
-
-    def _composed(self, text: str, loader: Any) -> yaml.Node | None:
-        return yaml.compose(text, Loader=loader)
+            raise self._error(None, f"invalid YAML: {error}") from None
 
     def _pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
         if not isinstance(node, yaml.MappingNode):
-            what = f'"{node.value}"' if isinstance(node, yaml.ScalarNode) else "a list"
+            what = f'"{shortened(node.value)}"' if isinstance(node, yaml.ScalarNode) else "a list"
             self._fail(node, f"{what} stands where a map belongs")
         seen: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 self._fail(key, "a name must be a plain word")
+            if len(key.value) > _LONGEST_NAME:
+                self._fail(key, f"a name of more than {_LONGEST_NAME} characters")
             if key.value in seen:
                 self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
             seen[key.value] = key.start_mark.line + 1
         return list(node.value)
 
-    def _error(self, mark: Any, text: str) -> ConfigError:
-        place = f"{self._name}:{mark.line + 1}" if mark else self._name
+    def _error(self, line: int | None, text: str) -> ConfigError:
+        place = self._name if line is None else f"{self._name}:{line + 1}"
         return ConfigError([Problem("", f"{place}: {text}")])
 
     def _fail(self, at: Any, text: str) -> Any:
-        raise self._error(at.start_mark, text)
+        raise self._error(at.start_mark.line, text)
 
 
 class _File(_Yaml):
     """A ROS 2 parameter file."""
 
     def read(self, text: str) -> dict[str, Parameters]:
-        root = self._compose(text)
+        root = self._compose(text, aliases=False)
         sections: dict[str, Parameters] = {}
         if isinstance(root, yaml.MappingNode):
             self._sections(root, "", sections)
         elif root is not None:
             self._fail(root, "no map of node names")
         return sections
-
-    def _composed(self, text: str, loader: Any) -> yaml.Node | None:
-        for event in yaml.parse(text, Loader=loader):
-            if isinstance(event, yaml.AliasEvent):
-                self._fail(event, f"ROS parameters know no aliases such as *{event.anchor}")
-        return yaml.compose(text, Loader=loader)
 
     def _sections(self, node: yaml.Node, path: str, found: dict[str, Parameters]) -> None:
         """Gather the parameters of each section; those of one name are put together."""
@@ -280,7 +273,7 @@ class _Map(_Yaml):
     def _content(self, node: yaml.Node) -> Any:
         try:
             return self._loader.construct_object(node, deep=True)
-        except (yaml.YAMLError, ValueError) as error:
+        except Exception as error:  # of whichever kind, for a value that does not suit its tag
             return self._fail(node, f"invalid YAML: {' '.join(str(error).split())}")
 
 
@@ -319,7 +312,7 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
 def read_text(file: Path) -> str:
     """Return a file's text; one that cannot be read is a ConfigError."""
     try:
-        return file.read_text(encoding="utf-8")
+        return bounded_yaml.read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
@@ -371,18 +364,8 @@ class LiveParameters:
         return no_section(self.file, self.files, self._node)
 
     def add(self, config_file: str) -> None:
-        """Take the file of the parameter ``config_file`` as the last of the files.
-
-        Raises:
-            ConfigError: as above; then nothing has changed.
-        """
-        before = self._extra
+        """Take the file of the parameter ``config_file`` as the last of the files, to be read."""
         self._extra = (Path(config_file),) if config_file else ()
-        try:
-            self.file = self.read()
-        except Exception:
-            self._extra = before
-            raise
 
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
         """Remember the parameters of these ``names`` that the command line decided."""
@@ -394,7 +377,7 @@ class LiveParameters:
         }
 
     def read(self) -> Parameters:
-        """Read the files as they are now.
+        """Read the files as they are now, in any thread.
 
         Raises:
             ConfigError: as above.

@@ -18,6 +18,7 @@ the same descriptions, ranges and read-only flags. A class may have ``REMEDIES``
 longer parameters and what to write now.
 """
 
+import contextlib
 import dataclasses
 import functools
 import re
@@ -43,6 +44,8 @@ REQUIRED = MISSING
 """The default of a parameter that must be given."""
 
 _RULE = "onebot parameter"  # of a field's metadata
+_MOST_LISTED = 50  # problems in one message
+_MOST_FOUND = 1000  # problems, then the rest is not read
 # Parameters that rclpy declares on every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 _OF_EVERY_NODE_PREFIXES = ("qos_overrides.", "overrides.")
@@ -92,7 +95,9 @@ class ConfigError(OneBotError):
     ) -> None:
         """Join ``problems`` into one message, a line each; ``places`` as in Problem.message."""
         self.problems = tuple(problems)
-        super().__init__("\n".join(problem.message(places) for problem in self.problems))
+        lines = [problem.message(places) for problem in self.problems[:_MOST_LISTED]]
+        rest = len(self.problems) - len(lines)
+        super().__init__("\n".join([*lines, *([f"and {rest} more"] if rest else [])]))
 
     def located(self, places: Mapping[str, str]) -> "ConfigError":
         """Return the same error, its message naming where each parameter was written."""
@@ -235,7 +240,14 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
 
 
 class _Unknown(Exception):
-    """A name that is no parameter; its text is what would be right."""
+    """A name that is no parameter; its text is what would be right, which takes time to find."""
+
+    def __init__(self, text: str, name: str = "", known: Sequence[str] = ()) -> None:
+        super().__init__(text)
+        self._name, self._known = name, known
+
+    def __str__(self) -> str:
+        return super().__str__() + (did_you_mean(self._name, self._known) if self._known else "")
 
 
 def _locate(shape: _Shape, name: str) -> tuple[tuple[str, ...], _Shape]:
@@ -259,7 +271,7 @@ def _locate_field(shape: _Group, name: str) -> tuple[tuple[str, ...], _Shape]:
     remedies: Mapping[str, str] = getattr(shape.kind, "REMEDIES", {})
     if name in remedies:
         raise _Unknown(f"no longer a parameter; {remedies[name]}")
-    raise _Unknown(f"no such parameter{did_you_mean(name, shape.names)}")
+    raise _Unknown("no such parameter", name, shape.names)
 
 
 def _split(item: _Shape, name: str) -> tuple[str, str]:
@@ -282,14 +294,15 @@ def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
 
     Those that every node has are none.
     """
-    problems = []
+    problems: list[Problem] = []
     for name in names:
         if is_of_every_node(name):
             continue
         try:
             _locate(_group(kind), name)
         except _Unknown as error:
-            problems.append(Problem(name, str(error)))
+            text = str(error) if len(problems) < _MOST_LISTED else "no such parameter"
+            problems.append(Problem(name, text))
     return problems
 
 
@@ -403,10 +416,15 @@ def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None)
         ConfigError: with every problem, each naming the parameter and what would be right.
     """
     reading = _Reading()
-    config = reading.build(_group(kind), reading.tree(kind, flatten(values)), "")
+    with contextlib.suppress(_TooManyError):
+        config = reading.build(_group(kind), reading.tree(kind, flatten(values)), "")
     if reading.problems:
         raise ConfigError(reading.problems, places)
     return typing.cast(T, config)
+
+
+class _TooManyError(Exception):
+    """Too much is wrong for anybody to read."""
 
 
 class _Reading:
@@ -414,6 +432,11 @@ class _Reading:
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
+
+    def _report(self, key: str, text: str) -> None:
+        self.problems.append(Problem(key, text))
+        if len(self.problems) > _MOST_FOUND:
+            raise _TooManyError
 
     def tree(self, kind: type, flat: Values) -> dict[str, Any]:
         """Sort ``flat`` by the fields they belong to."""
@@ -424,14 +447,14 @@ class _Reading:
             try:
                 path, shape = _locate_field(_group(kind), name)
             except _Unknown as error:
-                self.problems.append(Problem(name, str(error)))
+                self._report(name, str(error))
                 continue
             if isinstance(shape, ValueType):
                 _put(tree, path, value)
             elif value == {}:
                 _put(tree, path, {})
             else:
-                self.problems.append(Problem(name, f"{shown(value)}; write a map{_form(shape)}"))
+                self._report(name, f"{shown(value)}; write a map{_form(shape)}")
         return tree
 
     def build(self, shape: _Shape, content: Any, key: str) -> Any:
@@ -440,7 +463,7 @@ class _Reading:
             try:
                 return shape.checked(content)
             except ValueError as error:
-                self.problems.append(Problem(key, str(error)))
+                self._report(key, str(error))
                 return REQUIRED
         if isinstance(shape, _UserKeyed):
             items = {
@@ -471,15 +494,17 @@ class _Reading:
         rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
         what = f", {rule.description}" if rule.description else ""
         if key:  # the group's, because only what is written has a line
-            self.problems.append(Problem(key, f"has no {field.name}{what}"))
+            self._report(key, f"has no {field.name}{what}")
         else:
-            self.problems.append(Problem(field.name, f"is missing{what}"))
+            self._report(field.name, f"is missing{what}")
 
     def _check(self, found: Iterable[Problem], prefix: str) -> None:
         """Take the problems that follow from no other."""
-        fresh = [Problem(_join(prefix, problem.key), problem.text) for problem in found]
         known = tuple(self.problems)
-        self.problems += [one for one in fresh if not any(map(one.overlaps, known))]
+        for problem in found:
+            fresh = Problem(_join(prefix, problem.key), problem.text)
+            if not any(map(fresh.overlaps, known)):
+                self._report(fresh.key, fresh.text)
 
 
 def _join(prefix: str, name: str) -> str:

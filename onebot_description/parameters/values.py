@@ -7,13 +7,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_description.errors import did_you_mean
+from onebot_description.errors import did_you_mean, shortened
 
 MAX_PORT = 65535
 """The greatest number of a TCP port."""
 
+LARGEST = 1e60
+"""The greatest size of a number: products of a few of them are finite."""
+
+_INT64 = range(-(2**63), 2**63)
+
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
-_PLURAL = {float: "numbers", int: "integers", bool: "of true and false", str: "strings"}
+_PLURAL = {float: "numbers", int: "integers", bool: "booleans", str: "strings"}
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,8 @@ class ValueType:
         if isinstance(value, str):
             self._check_text(value)
         elif self.base is int:
+            if value not in _INT64:
+                raise ValueError(f"needs more than 64 bits; write {self.wanted(value)}")
             self._check_range(value)
         return value
 
@@ -115,6 +122,8 @@ class ValueType:
             return math.nan
         if not math.isfinite(number):
             raise ValueError(f"{number} is not finite; write {self.wanted(value)}")
+        if abs(number) > LARGEST:
+            raise ValueError(f"{number:g} is beyond {LARGEST:g}; write {self.wanted(value)}")
         self._check_range(number)
         return number
 
@@ -126,11 +135,11 @@ class ValueType:
     def _check_text(self, value: str) -> None:
         rule = self.rule
         if rule.choices and value not in rule.choices:
-            raise ValueError(f'no "{value}"{did_you_mean(value, rule.choices)}')
+            raise ValueError(f'no "{shortened(value)}"{did_you_mean(value, rule.choices)}')
         if rule.not_empty and not value:
             raise ValueError(f"is empty; write {self.wanted(value)}")
         if rule.pattern and not rule.pattern.fullmatch(value):
-            raise ValueError(f'"{value}" is not possible; write {self.wanted(value)}')
+            raise ValueError(f'"{shortened(value)}" is not possible; write {self.wanted(value)}')
 
     def wanted(self, value: Any = None) -> str:
         """What would be right, such as "a number from 0 to 1", in place of ``value``."""
@@ -187,9 +196,18 @@ def shown(value: object) -> str:
     if isinstance(value, bool):
         return f"{str(value).lower()} is a bool"
     if isinstance(value, str):
-        return f'"{value}" is a string'
+        return f'"{shortened(value)}" is a string'
+    if isinstance(value, int) and value not in _INT64:
+        return "an integer of more than 64 bits is a number"
     if _is_number(value):
         return f"{value} is a number"
     if _is_list(value):
-        return f"{plain(value)} is a list"
+        return f"{_list_text(plain(value))} is a list"
     return "is a map" if isinstance(value, Mapping) else f"{value!r} cannot be used here"
+
+
+def _list_text(values: list[Any]) -> str:
+    try:
+        return shortened(str(values))
+    except ValueError:  # of an integer of too many digits
+        return "[...]"

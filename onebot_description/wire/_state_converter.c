@@ -148,14 +148,18 @@ static int64_t read_stamp(const unsigned char *data) {
   return seconds * NANO + nanoseconds;
 }
 
-static bool is_early(const struct state *state, const struct layout *layout, int64_t stamp) {
-  if (state->ignore_timestamp) return false;
+/* DUE is published, EARLY is not. OLD is left to the way through ordinary messages, which warns. */
+enum due { DUE, EARLY, OLD };
+
+static enum due when_due(const struct state *state, const struct layout *layout, int64_t stamp) {
+  if (state->ignore_timestamp) return DUE;
   int64_t oldest = INT64_MAX - state->interval;
   for (uint64_t i = 0; i < layout->count; i++) {
     const int64_t time = state->times[layout->rows[i]];
     oldest = time < oldest ? time : oldest;
   }
-  return stamp < oldest + state->interval;
+  if (stamp >= oldest + state->interval) return DUE;
+  return stamp >= oldest ? EARLY : OLD;
 }
 
 /* Transforms of up to ONEBOT_SOME joints. */
@@ -218,10 +222,10 @@ static PyObject *convert(PyObject *self, PyObject *const *arguments, intptr_t co
   if (layout && now >= *state->newest_call &&
       all_moderate(data + layout->first, layout->positions)) {
     const int64_t stamp = read_stamp(data);
-    if (stamp != 0 || state->ignore_timestamp) {
-      const bool early = is_early(state, layout, stamp);
-      PyObject *result = early ? &_Py_NoneStruct : publish(state, layout, data, stamp);
-      if (early) Py_IncRef(result);
+    const enum due due = when_due(state, layout, stamp);
+    if (due != OLD && (stamp > 0 || state->ignore_timestamp)) {
+      PyObject *result = due == EARLY ? &_Py_NoneStruct : publish(state, layout, data, stamp);
+      if (due == EARLY) Py_IncRef(result);
       if (result) *state->newest_call = now;
       return result;
     }

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.wire.library import load_library
+from onebot_description.wire.remembered import Remembered
 
 Floats = NDArray[np.float64]
 
@@ -31,8 +32,6 @@ DOUBLES_PER_TRANSFORM = 7
 
 _U32 = struct.Struct("<I")
 _STAMP = struct.Struct("<iI")
-# Lists of strings that are kept for the next message: most of the work of decoding is to make them.
-_KEPT = 64
 
 
 class WireError(ValueError):
@@ -159,7 +158,7 @@ class Reader:
         if end < 0:
             raise WireError("truncated")
         self.offset = end
-        return _split(text[: text_size.value].tobytes())
+        return _strings(text[: text_size.value].tobytes())
 
 
 @functools.cache
@@ -172,7 +171,6 @@ def _read_items() -> Any:
     return function
 
 
-@functools.lru_cache(_KEPT)
 def _split(text: bytes) -> tuple[str, ...]:
     """Return strings, each of which is written with its length before it."""
     strings = []
@@ -182,6 +180,10 @@ def _split(text: bytes) -> tuple[str, ...]:
         at += _U32.size + length
         strings.append(_decode(text[at - length : at]))
     return tuple(strings)
+
+
+# To make the strings is most of the work of decoding.
+_strings = Remembered(_split, len)
 
 
 def _decode(text: bytes) -> str:

@@ -4,7 +4,6 @@ Messages come as bytes. Plain CDR is read in place (see ``cdr``), without object
 encoding is deserialized by rclpy, to the same result.
 """
 
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
@@ -25,6 +24,7 @@ from onebot_description.wire.cdr import (
     WireError,
     nanoseconds,
 )
+from onebot_description.wire.remembered import Remembered, size_of_names
 from onebot_description.wire.tf_message import TFMessage
 
 T = TypeVar("T")
@@ -33,7 +33,6 @@ BAD_MESSAGE = (ValueError, IndexError)  # what is raised for bytes that are no s
 
 _COVARIANCE = 36
 _UNKNOWN: Floats = np.zeros(_COVARIANCE)
-_KEPT = 64  # lists of frames
 
 
 class TfArrays(NamedTuple):
@@ -87,13 +86,15 @@ def decode_tf(data: bytes) -> TfArrays:
     """Read a serialized tf2_msgs/msg/TFMessage. The lists of names may not be changed."""
     reader = Reader(data)
     names, stamps, values = reader.transforms(reader.count(4 * DOUBLES_PER_TRANSFORM))
-    return TfArrays(*_frames(names), stamps, values[:, :3], values[:, 3:])
+    return TfArrays(*_parents_and_children(names), stamps, values[:, :3], values[:, 3:])
 
 
-@functools.lru_cache(_KEPT)
 def _frames(names: tuple[str, ...]) -> tuple[list[str], list[str]]:
     """Return the parents and the children of names that alternate."""
     return list(names[::2]), list(names[1::2])
+
+
+_parents_and_children = Remembered(_frames, size_of_names)
 
 
 def decode_joint_state(data: bytes) -> JointStateArrays:
@@ -232,17 +233,16 @@ def time_message(stamp_ns: int) -> Time:
 
 
 def transforms_message(
-    stamp_ns: int, parents: Sequence[str], children: Sequence[str], values: Floats
+    stamp: Time, parents: Sequence[str], children: Sequence[str], values: Floats
 ) -> TFMessage:
     """Return transforms as a TFMessage.
 
     Args:
-        stamp_ns: of all of them.
+        stamp: of all of them.
         parents: parent frame of each, N of them.
         children: child frame of each.
         values: (N, 7): translation x y z in metres, rotation x y z w.
     """
-    stamp = time_message(stamp_ns)
     return TFMessage(
         transforms=[
             TransformStamped(

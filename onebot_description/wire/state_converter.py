@@ -6,23 +6,26 @@ There are two ways, to the same result:
   TFMessage. It recognises the frame_id and the joint names of messages before, compared as bytes.
 - Ordinary messages of rclpy and RobotModel's arrays take what that call does not recognise:
   the first message of a publisher, other encodings, broken bytes, positions that are not finite or
-  enormous, stamp 0, a clock that was set back. What can be recognised the next time is then made
-  known to the compiled call.
+  enormous, stamps of 0 or set back, a clock that was set back. What can be recognised the next
+  time is then made known to the compiled call.
 """
 
 import ctypes
-import functools
+import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from onebot_description.errors import listing
 from onebot_description.model import RobotModel
 from onebot_description.wire.cdr import (
     DOUBLES_PER_TRANSFORM,
+    NANO,
     STAMP,
     Floats,
     Writer,
@@ -32,8 +35,10 @@ from onebot_description.wire.messages import (
     JointStateArrays,
     deserialize_message,
     joint_state_arrays,
+    time_message,
     transforms_message,
 )
+from onebot_description.wire.remembered import MOST, MOST_BYTES, Remembered, size_of_names
 from onebot_description.wire.tf_message import TFMessage
 
 Warn = Callable[[str, str], None]
@@ -41,8 +46,10 @@ ConvertBytes = Callable[[bytes, int], bytes | None]
 
 # Numbers up to this size stay finite when they are multiplied and added, as transforms are made.
 _OVERFLOW_SAFE = 1e100
-# Publishers of one topic, times the subsets of joints each sends; more only costs time.
-_KNOWN = 64  # as in _state_converter.c
+_KNOWN = MOST  # as in _state_converter.c
+# A stamp this much older than the last one is of another clock, or the last one was wrong. Messages
+# are under way for less, and tf2 takes none that is so old.
+_OTHER_CLOCK_NS = 10 * NANO
 # Longer than ROS time can count, and far enough from the end of int64 to be added to it.
 _FOREVER_NS = 2**61
 
@@ -183,17 +190,32 @@ class PublishedTimes:
         if len(rows) == 0:
             return False
         if not self.ignore_timestamp:
-            if stamp_ns == 0:
+            if stamp_ns <= 0:
                 warn(
                     "stamp",
-                    "joint states with stamp 0 are not published: set header.stamp, or the "
-                    "parameter ignore_timestamp to true",
+                    "joint states with stamp 0 or less are not published: set header.stamp, or "
+                    "the parameter ignore_timestamp to true",
                 )
                 return False
-            if stamp_ns < int(self.stamps[rows].min()) + self.interval_ns:
+            oldest = int(self.stamps[rows].min())
+            if stamp_ns < oldest:
+                if not _of_another_clock(oldest - stamp_ns, warn):
+                    return False
+            elif stamp_ns < oldest + self.interval_ns:
                 return False
         self.stamps[rows] = stamp_ns
         return True
+
+
+def _of_another_clock(older_ns: int, warn: Warn) -> bool:
+    """Return whether a message is so much older than the last one that its stamp counts anew."""
+    seconds = f"{older_ns / NANO:.3f} s"
+    if older_ns < _OTHER_CLOCK_NS:
+        text = f"joint state {seconds} older than the last one of its joints, ignored"
+        warn("old", f"{text}; do several nodes publish them?")
+        return False
+    warn("back", f"the stamps of joint states went back by {seconds}; publishing by the new ones")
+    return True
 
 
 class _Known(NamedTuple):
@@ -201,6 +223,7 @@ class _Known(NamedTuple):
 
     layout: _Layout  # holds addresses of the rest
     key: tuple[str, tuple[str, ...]]  # frame_id and names of its messages
+    size: int  # of all of it, bytes
     plan: JointStatePlan  # what the names mean
     joints: NDArray[np.void]  # (K,) of ``_JOINT``
 
@@ -219,7 +242,8 @@ class _Known(NamedTuple):
         joints, message = _blank_message(plan)
         counts = len(plan.names), joints.ctypes.data, len(joints), plan.rows.ctypes.data
         layout = _Layout(block, mask, len(block), first, *counts, message, len(message))
-        return cls(layout, (frame_id, plan.names), plan, joints)
+        size = 2 * len(block) + len(message) + joints.nbytes
+        return cls(layout, (frame_id, plan.names), size, plan, joints)
 
 
 def _blank_message(plan: JointStatePlan) -> tuple[NDArray[np.void], bytes]:
@@ -251,8 +275,7 @@ class _CompiledCall:
             times.newest_call.ctypes.data,
             times.stamps.ctypes.data,
         )
-        self._known: list[_Known] = []
-        self._next = 0
+        self._forget()
 
     def bind(self, otherwise: ConvertBytes) -> ConvertBytes:
         """Return the builtin, which calls ``otherwise`` with what it does not recognise."""
@@ -266,17 +289,24 @@ class _CompiledCall:
     def learn(self, frame_id: str, plan: JointStatePlan) -> None:
         """Recognise messages of this frame and plan, which moves joints, from now on.
 
-        The oldest of too many is forgotten.
+        The oldest of too many is forgotten; where they are too large together, all others are.
         """
         if any(known.key == (frame_id, plan.names) for known in self._known):
             return
+        known = _Known.of(frame_id, plan)
+        if known.size + sum(other.size for other in self._known) > MOST_BYTES:
+            self._forget()
         place = self._next % _KNOWN
         self._next += 1
-        known = _Known.of(frame_id, plan)
         # The place is written before the layout whose memory it held may go.
         self._state.layouts[place] = known.layout
         self._known[place : place + 1] = [known]
         self._state.known = len(self._known)
+
+    def _forget(self) -> None:
+        self._state.known = self._state.recent = 0
+        self._known: list[_Known] = []
+        self._next = 0
 
 
 class StateConverter:
@@ -309,8 +339,8 @@ class StateConverter:
             warn: called with a key and a text about input that is ignored.
         """
         self._model, self._prefix, self._warn = model, frame_prefix, warn
-        self._plan = functools.lru_cache(_KNOWN)(
-            lambda names: JointStatePlan(model, names, frame_prefix)
+        self._plan = Remembered(
+            lambda names: JointStatePlan(model, names, frame_prefix), size_of_names
         )
         self._times = PublishedTimes(len(model.joints), interval_ns, ignore_timestamp)
         self._compiled = _CompiledCall(self._times)
@@ -321,7 +351,7 @@ class StateConverter:
         fixed = self._model.fixed
         parents = [self._prefix + parent for parent in fixed.parents]
         children = [self._prefix + child for child in fixed.children]
-        return transforms_message(stamp_ns, parents, children, fixed.constant)
+        return transforms_message(time_message(stamp_ns), parents, children, fixed.constant)
 
     def forget_times(self) -> None:
         """Start afresh, after the clock was set back."""
@@ -334,10 +364,10 @@ class StateConverter:
         except ValueError as error:
             self._warn("bytes", f"joint state that cannot be read is ignored: {error}")
             return None
-        transforms = self._convert(joint_state_arrays(message), now_ns)
+        transforms = self._convert(joint_state_arrays(message), message.header.stamp, now_ns)
         return None if transforms is None else bytes(serialize_message(transforms))
 
-    def _convert(self, state: JointStateArrays, now_ns: int) -> TFMessage | None:
+    def _convert(self, state: JointStateArrays, stamp: Time, now_ns: int) -> TFMessage | None:
         if len(state.names) != len(state.positions):
             self._warn_of_sizes(len(state.names), len(state.positions))
             return None
@@ -350,20 +380,21 @@ class StateConverter:
         if plan.overflow_safe:
             self._compiled.learn(state.frame_id, plan)
         values = plan.transforms(state.positions)
-        return transforms_message(state.stamp_ns, plan.parents, plan.children, values)
+        # The stamp as it came, also where its nanoseconds are a second or more.
+        return transforms_message(stamp, plan.parents, plan.children, values)
 
     def _without_unusable(self, state: JointStateArrays) -> JointStateArrays:
         """Leave out joints whose positions give no finite transforms, with a warning."""
         usable = self._plan(state.names).usable(state.positions)
         if usable.all():
             return state
-        bad = [name for name, good in zip(state.names, usable, strict=True) if not good]
+        bad = {name for name, good in zip(state.names, usable, strict=True) if not good}
         finite = bool(np.isfinite(state.positions[~usable]).any())
         why = ", or one too large for what follows it" if finite else ""
-        text = f"joint state without a finite position{why}: {', '.join(bad)}; ignored"
+        text = f"joint state without a finite position{why}: {listing(bad)}; ignored"
         self._warn("finite", text)
         kept = [name not in bad for name in state.names]
-        names = tuple(name for name in state.names if name not in bad)
+        names = tuple(itertools.compress(state.names, kept))
         return state._replace(names=names, positions=state.positions[kept])
 
     def _warn_of_sizes(self, names: int, positions: int) -> None:

@@ -18,6 +18,7 @@ import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
 # isort: split
 import numpy as np
 import rerun as rr
+from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
@@ -69,7 +70,8 @@ class States(NamedTuple):
         parents, children = chain.links[:-1], chain.links[1:]
         tf = [
             np.frombuffer(
-                bytearray(serialize_message(transforms_message(0, parents, children, row))), "<u4"
+                bytearray(serialize_message(transforms_message(Time(), parents, children, row))),
+                "<u4",
             )
             for row in transforms
         ]

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from onebot_description.description.packages import package_share
-from tests.onebot_bringup.bringup_support import MARK, Transforms, marked, stop, wait_for_robot
+from tests.onebot_bringup.bringup_support import MARK, Transforms, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
+from tests.orphans import marked
 from tests.support import wait_for
 
 Start = Callable[..., RunningCommand]

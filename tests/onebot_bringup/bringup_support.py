@@ -60,21 +60,6 @@ class Transforms:
         rclpy.try_shutdown(context=self._context)
 
 
-def marked(mark: str, word: str = "") -> list[int]:
-    """Return the running processes with the mark, and ``word`` in their command line."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            # A zombie has an empty command line.
-            command = (folder / "cmdline").read_bytes()
-            if command and word.encode() in command:
-                if mark.encode() in (folder / "environ").read_bytes():
-                    found.append(int(folder.name))
-        except OSError:
-            continue
-    return [pid for pid in found if pid != os.getpid()]
-
-
 def wait_for_robot(
     running: RunningCommand, transforms: Transforms, frame: str
 ) -> tuple[float, float]:

@@ -10,8 +10,9 @@ import pytest
 
 from onebot_bringup.launch.bringup import environment
 from onebot_bringup.launch.description_watcher import digest_of
-from tests.onebot_bringup.bringup_support import MARK, Transforms, marked, stop, wait_for_robot
+from tests.onebot_bringup.bringup_support import MARK, Transforms, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
+from tests.orphans import marked
 from tests.support import wait_for
 
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">

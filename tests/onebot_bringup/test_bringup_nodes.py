@@ -331,6 +331,8 @@ def test_arguments_of_a_simulation_are_for_robots_that_can_be(
         (["record:=nowhere/bag"], "nowhere does not exist"),
         (["save:=x.mcap"], "must end in .rrd"),
         (["record:=taken"], "record:=taken exists already"),
+        (["save:=/proc/x.rrd"], "save:=/proc/x.rrd: No such file or directory"),
+        (["record:=/proc/bag"], "record:=/proc/bag: No such file or directory"),
         (["joints:=wrong.yaml"], "rate"),
     ],
 )
@@ -357,6 +359,7 @@ def test_files_that_are_right_are_accepted(
     right = ["joints:=joints.yaml", "view:=none", "save:=x.rrd", "record:=bag"]
     assert "absent.xacro" in refused(driven, *right, "model:=absent.xacro")
     assert capsys.readouterr().err == ""
+    assert not (arm.parent / "x.rrd").exists() and not (arm.parent / "bag").exists()
 
 
 def test_joint_parameters_for_another_node_are_reported(

@@ -9,7 +9,8 @@ import pytest
 
 from onebot_bringup.launch.bringup import Bringup, bring_up
 from onebot_description.errors import UsageError
-from tests.onebot_bringup.bringup_support import MARK, marked
+from tests.onebot_bringup.bringup_support import MARK
+from tests.orphans import marked
 
 BEGIN = """
 import atexit, sys, threading, time

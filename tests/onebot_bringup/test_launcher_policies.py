@@ -59,6 +59,7 @@ def test_shutdown_brings_all_down_and_says_why(start: Start, tmp_path: Path) -> 
     )
     assert words < report
     assert "exit code 3" in launcher.err and "stopping the others" in launcher.err
+    assert launcher.err.splitlines()[-1] == "[test] failed: bad (exit code 3)"
     pid = tmp_path / "runs.pid"
     assert not pid.is_file() or not alive(number_in(pid))
 
@@ -73,20 +74,39 @@ def test_a_signal_that_ends_a_node_is_named(start: Start, tmp_path: Path) -> Non
 
 
 def test_ignore_goes_on_without_the_node(start: Start, tmp_path: Path) -> None:
-    """The end of a viewer does not touch the rest."""
+    """The failure of a viewer stops nothing; the exit code and the last line report it."""
     launcher = start("[script('runner', 'runs.py'), script('viewer', 'fails.py', 'ignore')]")
     wait_for(lambda: "going on without viewer" in launcher.err, "the report")
     launcher.wait_for_out("ready")
     assert launcher.process.poll() is None and alive(number_in(tmp_path / "runs.pid"))
     launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.wait() == 1
+    assert launcher.err.splitlines()[-1] == "[test] failed: viewer (exit code 3)"
 
 
-def test_the_launcher_ends_when_nothing_is_left(start: Start) -> None:
-    """With every node gone there is nothing to wait for, and nothing failed that matters."""
-    launcher = start("[script('viewer', 'fails.py', 'ignore')]")
+def test_the_launcher_ends_when_nothing_is_left(start: Start, tmp_path: Path) -> None:
+    """With every node gone there is nothing to wait for; one that has finished did not fail."""
+    (tmp_path / "ends.py").write_text("")
+    launcher = start("[script('viewer', 'ends.py', 'ignore')]")
     assert launcher.wait() == 0
-    assert "no node is left to run" in launcher.out
+    assert "no node is left to run" in launcher.out and "failed" not in launcher.err
+
+
+def test_an_error_while_stopping_is_a_failure(start: Start, tmp_path: Path) -> None:
+    """Such as that of a recorder, which cannot write the rest: the disk is full."""
+    recorder = RUNS.replace(
+        "signal.pause()",
+        """try:
+    signal.pause()
+except KeyboardInterrupt:
+    raise SystemExit("error: cannot record") from None""",
+    )
+    (tmp_path / "recorder.py").write_text(recorder)
+    launcher = start("[script('recorder', 'recorder.py', 'ignore')]")
+    launcher.wait_for_out("ready")
+    launcher.send(signal.SIGINT)
+    assert launcher.wait() == 1
+    assert launcher.err.splitlines()[-1] == "[test] failed: recorder (exit code 1)"
 
 
 def test_restart_tries_again_up_to_the_limit(start: Start) -> None:
@@ -125,6 +145,7 @@ def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
     launcher = start("[NodeProcess('ghost', ('/no/such/program',))]")
     assert launcher.wait() == 1
     assert "ghost cannot be started" in launcher.err and "Traceback" not in launcher.err
+    assert launcher.err.splitlines()[-1] == "[test] failed: ghost (not started)"
 
 
 def test_waits_double_up_to_a_cap() -> None:

@@ -9,9 +9,10 @@ import pytest
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
-from tests.onebot_bringup.bringup_support import MARK, marked
+from tests.onebot_bringup.bringup_support import MARK
 from tests.onebot_bringup.cli_support import Running, onebot, running
 from tests.onebot_bringup.steering_support import PageClient
+from tests.orphans import marked
 from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, wait_for
 

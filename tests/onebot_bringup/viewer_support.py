@@ -73,7 +73,7 @@ def take_tf(view: RobotView, arrays: TfArrays, *, static=False) -> None:
     """Give it transforms of one stamp."""
     [stamp_ns] = {*arrays.stamps_ns.tolist()}
     values = np.hstack([arrays.translations, arrays.rotations])
-    message = transforms_message(stamp_ns, arrays.parents, arrays.children, values)
+    message = transforms_message(time_message(stamp_ns), arrays.parents, arrays.children, values)
     data = bytes(serialize_message(message))
     view.take("/tf_static" if static else "/tf", "tf2_msgs/msg/TFMessage", data, stamp_ns)
 

@@ -36,6 +36,17 @@ def test_defaults_are_those_of_diff_drive_controller() -> None:
     assert (config.odom_frame_id, config.base_frame_id) == ("odom", "base_link")
     assert config.pose_covariance_diagonal == (0.0,) * 6
     assert math.isnan(config.linear.max_velocity)
+    multipliers = (
+        config.wheel_separation_multiplier,
+        config.left_wheel_radius_multiplier,
+        config.right_wheel_radius_multiplier,
+    )
+    assert multipliers == (1.0, 1.0, 1.0)
+    assert (config.x, config.y, config.yaw) == (0.0, 0.0, 0.0)
+    assert (config.update_rate, config.real_time_factor) == (100.0, 1.0)
+    assert (config.world_frame_id, config.broadcaster.frame_id) == ("world", "base_link")
+    assert (config.cmd_vel_type, config.tf_frame_prefix) == ("auto", "")
+    assert config.twist_covariance_diagonal == (0.0,) * 6
 
 
 def test_whole_numbers_are_numbers() -> None:

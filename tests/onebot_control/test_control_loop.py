@@ -4,9 +4,12 @@ import ctypes
 import sys
 import threading
 import time
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from onebot_control.control_loop import (
     ControlLoop,
@@ -17,6 +20,7 @@ from onebot_control.control_loop import (
 )
 from onebot_control.driven_robot import Snapshot
 from onebot_description.errors import OneBotError
+from onebot_description.wire.cdr import NANO
 from tests.onebot_control.control_support import IdealPlant, ideal_drive
 from tests.support import wait_for
 
@@ -387,9 +391,66 @@ def test_drift_of_2_ms_is_the_most_that_is_not_followed(sign: int) -> None:
     ahead += sign * 2_000_000
     assert stamps.at(1.0) == 2_000_000_000
     ahead += sign
-    assert stamps.at(1.0) == 1_000_000_000 + ahead
+    assert stamps.at(2.0) == 2_000_000_000 + ahead
     ahead -= sign * 2_000_000
-    assert stamps.at(1.0) == 2_000_000_000 + sign * 2_000_001
+    assert stamps.at(3.0) == 4_000_000_000 + sign * 2_000_001
+
+
+class BusyMachine:
+    """Two clocks, and a thread that is off the processor for a while between any two readings."""
+
+    def __init__(self) -> None:
+        self.now, self.ahead = 50 * NANO, 10**18
+        self._pauses_ms: Iterator[int] = iter(())
+        self.stamps = SystemStamps(self._monotonic_ns, self._system_ns)
+
+    def pause(self, pauses_ms: Iterable[int]) -> None:
+        """Be off the processor for so long before each of the readings to come."""
+        self._pauses_ms = iter(pauses_ms)
+
+    def _monotonic_ns(self) -> int:
+        self.now += next(self._pauses_ms, 0) * 1_000_000
+        return self.now
+
+    def _system_ns(self) -> int:
+        return self._monotonic_ns() + self.ahead
+
+
+@pytest.mark.parametrize("pauses_ms", [(0, 30, 0), (0, 0, 30), (0, 0, 30, 0, 30)])
+def test_a_pause_between_two_readings_of_the_clocks_moves_no_stamp(
+    pauses_ms: Sequence[int],
+) -> None:
+    """30 ms off the processor once put a stamp 20 ms before that of the cycle before."""
+    machine = BusyMachine()
+    machine.pause([0, 0, 0, *pauses_ms])
+    found = [machine.stamps.at(50.0 + 0.01 * cycle) for cycle in range(6)]
+    assert found == [10**18 + 50 * NANO + 10_000_000 * cycle for cycle in range(6)]
+
+
+@given(
+    pauses_ms=st.lists(st.sampled_from([0, 0, 0, 1, 3, 30, 3000]), max_size=60),
+    steps_ms=st.lists(st.integers(-20, 20), min_size=2, max_size=40),
+    rate=st.sampled_from([1.0, 30.0, 100.0, 1000.0]),
+)
+def test_stamps_increase(pauses_ms: list[int], steps_ms: list[int], rate: float) -> None:
+    """Whenever the thread is off the processor, and however the clock is adjusted."""
+    machine, found = BusyMachine(), list[int]()
+    machine.pause(pauses_ms)
+    for step in steps_ms:
+        found.append(machine.stamps.at(machine.now / NANO))
+        machine.now += round(NANO / rate)
+        machine.ahead += step * 1_000_000
+    assert all(before < after for before, after in pairwise(found))
+
+
+def test_stamps_return_to_a_clock_that_went_back_a_little() -> None:
+    """At half speed: after 0.5 s back it takes a second."""
+    machine = BusyMachine()
+    start = machine.stamps.at(50.0)
+    machine.ahead -= 500_000_000
+    found = [machine.stamps.at(50.0 + 0.1 * cycle) - start for cycle in range(1, 13)]
+    assert found[:3] == [50_000_000, 100_000_000, 150_000_000]
+    assert found[-3:] == [500_000_000, 600_000_000, 700_000_000]
 
 
 @pytest.mark.parametrize("one_in", [1, 2, 3, 10, 30])

@@ -121,6 +121,21 @@ def test_velocity_feedback() -> None:
     assert drive.odometry.x == pytest.approx(0.006)
 
 
+@pytest.mark.parametrize("open_loop", [True, False])
+@pytest.mark.parametrize("command", [(1.7e308, 1.7e308), (-1e300, 0.0), (0.0, -1.7e308)])
+def test_what_follows_from_a_finite_command_is_finite(
+    command: tuple[float, float], open_loop: bool
+) -> None:
+    """However fast it is, without limits, and for as long as it lasts."""
+    drive = controller(open_loop=open_loop, cmd_vel_timeout=0.0)
+    assert drive.accept(*command) is None
+    for _ in range(1000):
+        wheels = drive.update(REST, 0.01)
+        assert all(map(math.isfinite, wheels))
+    odometry = drive.odometry
+    assert all(map(math.isfinite, (odometry.x, odometry.y, odometry.heading, odometry.linear)))
+
+
 def test_feedback_that_is_not_finite_is_ignored() -> None:
     """The odometry stays."""
     drive = controller()

@@ -259,3 +259,25 @@ def test_a_robot_on_three_points_rests(caplog):
     places = np.array([(0.2, 0.0), (-0.2, 0.2), (-0.2, -0.2)])
     with caplog.at_level(logging.WARNING), _stand(_spheres(places, np.zeros(2)), Settings()):
         assert "has not come to rest" not in caplog.text
+
+
+def _steps_to_settle(description, monkeypatch):
+    """Physics steps until a robot of `_spheres` is taken to rest; at most 800."""
+    steps, step = [], engine.stepSimulation
+    with monkeypatch.context() as patch:
+        patch.setattr(engine, "stepSimulation", lambda client: steps.append(step(client)))
+        _stand(description, Settings()).close()
+    return len(steps)
+
+
+@pytest.mark.parametrize("turn", [0.0, 90.0, 180.0, 270.0, 45.0])
+def test_a_robot_on_three_points_rests_at_once(monkeypatch, turn):
+    """However its three points lie; when two of them are 2 mm apart, it is balanced on a line."""
+    turned = Rotation.from_euler("z", turn, degrees=True).as_matrix()[:2, :2]
+    places = np.array([(0.2, 0.0), (-0.2, 1.0), (-0.2, -1.0)])
+    steps = {}
+    for width in (1e-3, 0.05, 0.2):
+        narrow = (places * (1.0, width)) @ turned.T
+        steps[width] = _steps_to_settle(_spheres(narrow, np.zeros(2)), monkeypatch)
+    assert steps[1e-3] == 800
+    assert steps[0.05] < 60 and steps[0.2] < 60

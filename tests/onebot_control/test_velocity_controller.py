@@ -269,17 +269,27 @@ def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
 
 
 def test_description_from_the_topic_also_changed(peer: Peer) -> None:
-    """It waits for the description, and takes up another one where the robot stands."""
+    """It waits for one that it can drive, and changes to another one where the robot stands."""
     joints = peer.hear(JointState, "/joint_states")
     publisher = peer.node.create_publisher(String, "robot_description", LATCHED)
     with NodeProcess(MODULE, *ros_args()) as node:
         wait_for(lambda: "waiting for the robot description" in node.output, "the hint")
+        foreign = urdf().replace("left_wheel_joint", "another_joint")
+        assert foreign != urdf()
+        publisher.publish(String(data=foreign))
+        waiting = "not applied, still waiting for one:"
+        wait_for(lambda: waiting in node.output, "the first refusal")
+        assert 'no joint "left_wheel_joint"' in node.output
         publisher.publish(String(data=urdf()))
         wait_for(lambda: joints, "joint states")
         publisher.publish(String(data=urdf(name="other")))
         wait_for(lambda: CHANGED in node.output, "the new robot")
-        publisher.publish(String(data="<robot/>"))
-        wait_for(lambda: "going on as before" in node.output, "the refusal")
+
+        def refused() -> bool:
+            publisher.publish(String(data="<robot/>"))
+            return "not applied, the robot goes on as before:" in node.output
+
+        wait_for(refused, "the refusal, a while after the first")
         count = len(joints)
         wait_for(lambda: len(joints) > count + 10, "more joint states")
 

@@ -1,73 +1,114 @@
 """onebot_description.file_watch: saves are noticed, however an editor makes them."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
-from onebot_description.file_watch import FileWatch, file_states
+import pytest
+
+from onebot_description.file_watch import Changes, FileWatch, file_states
+
+NOTHING = Changes([], [])
 
 
-def polled(watch: FileWatch) -> list[Path]:
-    """Two polls, as it takes two to find a file at rest."""
-    return watch.saved() + watch.saved()
+class Watched:
+    """Files that are polled at times which the test sets."""
+
+    def __init__(self, files: Iterable[Path], **options: object) -> None:
+        self.now = 100.0
+        self.watch = FileWatch(files, clock=lambda: self.now, **options)  # type: ignore[arg-type]
+
+    def after(self, seconds: float) -> Changes:
+        """Poll some time later."""
+        self.now += seconds
+        return self.watch.poll()
+
+    def rest(self) -> Changes:
+        """What is found when a change is noticed, and the files are long at rest."""
+        assert self.after(0.01) == NOTHING
+        return self.after(5.0)
 
 
-def test_a_save_is_noticed_once(tmp_path: Path) -> None:
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A file with something in it."""
+    (tmp_path / "a.yaml").write_text("one")
+    return tmp_path / "a.yaml"
+
+
+def test_a_save_is_noticed_once(file: Path) -> None:
     """In place."""
-    file = tmp_path / "a.yaml"
-    file.write_text("one")
-    watch = FileWatch([file])
-    assert polled(watch) == []
+    watched = Watched([file])
+    assert watched.rest() == NOTHING
     file.write_text("other")
-    assert polled(watch) == [file]
-    assert polled(watch) == []
+    assert watched.rest() == Changes([file], [])
+    assert watched.rest() == NOTHING
 
 
-def test_a_rename_over_the_file_is_noticed(tmp_path: Path) -> None:
+def test_a_rename_over_the_file_is_noticed(file: Path) -> None:
     """Even to the same size and time."""
-    file, fresh = tmp_path / "a.yaml", tmp_path / "a.yaml~"
-    file.write_text("one")
-    watch = FileWatch([file])
+    fresh = file.with_name("a.yaml~")
+    watched = Watched([file])
     fresh.write_text("two")
     status = file.stat()
     os.utime(fresh, ns=(status.st_atime_ns, status.st_mtime_ns))
     fresh.replace(file)
-    assert polled(watch) == [file]
+    assert watched.rest() == Changes([file], [])
 
 
-def test_a_file_being_written_is_awaited(tmp_path: Path) -> None:
-    """It counts only when two polls see the same."""
-    file = tmp_path / "a.yaml"
-    file.write_text("one")
-    watch = FileWatch([file])
+def test_a_file_being_written_is_awaited(file: Path) -> None:
+    """Each piece begins the wait anew; it is over when nothing came for a moment."""
+    watched = Watched([file])
+    for text in ("h", "ha", "hal", "half"):
+        file.write_text(text)
+        assert watched.after(0.15) == NOTHING
+    assert watched.after(0.1) == NOTHING
+    assert watched.after(0.15) == Changes([file], [])
+
+
+@pytest.mark.parametrize("absent", [False, True])
+def test_an_empty_or_absent_file_is_awaited_longer(file: Path, absent: bool) -> None:
+    """An editor is about to fill it: what is there then is the only save."""
+    watched = Watched([file])
+    if absent:
+        file.unlink()
+    else:
+        file.write_text("")
+    assert watched.after(0.01) == NOTHING
+    assert watched.after(0.9) == NOTHING
+    file.write_text("the rest")
+    assert watched.after(0.01) == NOTHING
+    assert watched.after(0.2) == Changes([file], [])
+    assert watched.rest() == NOTHING
+
+
+def test_a_file_that_stays_empty_was_saved(file: Path) -> None:
+    """Nothing may be what its user wants."""
+    watched = Watched([file])
     file.write_text("")
-    assert watch.saved() == []
-    file.write_text("half")
-    assert watch.saved() == []
-    assert watch.saved() == [file]
+    assert watched.rest() == Changes([file], [])
+    assert watched.rest() == NOTHING
 
 
 def test_files_saved_together_are_reported_together(tmp_path: Path) -> None:
     """While one of them is still being written, the others wait."""
     one, two = tmp_path / "one", tmp_path / "two"
-    watch = FileWatch([one, two])
+    watched = Watched([one, two])
     one.write_text("1")
-    assert watch.saved() == []
+    assert watched.after(0.15) == NOTHING
     two.write_text("2")
-    assert watch.saved() == []
-    assert watch.saved() == [one, two]
+    assert watched.after(0.15) == NOTHING
+    assert watched.after(0.2) == Changes([one, two], [])
 
 
-def test_a_file_that_goes_and_comes_back(tmp_path: Path) -> None:
-    """Its absence is a change but no save; its return is both."""
-    file = tmp_path / "a.yaml"
-    file.write_text("one")
-    watch = FileWatch([file])
+def test_a_file_that_goes_and_comes_back(file: Path) -> None:
+    """Its absence is no save; its return is one."""
+    watched = Watched([file])
     file.unlink()
-    assert polled(watch) == []
+    assert watched.rest() == Changes([], [file])
+    assert watched.rest() == NOTHING
     file.write_text("back")
-    assert polled(watch) == [file]
-    file.unlink()
-    assert watch.changed() + watch.changed() == [file]
+    assert watched.rest() == Changes([file], [])
 
 
 def test_other_files_can_be_watched(tmp_path: Path) -> None:
@@ -75,21 +116,20 @@ def test_other_files_can_be_watched(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     one.write_text("1")
     two.write_text("2")
-    watch = FileWatch([one])
+    watched = Watched([one])
     one.write_text("1 changed")
-    watch.watch([one, two])
-    assert polled(watch) == [one]
-    assert watch.files == (one, two)
+    watched.watch.watch([one, two])
+    assert watched.rest() == Changes([one], [])
+    assert watched.watch.files == (one, two)
 
 
-def test_what_was_known_before(tmp_path: Path) -> None:
+def test_what_was_known_before(file: Path) -> None:
     """A save between the reading of a file and the watch counts; so does an unread file."""
-    file, absent = tmp_path / "a", tmp_path / "absent"
-    file.write_text("1")
+    absent = file.with_name("absent")
     read = file_states([file, absent])
-    assert polled(FileWatch([file, absent], known=read)) == []
+    assert Watched([file, absent], known=read).rest() == NOTHING
     file.write_text("changed")
-    assert polled(FileWatch([file, absent], known=read)) == [file]
-    watch = FileWatch([file, absent], unread=True)
-    assert watch.changed() + watch.changed() == [file, absent]
-    assert watch.changed() == []
+    assert Watched([file, absent], known=read).rest() == Changes([file], [])
+    watched = Watched([file, absent], unread=True)
+    assert watched.rest() == Changes([file], [absent])
+    assert watched.rest() == NOTHING

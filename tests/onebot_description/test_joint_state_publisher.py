@@ -265,13 +265,14 @@ def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, m
 
 
 def test_the_description_comes_from_the_topic(start: Start, listener: Listener) -> None:
-    """Waiting is said; a broken one too; a new one takes over while it runs."""
-    node = start()
+    """Waiting is logged, and a broken one; parameters for another robot do not end the node."""
+    node = start("--ros-args", "-p", "motions.elbow.position:=0.1")
     node.says("waiting for the robot description on /robot_description")
     listener.description.publish(String(data="<robot"))
-    node.says("not applied")
+    node.says("robot_description not applied, still waiting for one:")
     listener.description.publish(String(data=MRM))
     assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
+    node.says('motions.elbow: the robot has no joint "elbow" (joints that move')
     two = urdf(joint(0), joint(1, "fixed_one", "fixed"), joint(2, "another"))
     listener.description.publish(String(data=two))
     state = listener.hears(lambda s: len(s.name) == 2, "two joints")
@@ -359,7 +360,10 @@ def test_a_saved_description_is_taken_up(start: Start, listener: Listener, mrm: 
 def test_a_joint_can_be_renamed_in_both_files(
     start: Start, listener: Listener, mrm: str, tmp_path: Path, description_first: bool
 ) -> None:
-    """Whichever is saved first is refused, with the reason, until the other is saved too."""
+    """The robot changes at once, as all nodes must show the same; the parameters once they suit it.
+
+    A parameter file that is removed is reported, and changes nothing.
+    """
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{position: 0.1}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
@@ -370,10 +374,19 @@ def test_a_joint_can_be_renamed_in_both_files(
     ]
     first, second = edits if description_first else edits[::-1]
     first()
-    node.says("not applied")
-    assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
+    gone = f'motions.{JOINT}: the robot has no joint "{JOINT}"'
+    if description_first:
+        node.says(gone)
+        listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
+    else:
+        node.says(f"{file} not applied, the robot goes on as before:")
+        assert list(listener.hears(lambda s: True, "a message").name) == [JOINT]
     second()
-    listener.hears(lambda s: list(s.name) == ["elbow"] and s.position[0] == 0.2, "the new joint")
+    listener.hears(lambda s: list(s.name) == ["elbow"] and s.position[0] == 0.2, "its motion")
+    assert (gone in node.output) == description_first
+    file.unlink()
+    node.says(f"{file} was removed: the robot goes on as before")
+    assert listener.hears(lambda s: True, "a message").position[0] == 0.2
 
 
 def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> None:

@@ -4,9 +4,23 @@ import math
 
 import pytest
 
-from onebot_description.joints.limits import joint_limits, movable, zero_position
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.joints import limits as limits_module
+from onebot_description.joints.limits import Limits, movable, zero_position
 from tests.onebot_description.joints_support import joint
+
+
+def joint_limits(joints: list, *, soft: bool) -> Limits:
+    """The limits of joints that have nothing wrong."""
+    limits, problems = limits_module.joint_limits(joints, soft=soft)
+    assert problems == []
+    return limits
+
+
+def reported(joints: list) -> tuple[Limits, str]:
+    """The limits of joints that have something wrong, and what it is."""
+    limits, problems = limits_module.joint_limits(joints, soft=True)
+    assert not any(problem.key for problem in problems)
+    return limits, "\n".join(problem.text for problem in problems)
 
 
 def test_only_joints_with_one_position_move() -> None:
@@ -27,19 +41,27 @@ def test_soft_limits_narrow_hard_ones_where_asked() -> None:
     assert hard.lower.tolist() == [-1.0] * 3 and hard.upper.tolist() == [1.0] * 3
 
 
-def test_soft_limits_that_leave_no_range_are_refused() -> None:
+def test_soft_limits_that_leave_no_range_are_not_applied() -> None:
     """The message says what to change."""
-    with pytest.raises(ConfigError, match="use_smallest_joint_limits to false"):
-        joint_limits([joint("a", soft_lower=2.0, soft_upper=3.0)], soft=True)
+    limits, text = reported([joint("a", soft_lower=2.0, soft_upper=3.0)])
+    assert "not applied: correct its safety_controller" in text
+    assert (limits.lower.tolist(), limits.upper.tolist()) == ([-1.0], [1.0])
+
+
+def test_limits_the_wrong_way_round_are_reported() -> None:
+    """As the standard nodes, which take both as they are, it moves between the two."""
+    limits, text = reported([joint("a", lower=0.5, upper=-0.25)])
+    assert text == 'joint "a": lower 0.5 is above upper -0.25; it moves between the two'
+    assert (limits.lower.tolist(), limits.upper.tolist()) == ([-0.25], [0.5])
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 @pytest.mark.parametrize("missing", [("lower",), ("upper",), ("lower", "upper")])
-def test_limits_are_needed(kind: str, missing: tuple[str, ...]) -> None:
+def test_a_joint_without_limits_stays(kind: str, missing: tuple[str, ...]) -> None:
     """The message is that of the standard node."""
-    text = f'Limits must be specified for joint "j12" of type "{kind}"'
-    with pytest.raises(ConfigError, match=text):
-        joint_limits([joint("j12", kind, **dict.fromkeys(missing))], soft=True)
+    limits, text = reported([joint("j12", kind, **dict.fromkeys(missing))])
+    assert text.startswith(f'Limits must be specified for joint "j12" of type "{kind}"')
+    assert (limits.lower.tolist(), limits.upper.tolist()) == ([0.0], [0.0])
 
 
 def test_no_joints_have_no_limits() -> None:
@@ -63,8 +85,8 @@ def test_limits_may_leave_a_single_position(kind: str) -> None:
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([1.0], [1.0])
     limits = joint_limits([joint("a", kind, soft_lower=-5.0, soft_upper=-1.0)], soft=True)
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([-1.0], [-1.0])
-    with pytest.raises(ConfigError, match=r"limits \[-1, 1\] and soft limits \[1.5, 5\]"):
-        joint_limits([joint("a", kind, soft_lower=1.5, soft_upper=5.0)], soft=True)
+    _, text = reported([joint("a", kind, soft_lower=1.5, soft_upper=5.0)])
+    assert "limits [-1, 1] and soft limits [1.5, 5]" in text
 
 
 def test_one_sided_soft_limits_leave_the_other_side() -> None:
@@ -95,9 +117,8 @@ def test_speed_limits() -> None:
 def test_every_joint_without_limits_is_reported() -> None:
     """At once, also where only one end is missing."""
     joints = [joint("a", lower=None), joint("b"), joint("c", upper=None)]
-    with pytest.raises(ConfigError) as caught:
-        joint_limits(joints, soft=True)
-    assert [name in str(caught.value) for name in ('"a"', '"b"', '"c"')] == [True, False, True]
+    _, text = reported(joints)
+    assert [name in text for name in ('"a"', '"b"', '"c"')] == [True, False, True]
 
 
 def test_copied_limits_are_independent() -> None:
@@ -122,13 +143,11 @@ def test_soft_limits_that_leave_one_position_are_accepted() -> None:
     """The joint stands there; every joint that has none left is named."""
     limits = joint_limits([joint("a", soft_lower=0.5, soft_upper=0.5)], soft=True)
     assert (limits.lower[0], limits.upper[0]) == (0.5, 0.5)
-    with pytest.raises(ConfigError) as caught:
-        joint_limits(
-            [
-                joint("a", soft_lower=0.5, soft_upper=0.4),
-                joint("b"),
-                joint("c", soft_lower=2.0, soft_upper=9.0),
-            ],
-            soft=True,
-        )
-    assert [line.split('"')[1] for line in str(caught.value).splitlines()] == ["a", "c"]
+    _, text = reported(
+        [
+            joint("a", soft_lower=0.5, soft_upper=0.4),
+            joint("b"),
+            joint("c", soft_lower=2.0, soft_upper=9.0),
+        ]
+    )
+    assert [line.split('"')[1] for line in text.splitlines()] == ["a", "c"]

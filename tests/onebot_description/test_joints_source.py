@@ -1,5 +1,6 @@
 """onebot_description.joints.source and .plan: joints move as asked, within their limits."""
 
+import contextlib
 import math
 import time
 from typing import Any
@@ -116,6 +117,106 @@ def test_limits_are_never_exceeded_and_velocities_integrate(edits: list) -> None
             assert np.abs(error).max() < 1e-7
             assert positions[4] == pytest.approx(0.05 - positions[3], abs=1e-9)
             before = positions
+
+
+_finite = st.floats(allow_nan=False, allow_infinity=False)
+_wild = _finite | st.sampled_from([0.0, 5e-324, 1e-300, 1e-60, 1e-9, 1.0, 1e9, 1e60, 1e300, -1e308])
+_above = _wild.map(abs)
+
+
+@st.composite
+def _wild_keyframes(draw: st.DrawFn) -> dict[str, Any]:
+    times = sorted(set(draw(st.lists(_above, min_size=1, max_size=4))))
+    positions = draw(st.lists(_wild, min_size=len(times), max_size=len(times)))
+    return _keyframes([], draw(_blend), draw(st.booleans())) | {
+        "times": times,
+        "positions": positions,
+    }
+
+
+_wild_motion = st.one_of(
+    st.builds(lambda p: {"position": p}, _wild),
+    st.builds(
+        lambda a, f, p, o: {"amplitude": a, "frequency": f, "phase": p, "offset": o},
+        _wild,
+        _above,
+        _wild,
+        _wild,
+    ),
+    _wild_keyframes(),
+)
+_wild_parameters = st.fixed_dictionaries(
+    {
+        "motions": st.dictionaries(st.sampled_from(LEADERS), _wild_motion),
+        "delta": _above,
+        "zeros": st.dictionaries(st.sampled_from(LEADERS), _wild),
+    },
+    optional={
+        "dependent_joints": st.fixed_dictionaries(
+            {
+                "thumb": st.builds(
+                    lambda f, o: {"parent": "wheel", "factor": f, "offset": o}, _wild, _wild
+                )
+            }
+        ),
+    },
+)
+_wild_joint = st.builds(
+    lambda ends, speed: {"lower": min(ends), "upper": max(ends), "velocity": speed},
+    st.tuples(_wild, _wild),
+    _above | st.none(),
+)
+
+
+@settings(deadline=None)
+@given(_wild_joint, _wild_joint, _wild, _wild, st.lists(_wild_parameters, min_size=1), _wild)
+def test_nothing_that_is_not_finite_leaves_and_a_mended_file_mends(
+    elbow: dict[str, float],
+    finger: dict[str, float],
+    factor: float,
+    offset: float,
+    edits: list[dict[str, Any]],
+    received: float,
+) -> None:
+    """Whatever the parameters, the robot's limits and what other nodes publish."""
+    robot = [
+        joint("elbow", **elbow),
+        joint("slide", "prismatic", lower=0.2, upper=0.6, velocity=0.1),
+        joint("wheel", "continuous", velocity=elbow["velocity"]),
+        joint("finger", **finger),
+        joint("thumb", "continuous", mimic=mimic("finger", factor, offset)),
+    ]
+    try:
+        source = JointStateSource(robot)
+    except ConfigError:
+        return  # it is said that it cannot be computed
+    now = 0.0
+    for parameters in edits:
+        with contextlib.suppress(ConfigError):
+            source.configure(JointsConfig.from_parameters(parameters))
+        for step in (0.0, 1e-9, 0.1, 1000.0):
+            now += step
+            positions, velocities = source.sample(now)
+            assert np.isfinite(positions).all() and np.isfinite(velocities).all()
+    source.configure(JointsConfig.from_parameters({"motions": {"slide": {"position": 0.3}}}))
+    source.sample(now + 1000.0)
+    assert source.sample(now + 1001.0)[0][1] == 0.3
+    source.received.receive(["finger", "elbow"], [received] * 2, [received] * 2, [received] * 2)
+    states = [*source.sample(now + 2000.0), source.efforts()]
+    assert all(np.isfinite(state).all() for state in states)
+
+
+def test_the_mended_file_mends() -> None:
+    """The sine of the field: products of its numbers were infinite."""
+    wild = {"motions": {"wheel": {"amplitude": 1e308, "frequency": 1e308}}}
+    with pytest.raises(ConfigError, match="motions.wheel.amplitude: 1e.308 is beyond 1e.60; write"):
+        JointsConfig.from_parameters(wild)
+    source = source_of({"motions": {"wheel": {"amplitude": 1e60, "frequency": 1e60}}})
+    for moment in np.arange(0.0, 3.0, 0.1):
+        assert np.isfinite(source.sample(moment)[0]).all()
+    source.configure(JointsConfig.from_parameters({"motions": {"wheel": {"position": 1.0}}}))
+    source.sample(5.0)
+    assert source.sample(10.0)[0][2] == 1.0
 
 
 @given(_parameters)
@@ -263,6 +364,35 @@ def test_a_refused_edit_changes_nothing() -> None:
     assert settled(source)["elbow"] == 0.5
 
 
+def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
+    """A joint that is gone, that is fixed or that follows now is reported; the others move on.
+
+    Later edits may leave these entries as they are, but not add others.
+    """
+    parameters = {
+        "motions": {name: {"position": 0.25} for name in ("elbow", "slide", "finger")},
+        "poses": {"up": {"elbow": 0.5, "wheel": 0.1}},
+    }
+    old, config = source_of(parameters), JointsConfig.from_parameters(parameters)
+    joints = [joint("elbow"), joint("slide", "fixed"), joint("finger", mimic=mimic("elbow", 0.5))]
+    with pytest.raises(ConfigError):
+        JointStateSource(joints, config, previous=old)
+    source = JointStateSource(joints, config, previous=old, tolerant=True)
+    assert {report.key: report.text.partition(" (")[0] for report in source.reports} == {
+        "motions.slide": 'joint "slide" is fixed',
+        "motions.finger": 'joint "finger" follows "elbow"; move that one, or set use_mimic_tags'
+        " to false",
+        "poses.up.wheel": 'the robot has no joint "wheel"',
+    }
+    assert settled(source) == pytest.approx({"elbow": 0.25, "finger": 0.125})
+    source.configure(JointsConfig.from_parameters({**parameters, "pose": "up"}))
+    assert settled(source, 2000.0) == pytest.approx({"elbow": 0.5, "finger": 0.25})
+    more = {**parameters, "dependent_joints.elbow.parent": "slide"}
+    with pytest.raises(ConfigError) as caught:
+        source.configure(JointsConfig.from_parameters(more))
+    assert [problem.key for problem in caught.value.problems] == ["dependent_joints.elbow"]
+
+
 def test_a_clock_that_goes_back_stops_nothing() -> None:
     """The joints stay where they are for that sample, and go on from there."""
     source = source_of({"motions": {"elbow": {"position": 1.0}}})
@@ -336,6 +466,17 @@ def test_received_states_override_motions() -> None:
     assert positions == pytest.approx([0.5, 0.4, 0.0, 0.5, -0.45])
     assert velocities == pytest.approx([0.2, 0.0, 0.0, 0.1, -0.1])
     assert source.efforts() == pytest.approx([2.0, 0.0, 0.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("received", [1e300, -1.7e308])
+def test_a_follower_of_an_enormous_position_stays_finite(received: float) -> None:
+    """Where it would have to be is beyond all numbers, so the value received is skipped."""
+    joints = [joint("lead"), joint("follow", mimic=mimic("lead", 1e10, 0.0))]
+    source = JointStateSource(joints)
+    source.received.receive(["lead"], [received], [received], [received])
+    for values in (*source.sample(0.0), source.efforts()):
+        assert np.isfinite(values).all()
+    assert source.sample(1.0)[0].tolist() == [0.0, 0.0]
 
 
 def test_a_message_of_unequal_lengths_is_ignored() -> None:

@@ -97,10 +97,15 @@ def test_a_joint_without_end_may_loop_over_whole_turns() -> None:
 
 
 def test_a_joint_that_cannot_move_is_told() -> None:
-    """A velocity limit of 0 leaves no time that would do."""
+    """A velocity limit of 0 leaves no time and no frequency that would do."""
     still = Allowed(-1.0, 1.0, 0.0)
     motion = Keyframes((0.0, 1.0), (0.0, 1.0), loop=False)
     assert "cannot move" in violations(motion, still)[0]
+    assert violations(Sine(0.5, 1.0), still)[0].endswith("lower frequency to 0")
+    slow = dataclasses.replace(still, velocity=1e-308)  # the time is beyond what a float holds
+    assert (
+        "give it inf s" in violations(dataclasses.replace(motion, positions=(-1.0, 1.0)), slow)[0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -199,3 +204,21 @@ def test_a_joint_without_end_that_loops_over_less_than_a_turn_jumps() -> None:
         )
         == 1
     )
+
+
+def test_the_speeds_between_keyframes_in_figures() -> None:
+    """The mean of each, and its peak when it blends; the time that would do, in four digits."""
+    motion = Keyframes((0.0, 0.5, 1.0, 9.0), (0.0, 1.0, -1.0, 0.0))
+    speed = "over its limit 0.5 rad/s"
+    assert violations(motion, MRM) == [
+        f"from keyframe 1 to 2 it peaks at 2 rad/s, {speed}: give it 2 s instead of 0.5",
+        f"from keyframe 2 to 3 it peaks at 4 rad/s, {speed}: give it 4 s instead of 0.5",
+    ]
+    smooth = dataclasses.replace(motion, blend="minimum_jerk")
+    assert violations(smooth, MRM) == [
+        f"from keyframe 1 to 2 it peaks at 3.75 rad/s, {speed}: give it 3.75 s instead of 0.5",
+        f"from keyframe 2 to 3 it peaks at 7.5 rad/s, {speed}: give it 7.5 s instead of 0.5",
+    ]
+    third = dataclasses.replace(MRM, velocity=0.3)
+    assert "give it 3.334 s" in violations(motion, third)[0]
+    assert "lower frequency to 0.04774" in violations(Sine(1.0, 1.0), third)[0]

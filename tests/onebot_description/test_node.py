@@ -43,6 +43,15 @@ def test_a_text_may_have_a_time_of_its_own() -> None:
     assert logged == ["1", "2"]
 
 
+def test_a_long_text_is_cut() -> None:
+    """It may name what somebody has published."""
+    logged: list[str] = []
+    log = Throttled(logged.append)
+    log("a", "x" * 1000)
+    log("b", "x" * 10**6)
+    assert logged == ["x" * 1000, "x" * 1000 + "..."]
+
+
 def test_a_kind_is_logged_again_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted from when it was logged, not from when it was last suppressed."""
     now = [100.0]

@@ -231,15 +231,16 @@ def test_places_are_only_of_what_the_file_decided(tmp_path: Path) -> None:
 
 
 def test_config_file_comes_last_and_can_change(tmp_path: Path) -> None:
-    """A file that cannot be read leaves things as they were."""
+    """It overrides the others, until it is taken away."""
     one = write(tmp_path / "one.yaml", "rate: 1")
     two = write(tmp_path / "two.yaml", "rate: 2")
     live = LiveParameters([one], LIVE_NODE, JointsConfig)
     live.add(str(two))
-    assert live.file.values == {"rate": 2}
-    with pytest.raises(ConfigError, match="cannot be read"):
-        live.add(str(tmp_path / "none.yaml"))
+    assert live.read().values == {"rate": 2}
     assert live.files == (one, two)
+    live.add(str(tmp_path / "none.yaml"))
+    with pytest.raises(ConfigError, match="cannot be read"):
+        live.read()
     live.add("")
-    assert live.file.values == {"rate": 1}
+    assert live.read().values == {"rate": 1}
     assert live.names == str(one)

@@ -2,24 +2,33 @@
 
 import math
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import pytest
+import rclpy
+from rclpy.node import Node
 
 from onebot_description.parameters.reader import (
     REQUIRED,
     ConfigError,
     Problem,
+    as_map,
+    declare,
     defaults,
+    descriptor,
     group,
     is_parameter,
     parameter,
     read,
+    replaced,
+    ros_parameter,
     unknown_parameters,
     values_of,
 )
+from tests.ros_support import ros_args
 
 
 @dataclass(frozen=True)
@@ -191,3 +200,212 @@ def test_names_and_defaults_as_ros_has_them() -> None:
     assert is_parameter(Settings, "poses.home.elbow") and not is_parameter(Settings, "pose")
     unknown = unknown_parameters(Settings, ["rate", "zeros.a", "use_sim_time", "rates"])
     assert [problem.key for problem in unknown] == ["rates"]
+    fixed = {"mass": None, "spokes": None, "center": [], "camera.eye": []}
+    assert defaults(Plain) == {**fixed, "camera.near": 0.1, "camera.far": 10.0}
+    names = ["lines", "lines.a", "lines.a.topic", "zeros", "main.camera", "poses.home"]
+    assert all(is_parameter(Settings, name) for name in names)
+    names = ["lines.a.topics", "main", "rate.a", "main.cameras", "speed"]
+    assert not any(is_parameter(Settings, name) for name in names)
+
+
+def test_what_every_node_has_is_neither_a_parameter_nor_a_mistake() -> None:
+    """Only those names, and those that begin as rclpy's own."""
+    names = ["use_sim_time", "start_type_description_service", "qos_overrides./a.b", "overrides.a"]
+    assert unknown_parameters(Settings, names) == []
+    assert read(Settings, dict.fromkeys(names, 1)).rate == 10.0
+    names = ["use_sim_times", "qos_overrides", "overridesa"]
+    assert [problem.key for problem in unknown_parameters(Settings, names)] == names
+
+
+@dataclass(frozen=True)
+class Mark:
+    """With a dotted name, and another that is its end."""
+
+    width: float = parameter(0.0, "m")
+    edge: float = parameter(0.0, "m", name="edge.width")
+
+
+@dataclass(frozen=True)
+class View:
+    """Groups and a map, as a saved view has them."""
+
+    size: tuple[float, float] | None = parameter(None, "m")
+    frame: str = parameter("odom", "a frame")
+    camera: Camera = group(Camera, "main.camera")
+    marks: Mapping[str, Mark] = parameter({}, "marks by name")
+
+
+def test_names_of_the_user_s_own_may_hold_dots() -> None:
+    """The longest end that is a parameter is it."""
+    values = {"marks.a.b.edge.width": 1.0, "marks.a.b.width": 2.0, "marks.edge.width": 3.0}
+    config = read(View, values)
+    assert config.marks == {"a.b": Mark(2.0, 1.0), "edge": Mark(3.0)}
+    assert "marks.a.b.depth: no such parameter" in refused({"marks.a.b.depth": 1.0}, View)
+    assert refused({"marks.a": 1.0}, View).startswith("marks.a: 1.0 is a number; write a map with")
+    assert "marks: 1.0 is a number; write a map of names, each a map with width, edge" in refused(
+        {"marks": 1.0}, View
+    )
+
+
+def test_maps_are_what_is_not_the_default() -> None:
+    """And read again they are the same."""
+    assert as_map(View()) == as_map(View(marks={}, camera=Camera())) == {}
+    marks = {"a": Mark(), "b": Mark(edge=0.5)}
+    view = View((1.0, 2.0), "map", Camera(far=5.0), marks)
+    written = {
+        "size": [1.0, 2.0],
+        "frame": "map",
+        "main.camera": {"far": 5.0},
+        "marks": {"a": {}, "b": {"edge.width": 0.5}},
+    }
+    assert as_map(view) == written
+    assert read(View, {**written, "marks.a.width": 0.0}) == view
+    assert as_map(View(camera=Camera(eye=(0.0, 0.0, 1.0)))) == {
+        "main.camera": {"eye": [0.0, 0.0, 1.0]}
+    }
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_empty_map_changes_nothing(order: int) -> None:
+    """Before what is in it or after; a map of names is then empty."""
+    values = [("main.camera", {}), ("main.camera.far", 5.0), ("zeros", {}), ("frames", ["a"])]
+    config = read(Settings, dict(values[::order]))
+    assert (config.camera, config.zeros, config.frames) == (Camera(far=5.0), {}, ("a",))
+    assert refused({"poses": 1.0}).endswith(
+        "write a map of names, each a map, such as {some_name: 0.5}"
+    )
+    assert refused({"name": {}}) == "name: is a map; write a string"
+    assert refused({"mass": 1.0, "spokes": 5, "center": [0, 0, 0]}, Plain) == "camera: is missing"
+
+
+def test_one_parameter_is_replaced() -> None:
+    """Checked, and by its dotted name."""
+    changed = replaced(Settings(), "main.camera.near", 1)
+    assert changed.camera == Camera(near=1.0) and isinstance(changed.camera.near, float)
+    assert (changed.rate, replaced(changed, "rate", 20).camera) == (10.0, changed.camera)
+    assert replaced(View((1.0, 2.0)), "size", []) == View()
+    for name, value, words in [
+        ("rate", 0, "rate: 0 is not above 0"),
+        ("rates", 1, 'rates: no such parameter (did you mean "rate"?'),
+        ("main.camera", 1, "main.camera: is more than one parameter"),
+        ("zeros.a", 1.0, "zeros.a: is more than one parameter"),
+    ]:
+        with pytest.raises(ConfigError, match=re.escape(words)):
+            replaced(Settings(), name, value)
+
+
+def test_the_place_of_a_problem() -> None:
+    """Its parameter's own, or that of the first in its group; nobody else's."""
+    places = {"lines.ab.width": "f:1", "lines.a.width": "f:2", "lines.a.topic": "f:3", "b": "f:4"}
+    assert Problem("lines.a.topic", "t").message(places) == "f:3: lines.a.topic: t"
+    assert Problem("lines.a", "t").message(places) == "f:2: lines.a: t"
+    assert Problem("line", "t").message(places) == "line: t"
+    assert Problem("", "t").message(places) == Problem("", "t").message() == "t"
+    error = ConfigError([Problem("b", "t"), Problem("", "u")])
+    assert (str(error), str(error.located(places))) == ("b: t\nu", "f:4: b: t\nu")
+    for one, other, same in [("a", "a.b", True), ("a.b", "a.b", True), ("a", "ab", False)]:
+        assert Problem(one, "").overlaps(Problem(other, "")) is same
+        assert Problem(other, "").overlaps(Problem(one, "")) is same
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Of every form."""
+
+    most: float = parameter(0.0, "m", at_most=5.0, read_only=True)
+    least: int = parameter(0, "steps", at_least=-2)
+    up_to: int = parameter(0, "steps", at_most=2)
+    beyond: int = parameter(2, "steps", above=1)
+    free: float = parameter(0.0, "m")
+
+
+_MOST, _INTEGERS = sys.float_info.max, (-(2**63), 2**63 - 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "floats", "integers"),
+    [
+        (Settings, "rate", (0.0, 100.0), None),
+        (Settings, "count", None, (1, 9)),
+        (Settings, "main.camera.near", (0.0, _MOST), None),
+        (Settings, "lines.a.width", (0.0, _MOST), None),
+        (Settings, "color", None, None),
+        (Settings, "limit", None, None),
+        (Settings, "name", None, None),
+        (Settings, "on", None, None),
+        (Settings, "zeros.a", None, None),
+        (Ranges, "most", (-_MOST, 5.0), None),
+        (Ranges, "least", None, (-2, _INTEGERS[1])),
+        (Ranges, "up_to", None, (_INTEGERS[0], 2)),
+        (Ranges, "beyond", None, (1, _INTEGERS[1])),
+        (Ranges, "free", None, None),
+    ],
+)
+def test_ranges_as_ros_has_them(
+    kind: type,
+    name: str,
+    floats: tuple[float, float] | None,
+    integers: tuple[int, int] | None,
+) -> None:
+    """Of single numbers that may not be NaN; the rest is in words."""
+    found = descriptor(kind, name)
+    given = [(one.from_value, one.to_value) for one in found.floating_point_range]
+    assert given == ([floats] if floats else [])
+    given = [(one.from_value, one.to_value, one.step) for one in found.integer_range]
+    assert given == ([(*integers, 1)] if integers else [])
+    assert found.dynamic_typing and found.description
+    assert found.read_only == (name == "most")
+
+
+def test_descriptions_as_ros_has_them() -> None:
+    """Of parameters only: groups, maps and unknown names have none."""
+    found = descriptor(Settings, "main.camera.eye")
+    assert (found.description, found.additional_constraints) == ("where it is, m", "3 numbers")
+    for name in ("main.camera", "lines", "lines.a", "nothing", "lines.a.b"):
+        found = descriptor(Settings, name)
+        assert found.dynamic_typing and not (found.description or found.additional_constraints)
+
+
+def test_a_list_without_items_is_one_of_strings() -> None:
+    """ROS has no list of nothing; None unsets a parameter."""
+    kinds = rclpy.Parameter.Type
+    values = {
+        kinds.STRING_ARRAY: [],
+        kinds.DOUBLE_ARRAY: [1.0],
+        kinds.INTEGER: 1,
+        kinds.NOT_SET: None,
+    }
+    for kind, value in values.items():
+        made = ros_parameter("a", value)
+        assert (made.name, made.type_, made.value) == ("a", kind, value)
+
+
+def test_a_node_declares_them(ros_domain: int) -> None:
+    """The command line overrides what is given, and what is fixed overrides the command line."""
+    line = {"rate": 20, "count": 5, "name": "line", "frames": "[a]", "main.camera.near": -1.0}
+    rclpy.init(args=ros_args(**line, **{"zeros.elbow": 1}))
+    node = Node("settings")
+    try:
+        given = {"count": 7, "mode": "fast", "zeros.elbow": None, "colour": "red"}
+        given |= {"zeros.wrist": None, "main.camera.far": 2000}
+        found = declare(node, Settings, given, {"name": "fixed"})
+        changed = {"rate": 20, "count": 5, "name": "fixed", "frames": ["a"], "mode": "fast"}
+        changed |= {"main.camera.near": -1.0, "main.camera.far": 2000, "zeros.elbow": 1}
+        assert math.isnan(found.pop("limit"))
+        wanted = {**defaults(Settings), **changed}
+        del wanted["limit"]
+        assert found == wanted
+        assert node.get_parameter("colour").value == "red"  # declared, though nobody's
+        again = declare(node, Settings, {"rate": 1.0})
+        assert again["rate"] == 20
+        described = {name: node.describe_parameter(name) for name in ("rate", "color", "name")}
+        assert described["rate"].floating_point_range[0].to_value == 100.0
+        assert described["color"].description == "sRGB bytes"
+        # Out of its range: without the range, for ``read`` to report it.
+        assert not node.describe_parameter("main.camera.near").floating_point_range
+        assert refused(found) == ("main.camera.near: -1 is not above 0; write a number above 0")
+        refusal = node.set_parameters([ros_parameter("rate", 1000.0)])[0]
+        assert not refusal.successful
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()

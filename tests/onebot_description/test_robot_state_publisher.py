@@ -15,6 +15,7 @@ from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
 MODULE = "onebot_description.robot_state_publisher"
+LATEST = 2**31 - 1  # seconds of a stamp
 ARM = """<robot name="arm">
   <link name="base"/><link name="plate"/><link name="link1"/>
   <joint name="mount" type="fixed">
@@ -203,6 +204,7 @@ def test_bad_messages_leave_it_running(ros_domain, arm):
             (_state(float("nan")), "without a finite position: turn"),
             (JointState(header=Header(stamp=Time(sec=1)), name=["turn"]), "1 names but 0"),
             (_state(1.0, seconds=0), "with stamp 0"),
+            (_state(float("nan"), seconds=LATEST), "without a finite position: turn"),
             (b"\x00\x01\x00\x00\xff\xff\xff\xff", "cannot be read"),
         ):
             _until(lambda bad=bad: publisher.publish(bad), node, warning)
@@ -211,6 +213,18 @@ def test_bad_messages_leave_it_running(ros_domain, arm):
         assert not moving
         _send_until(publisher, moving, 0.5)
         assert moving[0].transforms[0].child_frame_id == "link1"
+        future = Time(sec=LATEST, nanosec=2**32 - 1)
+        message = _state(0.75)
+        message.header.stamp = future
+
+        def sent_to_the_future():
+            publisher.publish(message)
+            return moving[-1].transforms[0].header.stamp == future
+
+        wait_for(sent_to_the_future, "a transform of the future")
+        moving.clear()
+        _send_until(publisher, moving, 0.5)
+        assert "stamps of joint states went back" in node.output
 
 
 @pytest.mark.parametrize(

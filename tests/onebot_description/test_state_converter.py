@@ -1,6 +1,8 @@
 """The compiled call gives, bit by bit, what ordinary messages give, for any sequence of bytes."""
 
 import gc
+import time
+import tracemalloc
 import weakref
 
 import numpy as np
@@ -14,6 +16,7 @@ from std_msgs.msg import Header
 
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
+from onebot_description.wire.messages import one_joint_state
 from onebot_description.wire.state_converter import JointStatePlan, StateConverter
 from onebot_description.wire.tf_message import TFMessage
 from tests.random_robots import chain, robots
@@ -61,7 +64,9 @@ def joint_states(draw, joints):
     positions = draw(
         st.lists(value, min_size=size, max_size=size) | st.lists(value, max_size=size + 1)
     )
-    stamp = (draw(st.integers(0, 3)), draw(st.integers(0, 999_999_999)))
+    seconds = st.integers(0, 3) | st.sampled_from([-(2**31), -1, 12, 2**31 - 1])
+    nanoseconds = st.integers(0, 999_999_999) | st.sampled_from([10**9, 2**32 - 1])
+    stamp = (draw(seconds), draw(nanoseconds))
     frame_id = draw(st.sampled_from(["", "base", "a_frame_with_a_name"]))
     extra = [draw(st.lists(value, max_size=4)) for _ in range(2)]
     return _message(names, positions, stamp, frame_id, *extra)
@@ -125,17 +130,80 @@ def test_old_stamps_wait_until_the_clock_is_set_back():
     """An older stamp is dropped; when the node's clock went back, it is published afresh."""
     warnings = []
     converter = StateConverter(_model(chain(1)), warn=lambda key, _: warnings.append(key))
-    new, old = (serialize_message(_message(["joint_0"], [0.0], (s, 0))) for s in (20, 10))
+    new, old = (serialize_message(_message(["joint_0"], [0.0], (s, 0))) for s in (20, 15))
     assert converter.convert_bytes(new, NOW) is not None
     assert converter.convert_bytes(old, NOW + 1) is None
     assert converter.convert_bytes(old, NOW - 1) is not None
-    assert warnings == ["clock"]
+    assert warnings == ["old", "clock"]
+
+
+LATEST = (2**31 - 1, 2**32 - 1)  # a stamp beyond what the number of seconds can hold
+
+
+def test_a_stamp_in_the_future_does_not_silence_tf():
+    """Both ways copy the stamp as it came, and publish the next message by its own."""
+    warnings = []
+    options = {"warn": lambda key, _: warnings.append(key)}
+    states = [_message(["joint_0"], [0.5], stamp) for stamp in ((1, 0), LATEST, (2, 0), (3, 0))]
+    for state, both in zip(states, _both(_model(chain(1)), states, **options), strict=True):
+        for message in both:
+            [edge] = message.transforms
+            assert edge.header.stamp == state.header.stamp
+    assert warnings == ["back", "back"]
+
+
+def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
+    """It once ended the node."""
+    model = _model(chain(2))
+    message = _message(["joint_0", "joint_1"], [np.nan, 0.5], LATEST)
+    for published in next(_both(model, [message])):
+        [edge] = published.transforms
+        assert (edge.header.stamp.sec, edge.header.stamp.nanosec) == LATEST
+        assert edge.child_frame_id == "link_2"
+
+
+def _seconds(converter, message):
+    data = serialize_message(message)
+    start = time.process_time()
+    converter.convert_message(data, NOW)
+    return time.process_time() - start
+
+
+def test_bad_positions_take_time_by_their_number():
+    """40,000 of them, and not its square, which would be about a thousand times as long."""
+    converter = StateConverter(_model(chain(1)), ignore_timestamp=True)
+    names = [f"unknown_{number}" for number in range(40_000)]
+    good, bad = (
+        min(_seconds(converter, _message(names, [position] * len(names))) for _ in range(3))
+        for position in (0.0, np.nan)
+    )
+    assert bad < 50 * max(good, 0.001)
+
+
+@pytest.mark.usefixtures("quick_collector")
+def test_what_is_remembered_of_messages_is_bounded():
+    """Of 100 MB of names about a tenth at most, whatever the sizes of the messages are."""
+    converter = StateConverter(_model(chain(1)), ignore_timestamp=True)
+    gc.collect()
+    tracemalloc.start()
+    try:
+        for number in range(100):
+            names = ["joint_0", *(f"{number}_{index}" + "x" * 90 for index in range(10_000))]
+            data = serialize_message(_message(names, [0.0] * len(names)))
+            assert converter.convert_bytes(data, NOW) is not None
+            assert one_joint_state(data).names[0] == "joint_0"
+            del data, names
+        kept, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept < 40e6
 
 
 @pytest.mark.parametrize(
     ("message", "key"),
     [
         (_message(["joint_0"], [0.0], (0, 0)), "stamp"),
+        (_message(["joint_0"], [0.0], (-1, 999_999_999)), "stamp"),
         (_message(["joint_0"], []), "empty"),
         (_message(["joint_0"], [1.0, 2.0]), "sizes"),
         (_message(["joint_0"], [float("nan")]), "finite"),
@@ -283,6 +351,8 @@ def test_what_is_not_usual_takes_ordinary_messages(monkeypatch):
     assert ordinary(1e101, (5, 2)) == 1
     assert ordinary(-np.inf, (5, 2)) == 1
     assert ordinary(0.0, (0, 0)) == 1
+    assert ordinary(0.0, (-1, 0)) == 1
+    assert ordinary(0.0, (5, 0)) == 1
     assert ordinary(0.0, (4, 0), NOW - 1) == 1
     assert ordinary(0.0, (4, 1), NOW - 1) == 0
 

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
 
 MAIN = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -44,3 +46,62 @@ def test_a_file_that_cannot_be_read_declares_nothing(tmp_path: Path) -> None:
     for name in ("bad.xacro", "absent.xacro", ""):
         assert xacro_arguments(str(tmp_path / name)) == XacroArguments()
     assert xacro_arguments("package://no_such_package/x.xacro") == XacroArguments()
+
+
+def robot(inside: str) -> str:
+    return f'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{inside}<link/></robot>'
+
+
+@pytest.mark.parametrize(
+    ("included", "complete"),
+    [
+        ("part.xacro", True),
+        ("absent.xacro", True),
+        ("$(find onebot_description)/urdf/onebot.urdf.xacro", True),
+        ("$(find no_such_package)/urdf/part.xacro", False),
+        ("$(arg part).xacro", False),
+        ("${part}.xacro", False),
+        ("$(find onebot_description", False),
+        ("", False),
+    ],
+)
+def test_includes_that_can_be_followed(tmp_path: Path, included: str, complete: bool) -> None:
+    """All whose name stands there; elements of URDF are none."""
+    main = tmp_path / "main.xacro"
+    main.write_text(robot(f'<xacro:include filename="{included}"/>'))
+    (tmp_path / "part.xacro").write_text(robot('<xacro:arg name="colour" default="red"/>'))
+    found = xacro_arguments(str(main))
+    assert found.complete is complete
+    followed = complete and included != "absent.xacro"
+    assert len(included_files(str(main))) > 1 if followed else included_files(str(main)) == (main,)
+    if included == "part.xacro":
+        assert [argument.name for argument in found.arguments] == ["colour"]
+
+
+def test_arguments_that_are_used_without_being_declared(tmp_path: Path) -> None:
+    """In texts, attributes and expressions; declared ones are those that are declared first."""
+    main = tmp_path / "main.xacro"
+    main.write_text(
+        robot(
+            '<a b="$(arg used) $( arg spaced )"/>$(arg used)<c>$(arg text)</c>'
+            '<d e="${xacro.arg(\'inner\')}"/><f g="$(arg both)"/>'
+            '<xacro:arg name="both" default="1"/><xacro:arg name="both" default="2"/>'
+            '<xacro:arg/><arg name="no_xacro"/><xacro:arg name="void" default=""/>'
+        )
+    )
+    found = {argument.name: argument for argument in xacro_arguments(str(main)).arguments}
+    assert sorted(found) == ["both", "inner", "spaced", "text", "used", "void"]
+    assert found["both"] == ("both", "1", "declared in main.xacro")
+    assert found["used"] == ("used", "", "used in main.xacro, required")
+    assert found["void"] == ("void", "", "declared in main.xacro")
+
+
+def test_includes_of_includes_end(tmp_path: Path) -> None:
+    """After ten; a file that includes itself is one file."""
+    for number in range(15):
+        text = robot(f'<xacro:include filename="{number + 1}.xacro"/>')
+        (tmp_path / f"{number}.xacro").write_text(text)
+    files = included_files(str(tmp_path / "0.xacro"))
+    assert files == tuple(tmp_path / f"{number}.xacro" for number in range(11))
+    (tmp_path / "self.xacro").write_text(robot('<xacro:include filename="self.xacro"/>'))
+    assert included_files(str(tmp_path / "self.xacro")) == (tmp_path / "self.xacro",)

@@ -1,0 +1,105 @@
+"""YAML that may be anything at all, read within bounds of size, depth, number of values and time.
+
+A small text can be large: aliases of aliases double what they stand for, and brackets in brackets
+end a parser that calls itself. So each text is first read as a flat series of events, which costs
+time in proportion to its length, and refused before a tree is made of it.
+"""
+
+import os
+import stat
+import time
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+# libyaml's, which rcl uses as well; not in every build of PyYAML.
+SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+_MOST_BYTES = 50_000_000  # a node's parameters may hold a whole URDF
+_MOST_LEVELS = 64
+_MOST_VALUES = 500_000  # 10,000 joints with a motion each are 120,000
+_MOST_SECONDS = 20.0
+
+
+class BoundError(yaml.MarkedYAMLError):
+    """A text that is YAML, but too much of it; ``problem`` is what, ``problem_mark`` where."""
+
+
+def read_text(file: Path) -> str:
+    """Return the text of a file, which must be a regular one: a pipe or a device may never end.
+
+    Raises:
+        OSError: it cannot be read, or is no such file.
+        UnicodeDecodeError: it is not UTF-8.
+    """
+    # Without waiting: to open a pipe takes until somebody writes to it.
+    descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with open(descriptor, "rb") as opened:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(0, "not a regular file")
+        data = opened.read(_MOST_BYTES + 1)
+    if len(data) > _MOST_BYTES:
+        raise OSError(0, f"larger than {_MOST_BYTES // 1_000_000} MB")
+    return data.decode()
+
+
+def load(text: str, loader: Any = SafeLoader) -> Any:
+    """Return what YAML stands for, as ``yaml.load`` does.
+
+    Raises:
+        yaml.YAMLError: it is no YAML; a BoundError if there is too much of it.
+    """
+    _check(text, loader, aliases=True)
+    try:
+        return yaml.load(text, Loader=loader)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        # For a value that does not suit its tag, such as !!int "".
+        raise yaml.YAMLError(" ".join(str(error).split())) from None
+
+
+def compose(text: str, *, aliases: bool = True) -> yaml.Node | None:
+    """Return the tree of a text; None if it is empty.
+
+    Args:
+        text: the YAML.
+        aliases: it may have some.
+
+    Raises:
+        yaml.YAMLError: as for ``load``.
+    """
+    _check(text, SafeLoader, aliases)
+    return yaml.compose(text, Loader=SafeLoader)
+
+
+def _check(text: str, loader: Any, aliases: bool) -> None:
+    """Refuse what would be too large as a tree, with each alias replaced by what it stands for."""
+    deadline = time.monotonic() + _MOST_SECONDS
+    count = 0
+    sizes: dict[str | None, int] = {}  # values that each anchor stands for
+    begun: list[tuple[str | None, int]] = []  # maps and lists: the anchor, the values before
+    for event in yaml.parse(text, Loader=loader):
+        if isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = begun.pop()
+            sizes[anchor] = count - before
+        elif isinstance(event, yaml.AliasEvent):
+            if not aliases:
+                _refuse(event, f"ROS parameters know no aliases such as *{event.anchor}")
+            if any(event.anchor == anchor for anchor, _ in begun):
+                _refuse(event, f"*{event.anchor} is within what it stands for")
+            count += sizes.get(event.anchor, 1)
+        elif isinstance(event, yaml.NodeEvent):
+            sizes[event.anchor] = 1
+            if isinstance(event, yaml.CollectionStartEvent):
+                begun.append((event.anchor, count))
+            count += 1
+        if len(begun) > _MOST_LEVELS:
+            _refuse(event, f"maps and lists are nested more than {_MOST_LEVELS} deep")
+        if count > _MOST_VALUES:
+            _refuse(event, f"more than {_MOST_VALUES} values, counted where aliases repeat them")
+        if time.monotonic() > deadline:
+            _refuse(event, f"not read to its end within {_MOST_SECONDS:.0f} s")
+
+
+def _refuse(event: yaml.Event, text: str) -> None:
+    raise BoundError(None, None, text, event.start_mark)  # type: ignore[arg-type, unused-ignore]

@@ -1,0 +1,118 @@
+"""Messages of any type and any content, for property tests."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from rosidl_parser.definition import (
+    AbstractGenericString,
+    AbstractNestedType,
+    Array,
+    BasicType,
+    NamespacedType,
+)
+
+from onebot_bringup.introspection.interfaces import nested_class
+
+_TIME = ["builtin_interfaces", "msg", "Time"]
+_INTEGERS = {f"{sign}int{bits}": (sign, bits) for sign in ("", "u") for bits in (8, 16, 32, 64)}
+# Ordinary numbers, too: most of what reacts at all reacts to messages that are nearly right.
+_doubles = st.floats(width=64) | st.sampled_from([0.0, 0.5, 1.0, -1.0, 1e6, 1e300, -1.7e308])
+_characters = st.characters(exclude_categories=("Cs",), exclude_characters="\0")
+_seconds = st.integers(-(2**31), 2**31 - 1) | st.sampled_from([0, 1, 10**9, 2**31 - 1])
+_nanoseconds = st.integers(0, 2**32 - 1) | st.sampled_from([0, 10**9, 2**32 - 1])
+
+
+def messages(kind: Any, names: Sequence[str] = ()) -> st.SearchStrategy[Any]:
+    """Messages of the class ``kind``; strings in it are often one of ``names``."""
+    return st.builds(lambda values: _filled(kind, values), _values(kind, tuple(names)))
+
+
+def _filled(kind: Any, values: dict[str, Any]) -> Any:
+    message = kind()
+    for name, value in values.items():
+        setattr(message, name, value)
+    return message
+
+
+def _values(kind: Any, names: tuple[str, ...]) -> st.SearchStrategy[dict[str, Any]]:
+    slots = dict(zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True))
+    return _named_alike(
+        st.fixed_dictionaries({name: _value(slot, names) for name, slot in slots.items()})
+        if kind.__module__ != "builtin_interfaces.msg._time"
+        else st.fixed_dictionaries({"sec": _seconds, "nanosec": _nanoseconds})
+    )
+
+
+def _named_alike(values: st.SearchStrategy[dict[str, Any]]) -> st.SearchStrategy[dict[str, Any]]:
+    """Joint states often with a position for each name, as those have that count."""
+    return st.builds(_with_positions, values, st.booleans())
+
+
+def _with_positions(values: dict[str, Any], matching: bool) -> dict[str, Any]:
+    if matching and "position" in values and "name" in values:
+        given = list(values["position"]) or [0.5]
+        count = len(values["name"])
+        values = {**values, "position": (given * count)[:count]}
+    return values
+
+
+def _value(slot: Any, names: tuple[str, ...]) -> st.SearchStrategy[Any]:
+    if isinstance(slot, BasicType):
+        return _number(slot.typename)
+    if isinstance(slot, AbstractGenericString):
+        return _strings(names)
+    if isinstance(slot, NamespacedType):
+        return messages(nested_class(slot), names)
+    assert isinstance(slot, AbstractNestedType)
+    item = _value(slot.value_type, names)
+    if isinstance(slot, Array):
+        return st.lists(item, min_size=slot.size, max_size=slot.size)
+    return st.lists(item, max_size=6)
+
+
+def _number(kind: str) -> st.SearchStrategy[Any]:
+    if kind == "double":
+        return _doubles
+    if kind == "float":
+        return st.floats(width=32)
+    if kind == "boolean":
+        return st.booleans()
+    sign, bits = _INTEGERS[kind]
+    least = 0 if sign else -(2 ** (bits - 1))
+    return st.integers(least, least + 2**bits - 1)
+
+
+def _strings(names: tuple[str, ...]) -> st.SearchStrategy[str]:
+    some = st.text(_characters, max_size=20) | st.sampled_from(["", "/", "x" * 100_000])
+    return st.sampled_from(names) | some if names else some
+
+
+def broken(draw: Any, data: bytes) -> bytes:
+    """``data``, sometimes cut, longer, of another encoding, or with other bytes somewhere."""
+    if draw(st.integers(0, 3)):
+        return data
+    place = draw(st.integers(0, len(data)))
+    other = draw(st.binary(max_size=12))
+    return data[:place] + other + draw(st.sampled_from([data[place + len(other) :], b"", data]))
+
+
+def received(subscription: Any, data: bytes) -> None:
+    """Call a subscription's callback as the executor does when ``data`` comes.
+
+    Where it takes no raw bytes, what is no message of the type does not get as far as Python.
+    """
+    if subscription.raw:
+        subscription.callback(data)
+        return
+    try:
+        message = deserialize_message(data, subscription.msg_type)
+    except Exception:  # of many kinds
+        return
+    subscription.callback(message)
+
+
+def serialized(message: Any) -> bytes:
+    """Return the bytes of a message on the wire."""
+    return bytes(serialize_message(message))

@@ -1,0 +1,127 @@
+"""onebot_description.parameters.bounded_yaml: whatever a file holds is read, or refused, soon."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from onebot_bringup.bags.reader import Bag
+from onebot_bringup.introspection.parameter_values import parse_value
+from onebot_bringup.viewer.view_config import load_view
+from onebot_control.parameters import read_control_files
+from onebot_description.cad.dimensions import read_dimensions
+from onebot_description.errors import OneBotError
+from onebot_description.joints.config import JointsConfig
+from onebot_description.parameters import bounded_yaml
+from onebot_description.parameters.files import read_files, read_map, read_parameters
+from onebot_description.parameters.reader import ConfigError
+
+NESTED = "".join(f"{' ' * level}a:\n" for level in range(3000))
+BRACKETS = "a: " + "[" * 20_000
+BOMB = "a: &a [x, x]\n" + "".join(
+    f"{name}: &{name} [{', '.join([f'*{before}'] * 10)}]\n"
+    for before, name in zip("abcdefghij", "bcdefghijk", strict=True)
+)
+MERGES = "a: &a {x: 1, y: 2}\n" + "".join(
+    f"{name}: &{name} {{<<: [{', '.join([f'*{before}'] * 10)}]}}\n"
+    for before, name in zip("abcdefghij", "bcdefghijk", strict=True)
+)
+MANY = "a: [" + "1, " * 600_000 + "1]\n"
+HOSTILE = {
+    "nested": (NESTED, "nested more than 64 deep"),
+    "brackets": (BRACKETS, "nested more than 64 deep"),
+    "flow maps": ("a: " + "{a: " * 20_000, "nested more than 64 deep"),
+    "dashes": ("a:\n " + "- " * 20_000, "nested more than 64 deep"),
+    "alias bomb": (BOMB, "more than 500000 values"),
+    "merge bomb": (MERGES, "more than 500000 values"),
+    "many": (MANY, "more than 500000 values"),
+    "within itself": ("a: &a {b: *a}\n", "*a is within what it stands for"),
+    "list in itself": ("a: &a [*a]\n", "*a is within what it stands for"),
+}
+
+
+@pytest.mark.parametrize(("text", "words"), HOSTILE.values(), ids=HOSTILE.keys())
+def test_too_much_is_refused_with_its_line(text: str, words: str) -> None:
+    """As a map, by an error of the parameters; elsewhere by PyYAML's own."""
+    with pytest.raises(ConfigError) as caught:
+        read_map(text, "view.yaml")
+    assert str(caught.value).startswith("view.yaml:") and words in str(caught.value)
+    with pytest.raises(yaml.YAMLError, match="values|deep|within"):
+        bounded_yaml.load(text)
+
+
+@pytest.mark.parametrize("name", [name for name in HOSTILE if name != "many"])
+def test_every_file_is_read_within_the_bounds(name: str, tmp_path: Path) -> None:
+    """Parameters, control, views, dimensions and the metadata of recordings."""
+    text = HOSTILE[name][0]
+    file = tmp_path / "metadata.yaml"
+    file.write_text(text)
+    for read in (
+        lambda: read_files([file], "/jsp", JointsConfig),
+        lambda: read_control_files([file], "/", "velocity_controller"),
+        lambda: load_view(file),
+        lambda: read_dimensions(file),
+        lambda: Bag(tmp_path),  # without a file that holds messages
+    ):
+        with pytest.raises(OneBotError):
+            read()
+    assert parse_value(text)[2] == text, "a string, as all that is not YAML"
+
+
+def test_aliases_that_repeat_little_are_fine() -> None:
+    """They are counted as what they stand for."""
+    assert bounded_yaml.load("a: &a {b: 1}\nc: [*a, *a]\n") == {"a": {"b": 1}, "c": [{"b": 1}] * 2}
+
+
+def test_depth_and_number_have_room() -> None:
+    """For 10,000 joints with a motion each, and for maps in maps."""
+    motion = "{type: sine, offset: 0.0, amplitude: 1.0, frequency: 0.1, phase: 0.0}"
+    joints = "".join(f"      j{number}: {motion}\n" for number in range(10_000))
+    text = f"jsp:\n  ros__parameters:\n    motions:\n{joints}"
+    assert len(read_parameters(text, "file.yaml", "/jsp").values) == 50_000
+    assert bounded_yaml.load("[" * 64 + "]" * 64)
+
+
+def test_only_regular_files_are_read(tmp_path: Path) -> None:
+    """A pipe, a device and a folder are refused at once."""
+    os.mkfifo(tmp_path / "pipe.yaml")
+    for file in (tmp_path / "pipe.yaml", Path("/dev/zero"), tmp_path):
+        with pytest.raises(
+            ConfigError, match="cannot be read: (not a regular file|Is a directory)"
+        ):
+            read_files([file], "/jsp", JointsConfig)
+
+
+def test_a_huge_file_is_refused(tmp_path: Path) -> None:
+    """A sparse one, too: no more than the bound is read."""
+    with (tmp_path / "huge.yaml").open("wb") as file:
+        file.truncate(10**11)
+    with pytest.raises(ConfigError, match="larger than 50 MB"):
+        read_files([tmp_path / "huge.yaml"], "/jsp", JointsConfig)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['!!int ""', "!!bool x", "!!timestamp x", "!!float ''", "!!binary x", "1" + ":9" * 300 + ".5"],
+)
+def test_a_tag_that_does_not_suit_its_value_is_invalid(text: str) -> None:
+    """PyYAML raises errors of several kinds."""
+    with pytest.raises(ConfigError, match=r"view.yaml:1: "):
+        read_map(f"a: {text}\n", "view.yaml")
+    with pytest.raises(yaml.YAMLError):
+        bounded_yaml.load(f"a: {text}\n")
+
+
+def test_thousands_of_mistakes_are_a_short_message(tmp_path: Path) -> None:
+    """Found in time that does not grow with their square."""
+    file = tmp_path / "joints.yaml"
+    names = "".join(f"    wrong_{number}: 1\n" for number in range(30_000))
+    file.write_text(f"jsp:\n  ros__parameters:\n{names}")
+    began = time.process_time()
+    with pytest.raises(ConfigError) as caught:
+        JointsConfig.from_parameters(read_files([file], "/jsp", JointsConfig).values)
+    assert len(str(caught.value).splitlines()) < 60
+    assert str(caught.value).splitlines()[-1].startswith("and ")
+    assert time.process_time() - began < 60.0, "it took hours"

@@ -1,0 +1,197 @@
+"""onebot_description.parameters.values: the edges of each rule, and the words for it."""
+
+import math
+import re
+from array import array
+from typing import Any
+
+import pytest
+
+from onebot_description.parameters.values import Rule, ValueType, plain, shown
+
+SMALL = 5e-324
+BELOW_ONE, ABOVE_ONE = math.nextafter(1.0, 0.0), math.nextafter(1.0, 2.0)
+LIMIT = Rule("m/s", at_least=0.0, nan="no limit")
+
+
+@pytest.mark.parametrize(
+    ("rule", "words", "within", "beyond"),
+    [
+        (Rule(), "", [-1e300, 0.0, 1e300], []),
+        (Rule(above=0.0), "above 0", [SMALL, 1e300], [0.0, -0.0, -SMALL]),
+        (Rule(above=0.0, at_most=1.0), "above 0 and up to 1", [SMALL, 1.0], [0.0, ABOVE_ONE]),
+        (Rule(at_least=1.0), "from 1", [1.0, 1e300], [BELOW_ONE, -1.0]),
+        (Rule(at_least=0.0, at_most=1.0), "from 0 to 1", [0.0, 1.0], [-SMALL, ABOVE_ONE]),
+        (Rule(at_most=1.0), "up to 1", [-1e300, 1.0], [ABOVE_ONE]),
+        (Rule(at_most=0.0), "up to 0", [-1.0, 0.0], [SMALL]),
+    ],
+)
+def test_ranges_at_their_edges(
+    rule: Rule, words: str, within: list[float], beyond: list[float]
+) -> None:
+    """``above`` leaves its own value out, the other two hold it."""
+    assert rule.range == words
+    assert [rule.beyond(value) for value in within] == [""] * len(within)
+    assert all(rule.beyond(value) for value in beyond)
+    assert all(ValueType(float, rule).checked(value) == value for value in within)
+    for value in beyond:
+        with pytest.raises(ValueError, match=f"write a number {words}$"):
+            ValueType(float, rule).checked(value)
+
+
+def test_the_side_on_which_a_value_is_out_of_range() -> None:
+    """With the bound."""
+    assert Rule(above=0.0, at_most=2.0).beyond(0.0) == "is not above 0"
+    assert Rule(at_least=1.5).beyond(1.0) == "is below 1.5"
+    assert Rule(at_least=1.5, at_most=2.0).beyond(3.0) == "is above 2"
+    assert Rule(above=0.0).beyond(math.nan) == "is not above 0"
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "checked"),
+    [
+        (ValueType(float), 3, 3.0),
+        (ValueType(float), -(10**300), -1e300),
+        (ValueType(int, Rule(at_least=1, at_most=9)), 1, 1),
+        (ValueType(int, Rule(at_least=1, at_most=9)), 9, 9),
+        (ValueType(bool), False, False),
+        (ValueType(str), "", ""),
+        (ValueType(str, Rule(choices=("a", "b"))), "b", "b"),
+        (ValueType(str, Rule(pattern=re.compile("a+"))), "aa", "aa"),
+        (ValueType(float, Rule(), many=True), [], ()),
+        (ValueType(float, Rule(), many=True), array("d", [1.0, 1.0]), (1.0, 1.0)),
+        (ValueType(int, Rule(unique=True), many=True), (2, 1), (2, 1)),
+        (ValueType(float, Rule(), many=True, length=2), [1, 2], (1.0, 2.0)),
+        (ValueType(float, Rule(), many=True, length=2, optional=True), [], None),
+        (ValueType(float, Rule(), many=True, length=2, optional=True), [0, 0], (0.0, 0.0)),
+        (ValueType(float, optional=True), None, None),
+        (ValueType(float, optional=True), 0.0, 0.0),
+    ],
+)
+def test_values_that_are_right(kind: ValueType, value: Any, checked: Any) -> None:
+    """As the type says: a tuple for a list, a float for whole numbers, None for not given."""
+    found = kind.checked(value)
+    assert found == checked and type(found) is type(checked)
+
+
+def test_nan_where_it_means_something() -> None:
+    """Infinity means nothing even there."""
+    assert math.isnan(ValueType(float, LIMIT).checked(math.nan))
+    for value in (math.inf, -math.inf, 10**400):
+        with pytest.raises(ValueError, match="inf is not finite; write a number from 0"):
+            ValueType(float, LIMIT).checked(value)
+
+
+_STRINGS = ValueType(str, Rule(not_empty=True), many=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "text"),
+    [
+        (ValueType(float), None, "has no value; write a number"),
+        (ValueType(float), [1.0], "[1.0] is a list; write a number"),
+        (
+            ValueType(float, LIMIT),
+            -1.0,
+            "-1 is below 0; write a number from 0, or .nan for no limit",
+        ),
+        (
+            ValueType(float, Rule(write="a width, in m")),
+            "w",
+            '"w" is a string; write a width, in m',
+        ),
+        (ValueType(int), 1.0, "1.0 is a number; write an integer"),
+        (ValueType(int), True, "true is a bool; write an integer"),
+        (ValueType(int, Rule(at_least=1)), 0, "0 is below 1; write a number from 1"),
+        (ValueType(bool), 0, "0 is a number; write true or false"),
+        (ValueType(str), {}, "is a map; write a string"),
+        (ValueType(str), 1.5, '1.5 is a number; write a string, such as "1.5"'),
+        (ValueType(str), True, "true is a bool; write a string"),
+        (ValueType(str, Rule(not_empty=True)), "", "is empty; write a string"),
+        (ValueType(str, Rule(choices=("a", "b"))), 1, "1 is a number; write one of a, b"),
+        (
+            ValueType(str, Rule(choices=("near", "far"))),
+            "farr",
+            'no "farr" (did you mean "far"? known: far, near)',
+        ),
+        (
+            ValueType(str, Rule(pattern=re.compile("a"))),
+            "ab",
+            '"ab" is not possible; write a string',
+        ),
+        (_STRINGS, [], "is empty; write a list of strings, such as [first, second]"),
+        ((_STRINGS, [""], "is empty; write a list of strings, such as [first, second]")),
+        (_STRINGS, [None], "has no value; write a list of strings, such as [first, second]"),
+        (_STRINGS, "a", '"a" is a string; write a list of strings, such as [first, second]'),
+        (
+            ValueType(str, Rule(unique=True), many=True),
+            ["a", "b", "c", "c", "b"],
+            '"b" is there twice',
+        ),
+        (
+            ValueType(bool, many=True),
+            [1],
+            "1 is a number; write a list of booleans, such as [true, false]",
+        ),
+        (
+            ValueType(int, many=True),
+            [1.5],
+            "1.5 is a number; write a list of integers, such as [0, 1]",
+        ),
+        (
+            ValueType(float, many=True, length=4),
+            1.0,
+            "1.0 is a number; write a list of 4 numbers, such as [0.0, 1.0, 2.0, 0.0]",
+        ),
+        (ValueType(int, Rule("x and y"), many=True, length=2), [1], "1 integers; write 2: x and y"),
+        (ValueType(int, many=True, length=2), [1, 2, 3], "3 integers; write 2"),
+        (
+            ValueType(float, Rule("size", write="[width, height]"), many=True, length=2),
+            [1.0],
+            "1 numbers; write [width, height]",
+        ),
+    ],
+)
+def test_values_that_are_wrong(kind: ValueType, value: Any, text: str) -> None:
+    """What it is, and what to write."""
+    with pytest.raises(ValueError) as caught:
+        kind.checked(value)
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (ValueType(float), ""),
+        (ValueType(float, LIMIT), "from 0; NaN: no limit"),
+        (ValueType(float, Rule(at_most=5.0, write="a width")), "up to 5; a width"),
+        (ValueType(str, Rule(choices=("a", "b"))), "one of a, b"),
+        (ValueType(str, Rule(not_empty=True, unique=True), many=True), "not empty; no duplicates"),
+        (
+            ValueType(int, Rule(at_least=0, at_most=255), many=True, length=3),
+            "from 0 to 255; 3 integers",
+        ),
+        (
+            ValueType(int, Rule(read_only=True)),
+            "read when the node starts; restart it to change it",
+        ),
+    ],
+)
+def test_rules_in_words(kind: ValueType, words: str) -> None:
+    """For `ros2 param describe`."""
+    assert kind.constraints == words
+
+
+def test_values_in_words() -> None:
+    """By their kind, for an error."""
+    assert shown(None) == "has no value"
+    assert shown(False) == "false is a bool"
+    assert shown((1, 2)) == shown(array("q", [1, 2])) == "[1, 2] is a list"
+    assert shown({"a": 1}) == "is a map"
+    assert shown(1j) == "1j cannot be used here"
+
+
+def test_arrays_of_parameters_are_lists() -> None:
+    """However rclpy gives them."""
+    assert plain(array("d", [1.0])) == plain((1.0,)) == [1.0]
+    assert (plain("ab"), plain(None), plain(b"a")) == ("ab", None, b"a")
