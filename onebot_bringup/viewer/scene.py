@@ -9,6 +9,7 @@ them. Where a frame is comes from /tf only.
 import math
 import statistics
 from collections.abc import Mapping, Sequence
+from itertools import islice
 
 import rerun as rr
 
@@ -28,6 +29,7 @@ COLLISION_COLOR: Bytes = (255, 170, 0, 110)
 # Of the box in place of a shape that cannot be drawn: a colour that few robots have.
 MISSING_COLOR: Bytes = (255, 0, 255, 255)
 _MISSING = "missing"
+_MOST_REASONS = 10  # why shapes are missing, that are named
 _MISSING_SIZE = 0.1  # m, where the robot gives no measure
 
 
@@ -136,11 +138,14 @@ def marker_size(robot: Description) -> float:
 
 
 def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return a sentence for each reason why shapes are missing; it names the links."""
-    return [
+    """Return a sentence for each reason why shapes are missing, with their links; the first few."""
+    found = [
         f"link {listing(links, most=5)}: not drawn but marked by a box: {reason}"
-        for reason, links in failures.items()
+        for reason, links in islice(failures.items(), _MOST_REASONS)
     ]
+    if len(failures) > _MOST_REASONS:
+        found.append(f"{len(failures) - _MOST_REASONS} more meshes are marked: see onebot check")
+    return found
 
 
 def _path(*parts: str) -> str:
