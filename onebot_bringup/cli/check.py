@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 
 from onebot_bringup.launch.arguments import (
     PACKAGES,
@@ -41,9 +42,13 @@ def run(argv: Sequence[str]) -> int:
         print(table([PACKAGES, *declared]))
         return 0
 
-    from onebot_description.description import describe, load_description  # slower to import
+    # Slower to import.
+    from onebot_description.description import describe, load_description
+    from onebot_description.description.meshes import mesh_faults
 
     description = load_description(file, given)
+    problems = (*description.problems, *mesh_faults(description))
+    replace(description, problems=problems).raise_problems()
     print(describe(description))
     for warning in description.warnings:
         print(f"warning: {warning}", file=sys.stderr)

@@ -442,6 +442,7 @@ def _record_running(args: Namespace, recording: rr.RecordingStream) -> None:
 
 Floats = NDArray[np.float64]
 
+_DESCRIPTION_TOPIC = "robot_description"
 _SLACK = 1e-9  # rad or m beyond a limit: rounding
 # Any moment will do, but always the same: a picture with a clock in it stays the same, too.
 _NOW_NS = 1_700_000_000_000_000_000
@@ -473,7 +474,9 @@ def pose_of(model: RobotModel, description: Description, given: Mapping[str, flo
         if name not in mimics
     }
     positions = model.positions({**rests, **given})
-    problems = [_beyond(model, row, positions[row]) for row in range(len(positions))]
+    # A follower may be beyond its limits while its leader rests: nobody has asked for that.
+    chosen = np.flatnonzero(positions != model.positions(rests))
+    problems = [_beyond(model, row, positions[row]) for row in chosen.tolist()]
     if any(problems):
         raise OneBotError("\n".join(filter(None, problems)))
     return positions
@@ -512,7 +515,7 @@ def record_pose(
         header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
     )
     for topic, kind, data in (
-        ("robot_description", DESCRIPTION, serialize_message(String(data=description.urdf))),
+        (_DESCRIPTION_TOPIC, DESCRIPTION, serialize_message(String(data=description.urdf))),
         ("/tf_static", TF, _tf_message(model.fixed, model.fixed.constant)),
         ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
         ("joint_states", JOINT_STATE, serialize_message(joints)),
@@ -531,9 +534,11 @@ def _record_description(args: Namespace, recording: rr.RecordingStream) -> None:
 
     description = load_description(args.source, args.arguments)
     lacking = _mesh_problems(description)  # of which the view warns
-    _warn_of([text for text in description.warnings if not text.endswith(lacking)])
+    _warn_of([text for text in description.notices if not text.endswith(lacking)])
     positions = pose_of(RobotModel.from_description(description), description, args.joints)
-    _warn_of(record_pose(description, positions, args.view, recording))
+    warnings = record_pose(description, positions, args.view, recording)
+    # What is wrong with the text itself was reported with the lines of its file.
+    _warn_of([text for text in warnings if not text.startswith(f"{_DESCRIPTION_TOPIC}:")])
 
 
 def _mesh_problems(description: Description) -> tuple[str, ...]:

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from onebot_description.description.xacro import XacroArguments
 
 
+# Parameters of the controller that name the frames.
+_FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
+
+
 class Bringup(NamedTuple):
     """A bringup command, and its defaults."""
 
@@ -79,6 +83,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
     _check_files(values, own)
+    values = with_params_file(values, own)
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     known = Known.of(description.urdf, description.files, before)
@@ -225,6 +230,44 @@ def _check_joints(file: Path, namespace: str) -> None:
     if warning:
         remedy = "; write /**/joint_state_publisher: for any namespace" if namespace else ""
         print(f"warning: {warning}{remedy}", file=sys.stderr)
+
+
+def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+    """Return the launch arguments, with what the controller's ``params_file`` has for all nodes.
+
+    They name the robot's frames alike, and take the time from the same clock. What the file has of
+    these counts unless the command line gives it.
+
+    Args:
+        values: of the launch arguments.
+        given: those on the command line.
+
+    Raises:
+        OneBotError: the file is wrong.
+    """
+    if values.get("sim") != "true":
+        return dict(values)
+    from onebot_control.parameters import ControlConfig, read_control_files
+    from onebot_control.poses import prefixed
+    from onebot_description.parameters.reader import ConfigError, replaced
+
+    found, space = dict(values), "/" + values["namespace"].strip("/")
+    written = read_control_files([Path(values["params_file"])], space, "velocity_controller")
+    config, frames = ControlConfig(), [n for n in _FRAME_PREFIX if n in written.values]
+    try:
+        for name in frames:
+            config = replaced(config, name, written.values[name])
+    except ConfigError as error:
+        raise error.located(written.places) from None
+    if frames and "frame_prefix" not in given:
+        enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
+        found["frame_prefix"] = prefixed("", enabled, prefix, space)
+    if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
+        found["use_sim_time"] = "true"
+    if place := written.places.get("robot_description"):
+        text = "robot_description is not used by a bringup; write model:=FILE"
+        print(f"warning: {place}: {text}", file=sys.stderr)
+    return found
 
 
 def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:

@@ -10,6 +10,7 @@ import math
 import statistics
 from collections.abc import Mapping, Sequence
 from itertools import islice
+from typing import Any
 
 import rerun as rr
 
@@ -57,6 +58,7 @@ class Scene:
         Returns:
             What could not be drawn, a sentence each.
         """
+        problems = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         wanted: set[str] = set()
         failures: dict[str, list[str]] = {}  # reason to links
         size = marker_size(robot)
@@ -79,7 +81,7 @@ class Scene:
         for path in set(self._drawn) - wanted:
             del self._drawn[path]
             self._erase(path, home)
-        return [*robot.warnings, *_not_drawn(failures)]
+        return [*problems, *_not_drawn(failures)]
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
         """Draw ``geometry`` in its own colour, or else all of it in ``color``."""
@@ -105,6 +107,7 @@ class Scene:
         if self._drawn.get(path) == what:
             return
         name = geometry.shape.uri if isinstance(geometry.shape, Mesh) else "shape"
+        radii: Any = [rr.Radius.ui_points(2.0)]
         self._recording.log(
             path,
             rr.CoordinateFrame(self.frame_of(link)),
@@ -113,7 +116,7 @@ class Scene:
                 centers=[geometry.origin.xyz],
                 quaternions=[_quaternion(geometry)],
                 colors=[MISSING_COLOR],
-                radii=[rr.Radius.ui_points(2.0)],
+                radii=radii,
                 labels=[f"missing: {name}"],
                 show_labels=False,
             ),

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
-from onebot_description.errors import OneBotError, nearest
+from onebot_description.errors import OneBotError, nearest, shortened
 
 PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
 PACKAGE_PATH = "package_path"  # the argument of commands
@@ -373,12 +373,11 @@ def _missing(name: str, folder: Path | None) -> OneBotError:
     ours = _own_prefixes()
     installed = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
     path = os.environ.get(_ROS_PATH) or "not set"
-    around = "" if folder is None else f", and around {folder}"
+    around = "" if folder is None else f" and around {folder}"
     return OneBotError(
-        f'no ROS package "{name}"{question}; looked in {_ROS_PATH} ({path}), in {_AMENT_PATH} '
-        f"({os.pathsep.join([*installed, sys.prefix])}){around}\n"
-        f"  give the folder that it lies in: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER; "
-        "or put it beside the robot's package, with its package.xml"
+        f'no ROS package "{shortened(name)}"{question}: looked in {_ROS_PATH} ({path}), '
+        f"{_AMENT_PATH} ({os.pathsep.join([*installed, sys.prefix])}){around}; "
+        f"name a folder that holds it: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER"
     )
 
 

@@ -25,8 +25,8 @@ _CHECKS = ("description_checks", "description_faults", "description_loading")
 _SOURCE = ("joints_source", "joints_mimic")
 _READER = ("parameters_reader", "parameters_values")
 
-# Each module of a pure core with the test files that test it, the quickest first. Of them only
-# parameters_reader uses ROS, for one test.
+# Each module of a pure core with the test files that test it, the quickest first. Few tests
+# in them make a node, and none a process of one.
 TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/speed_limiter.py": _control("speed_limiter"),
     "onebot_control/odometry.py": _control("odometry"),
@@ -48,9 +48,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/joints/source.py": _description(*_SOURCE),
     "onebot_description/description/checks.py": _description(*_CHECKS),
     "onebot_description/description/reading.py": _description("description_reading", *_CHECKS),
-    "onebot_description/description/xacro.py": _description(
-        "expression_limits", "xacro_arguments", *_CHECKS
-    ),
+    "onebot_description/description/expressions.py": _description("expressions"),
+    "onebot_description/description/expansion.py": _description("expressions", *_CHECKS),
+    "onebot_description/description/xacro.py": _description("xacro_arguments", *_CHECKS),
     "onebot_description/model/quaternions.py": _description("robot_model"),
     "onebot_description/model/robot_model.py": _description("robot_model"),
     "onebot_description/parameters/reader.py": _description(*_READER),
@@ -84,6 +84,12 @@ EQUIVALENT = (
         "an age below 0 counts as 0",
     ),
     Equivalent(
+        "onebot_control/driven_robot.py",
+        "_mean",
+        "return values.item(rows[0]) if len(rows) <= 1 else float(values[list(rows)].mean())",
+        "there is at least one wheel on each side",
+    ),
+    Equivalent(
         "onebot_control/odometry.py",
         "Odometry.__init__",
         "self._since = -1.0",
@@ -100,6 +106,12 @@ EQUIVALENT = (
         "_come_to_rest",
         "still = -1",
         "one step more of a robot at rest",
+    ),
+    Equivalent(
+        "onebot_control/simulation/rest_pose.py",
+        "_come_to_rest",
+        "if still == needed:",
+        "it counts in steps of one, and from 0 when it was reached",
     ),
     Equivalent(
         "onebot_description/description/checks.py",
@@ -121,9 +133,21 @@ EQUIVALENT = (
     ),
     Equivalent(
         "onebot_description/description/checks.py",
+        "_is_positive_definite",
+        "return xx > 0 and second > 1 and third > 0",
+        "refuses more, and what this quick check refuses is decided by the eigenvalues",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
         "_room",
         "most = (xx + yy + zz) / (1 + _INERTIA_ROUNDING) / (2 + _INERTIA_ROUNDING)",
         "refuses more, and what this quick check refuses is decided by the eigenvalues",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
+        "check_tree",
+        'if len(roots) > 1 and len(ends) >= len(findings.document.root.findall("joint")):',
+        "there are no more ends than joints",
     ),
     Equivalent(
         "onebot_description/description/checks.py",
@@ -154,18 +178,6 @@ EQUIVALENT = (
         "_read_shape",
         'return (Cylinder if element.tag >= "cylinder" else Capsule)(radius, length)',
         "only cylinders and capsules are left",
-    ),
-    Equivalent(
-        "onebot_description/description/xacro.py",
-        "_check_round",
-        "def _check_round(number: Any = 1, ndigits: Any = None, *_: Any, **__: Any) -> None:",
-        "round() without a number fails by itself",
-    ),
-    Equivalent(
-        "onebot_description/description/xacro.py",
-        "bounded_power",
-        "if isinstance(base, int) and isinstance(exponent, int) and abs(base) != 1:",
-        "0 has no bits, so that no power of it is too large",
     ),
     Equivalent(
         "onebot_description/joints/config.py",

@@ -200,9 +200,9 @@ def test_check_opens_the_meshes_and_takes_a_package_path(tmp_path: Path) -> None
     )
     done = onebot("check", str(file))
     assert done.returncode == 1 and done.stdout == ""
-    looked, remedy, warning = done.stderr.splitlines()
-    assert looked.startswith(f'error: {file}:1: link "a"') and 'no ROS package "parts"' in looked
-    assert "package_path:=FOLDER" in remedy
+    missing, warning = done.stderr.splitlines()
+    assert missing.startswith(f'error: {file}:1: link "a"') and "package_path:=FOLDER" in missing
+    assert '2 meshes: no ROS package "parts"' in missing
     assert warning.startswith("warning: ") and "gazbo" in warning
     done = onebot("check", str(file), f"package_path:={tmp_path / 'elsewhere'}")
     assert done.returncode == 1

@@ -3,13 +3,13 @@
 import numpy as np
 
 from onebot_bringup.viewer.blueprint import corners, fitting_eye, robot_bounds
-from onebot_description.description import read_description
+from onebot_description.description import parse_description
 from tests.onebot_bringup.viewer_support import ARM
 
 
 def test_bounds_enclose_every_visual_but_no_collision_and_the_eye_lies_outside():
     """The box around the robot follows the links' poses."""
-    robot = read_description(ARM, "robot_description")
+    robot = parse_description(ARM, "robot_description")
     tip = np.eye(4)
     tip[:3, 3] = (0, 1, 0)
     bounds = robot_bounds(robot, {"base": np.eye(4), "tip": tip})
@@ -22,7 +22,7 @@ def test_bounds_enclose_every_visual_but_no_collision_and_the_eye_lies_outside()
 
 def test_corners_turn_with_the_origin():
     """A long box turned by a quarter about z is long in y."""
-    robot = read_description(
+    robot = parse_description(
         '<robot name="r"><link name="a"><visual><origin rpy="0 0 1.5707963267948966"/>'
         '<geometry><box size="4 2 2"/></geometry></visual></link></robot>',
         "robot_description",

@@ -1,11 +1,22 @@
 """control.yaml, in ros2_control's form."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 
-from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.parameters import (
+    ControlConfig,
+    ControlParameters,
+    default_control_file,
+    read_control_files,
+)
 from onebot_description.errors import OneBotError
+from onebot_description.node import RosArguments
+from onebot_description.parameters.reader import ConfigError, Problem
 
 GOOD = """\
 controller_manager:
@@ -77,7 +88,7 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
         ("wheel_radius: 0.1", "wheel_radius: big", ':13: wheel_radius: "big" is a string'),
         ("wheel_radius: 0.1", "wheel_radius: -0.1", ":13: wheel_radius: -0.1 is below 0"),
         ("update_rate: 200", "update_rat: 200", ":3: update_rat: no such parameter (did you mean"),
-        ("update_rate: 200", "update_rate: 0", ":3: update_rate: 0 is not above 0; write a number"),
+        ("update_rate: 200", "update_rate: 0", ":3: update_rate: 0 is below 0.001; write a number"),
         ("joints: [", "joint: [", ':8: joint: no such parameter (did you mean "joints"?'),
         (
             "diff_drive_controller/DiffDriveController",
@@ -192,3 +203,57 @@ def test_said_to_all_and_to_one(file: Path) -> None:
     file.write_text(shared + GOOD.replace("wheel_radius: 0.1", "frame_prefix: b"))
     with pytest.raises(OneBotError, match=r":15: frame_prefix: no such parameter"):
         read(file)
+
+
+def _set(**values: Any) -> list[Parameter]:
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> None:
+    """Checked first, and then in force; the pace and its clock only where time is simulated."""
+    rclpy.init(args=[])
+    node = Node("velocity_controller")
+    try:
+        parameters = ControlParameters(node, RosArguments((file,)))
+        assert parameters.config == read(file) and parameters.values["wheel_radius"] == 0.1
+        new = _set(wheel_radius=0.2, publish_rate=25, nothing_of_ours=1)
+        for simulated in (True, False):
+            changed = parameters.changed(new, simulated)
+            assert (changed.wheel_radius, changed.publish_rate) == (0.2, 25.0)
+        assert parameters.config.wheel_radius == 0.1
+        for pace in (1, 1.0):
+            assert parameters.changed(_set(real_time_factor=pace), False).real_time_factor == 1.0
+        assert parameters.changed(_set(real_time_factor=2.0), True).real_time_factor == 2.0
+        for refused, simulated, words in [
+            (_set(real_time_factor=2.0), False, "start it with use_sim_time:=true to change"),
+            (_set(use_sim_time=True), False, "use_sim_time: is read when the node starts"),
+            (_set(use_sim_time=False), True, "use_sim_time: is read when the node starts"),
+            (_set(wheel_radius=-1.0), True, "wheel_radius: -1 is below 0"),
+        ]:
+            with pytest.raises(ConfigError, match=words):
+                parameters.changed(refused, simulated)
+        for simulated in (True, False):
+            assert parameters.changed(_set(use_sim_time=simulated), simulated) == parameters.config
+        parameters.accept(new)
+        assert parameters.config == parameters.changed([], False)
+        assert parameters.config.wheel_radius == 0.2 and "nothing_of_ours" not in parameters.values
+        error = parameters.located(ConfigError([Problem("linear.x.max_velocity", "is odd")]))
+        assert str(error) == f"{file}:15: linear.x.max_velocity: is odd"
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize("name", ["wheel_raduis", "linear.x.max_velocty"])
+def test_unknown_names_on_the_command_line(ros_domain: int, file: Path, name: str) -> None:
+    """Those meant for this node or for all are refused; those for another one are its own."""
+    rclpy.init(args=[])
+    node = Node("velocity_controller")
+    try:
+        for to in ("", "velocity_controller"):
+            with pytest.raises(ConfigError, match=f"{name}: no such parameter .did you mean"):
+                ControlParameters(node, RosArguments((file,), ((to, name),)))
+        assert ControlParameters(node, RosArguments((file,), (("other", name),)))
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -142,6 +142,7 @@ def test_sequence_is_read() -> None:
             "dependent_joints.a: has no parent, the joint it depends on",
         ),
         ({"dependent_joints": {"a": {"parent": "b", "facter": 1.0}}}, 'did you mean "factor"?'),
+        ({"dependent_joints": {"a": {"parent": ""}}}, "dependent_joints.a.parent: is empty; write"),
         ({"delta": -0.1}, "delta: "),
         ({"use_mimic_tags": "no"}, "write true or false"),
         ({"use_mimic_tags": 1}, "write true or false"),

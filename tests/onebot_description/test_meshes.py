@@ -82,7 +82,7 @@ def test_stl_in_text_form_is_told_by_its_length(tmp_path):
         ("empty.stl", "is an empty file"),
         ("x" * 5000 + ".stl", "cannot be read: File name too long"),
         ("a\0b.stl", ""),
-        (".", "no such file"),
+        (".", "is a folder"),
     ],
 )
 def test_a_mesh_without_a_file_says_why(uri, words):

@@ -246,18 +246,20 @@ def test_a_package_on_the_search_path_and_in_the_index_is_installed(monkeypatch)
     assert Resources(None).locate(uri) == (checkout / "onebot_description/meshes/wheel.dae", uri)
 
 
-def test_a_missing_package_is_two_lines(tmp_path, monkeypatch):
+def test_a_missing_package_is_explained(tmp_path, monkeypatch):
     """Where it was looked for and what to set, without the names of other packages."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "mine"))
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "sourced"))
     with pytest.raises(OneBotError) as caught:
-        find_package("no_such_package_at_all", tmp_path)
-    looked, remedy = str(caught.value).splitlines()
-    assert looked.startswith('no ROS package "no_such_package_at_all"; looked in ')
+        find_package("qwertz", tmp_path)
+    looked, remedy = str(caught.value).split("; ")
+    assert looked.startswith('no ROS package "qwertz": looked in ROS_PACKAGE_PATH (')
     for place in ("mine", "sourced", sys.prefix, f"around {tmp_path}"):
         assert place in looked
     assert "package_path:=FOLDER" in remedy and "export ROS_PACKAGE_PATH=FOLDER" in remedy
-    assert "geometry_msgs" not in str(caught.value)
+    with pytest.raises(OneBotError, match='did you mean "geometry_msgs"') as caught:
+        find_package("geometri_msgs")
+    assert "std_msgs" not in str(caught.value) and "(not set)" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "..", "a b", "\N{BLACK STAR}", "a\0b"])

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -30,6 +31,8 @@ FRAMES_ENTITY = "frames"
 _DEFAULT_LENGTH = 0.5  # of axes, metres, while the robot's size is not known
 # For how long after a new description messages may still name the frames of the old one (seconds).
 _STRAGGLING = 1.0
+_UNIT = 0.01  # that the square of a quaternion's length may be off, in tf2 as well
+_FARTHEST = 1e38  # metres, in the numbers of 32 bits that are logged
 
 Floats = NDArray[np.float64]
 
@@ -118,6 +121,14 @@ class TfDisplay(Display[AxesSettings]):
             self._length = length
             self._draw(self._drawn)
         self._show(self.context.frames.names - self._retired)
+
+    def warnings(self) -> list[str]:
+        """Return that transforms are ignored."""
+        frame = self.context.transforms.ignored
+        return [
+            f'a transform of "{frame}" is ignored: it is not finite, or its rotation '
+            "no unit quaternion"
+        ] * bool(frame)
 
     def layout(self) -> LayoutPart:
         """Return whether axes are shown."""
@@ -223,6 +234,20 @@ class _Placed(NamedTuple):
     translation: Floats
     rotation: Floats
 
+    @property
+    def usable(self) -> bool:
+        """Whether it is a transform."""
+        return bool(_usable(self.translation[None], self.rotation[None]).all())
+
+
+def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
+    """Return of each row whether it is a transform: finite, with a quaternion of unit length."""
+    with np.errstate(all="ignore"):
+        lengths, distances = (np.einsum("ij,ij->i", a, a) for a in (rotations, translations))
+        usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= _UNIT  # squares, both
+        usable &= distances <= _FARTHEST**2
+        return usable
+
 
 class TransformStream:
     """Logs transforms, many at a time, and keeps the latest of each frame in ``frames``."""
@@ -240,6 +265,7 @@ class TransformStream:
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
         self._latest_ns = 0
         self._next_repeat = 0.0
+        self.ignored = ""  # the first frame whose transform was none
 
     def add(self, stamp_ns: int, transforms: Transforms) -> None:
         """Add a message of /tf; it is logged at the next ``flush``.
@@ -270,6 +296,7 @@ class TransformStream:
 
         Several static chunks on one entity would survive in a file only in part.
         """
+        transforms = self._only_usable(transforms)
         self._frames.update(*_columns(transforms))
         for row, child in enumerate(transforms.children):
             translation, rotation = transforms.translations[row], transforms.rotations[row]
@@ -287,6 +314,21 @@ class TransformStream:
                 ),
                 static=True,
             )
+
+    def _only_usable(self, transforms: Transforms) -> Transforms:
+        """Leave out what tf2 ignores, too: its numbers are no transform."""
+        usable = _usable(transforms.translations, transforms.rotations)
+        if usable.all():
+            return transforms
+        bad = int(np.argmin(usable))
+        self.ignored = self.ignored or transforms.children[bad]
+        return TfArrays(
+            list(compress(transforms.parents, usable)),
+            list(compress(transforms.children, usable)),
+            transforms.stamps_ns[usable],
+            transforms.translations[usable],
+            transforms.rotations[usable],
+        )
 
     def forget(self, frames: Iterable[str]) -> None:
         """Drop ``frames`` until they are received again."""
@@ -306,11 +348,16 @@ class TransformStream:
         batch = [item for _, item in pending]
         ours = placed.values()
         stamps = _stack([item.stamps_ns for item in batch], [p.stamp_ns for p in ours])
+        translations = _stack([i.translations for i in batch], [p.translation for p in ours])
+        rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
+        if not _usable(translations, rotations).all():
+            for stamp_ns, item in pending:
+                self.add(stamp_ns, self._only_usable(item))
+            self._placed = {child: p for child, p in placed.items() if p.usable}
+            return self.flush()
         if not stamps.all():
             instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
             stamps = np.where(stamps == 0, _stack(instead, [0] * len(ours)), stamps)
-        translations = _stack([i.translations for i in batch], [p.translation for p in ours])
-        rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
         names = self._names.columns(
             [(item.parents, item.children) for item in batch],
             [(place.parent, child) for child, place in placed.items()],
