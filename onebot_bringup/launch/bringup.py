@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from onebot_description.description.xacro import XacroArguments
 
 
-# Parameters of the controller that name the frames.
+# Parameters of the controller that name the frames, and those that concern all nodes.
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
+_OF_ALL_NODES = (*_FRAME_PREFIX, "use_sim_time", "robot_description")
+_LONG = 100_000  # bytes of a parameter file
 
 
 class Bringup(NamedTuple):
@@ -86,6 +88,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     values = with_params_file(values, own)
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
+    description.require_tree()
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
@@ -245,13 +248,14 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
     Raises:
         OneBotError: the file is wrong.
     """
-    if values.get("sim") != "true":
-        return dict(values)
+    found = dict(values)
+    if values.get("sim") != "true" or not _mentions(Path(values["params_file"]), _OF_ALL_NODES):
+        return found
     from onebot_control.parameters import ControlConfig, read_control_files
     from onebot_control.poses import prefixed
     from onebot_description.parameters.reader import ConfigError, replaced
 
-    found, space = dict(values), "/" + values["namespace"].strip("/")
+    space = "/" + values["namespace"].strip("/")
     written = read_control_files([Path(values["params_file"])], space, "velocity_controller")
     config, frames = ControlConfig(), [n for n in _FRAME_PREFIX if n in written.values]
     try:
@@ -268,6 +272,16 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
         text = "robot_description is not used by a bringup; write model:=FILE"
         print(f"warning: {place}: {text}", file=sys.stderr)
     return found
+
+
+def _mentions(file: Path, names: Sequence[str]) -> bool:
+    """Whether one of ``names`` may be in a file; in most none is, and reading YAML is slow."""
+    try:
+        with file.open("rb") as opened:
+            text = opened.read(_LONG)
+    except OSError as error:
+        raise OneBotError(f"{file}: cannot be read: {error.strerror}") from None
+    return len(text) == _LONG or any(name.encode() in text for name in names)
 
 
 def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
