@@ -1,6 +1,7 @@
 """Each check reports once, with line and element, and accepts what is only nearly wrong."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -696,6 +697,14 @@ def test_typos_are_shown_with_the_problems_but_other_warnings_are_not():
     found = problems(text)
     assert len(found) == 2
     assert "lower 2 is above" in found[0] and 'unknown attribute "loer"' in found[1]
+
+
+def test_two_of_a_kind_and_nothing_else_are_one_problem():
+    """Of the two, the second."""
+    (part,) = re.findall("<inertial>.*</inertial>", inertial())
+    assert problems(link(part + "\n" + part)) == [
+        '4: link "a" <inertial>: stands 2 times in link "a"; leave one'
+    ]
 
 
 @pytest.mark.parametrize("tag", ["origin", "axis", "limit", "mimic", "dynamics", "parent", "child"])
