@@ -1,8 +1,15 @@
 """Errors that a user can cause and fix, and the hints in their messages."""
 
-from collections.abc import Iterable
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 
 _MAX_LISTED = 12
+_MAX_COMPARED = 1000  # names; comparing one with them takes some hundredths of a second
+_MAX_ALIKE = 20
+_MAX_LENGTH = 2000  # characters of one message
+# What messages of one kind differ in: names, numbers and hints.
+_PARTICULARS = re.compile(r'\([^()]*\)|"[^"]*"|\d+')
 _MAX_SHOWN = 100  # characters
 
 
@@ -40,7 +47,9 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
         candidates: the valid names.
         what: the word before the list, such as "declared" or "joints".
     """
-    known = list(candidates)
+    if isinstance(candidates, Collection) and len(candidates) > _MAX_COMPARED:
+        return f" ({len(candidates)} {what})"
+    known = [candidate for candidate in candidates if candidate != name]
     guess = nearest(name, known)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
     rest = len(set(known)) - _MAX_LISTED
@@ -53,6 +62,37 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     return f" ({question}{what}: {listing(known)})"
 
 
+def printable(text: str) -> str:
+    r"""Return ``text`` in one line, with what would move the cursor or turn the text escaped.
+
+    That is all that has no shape of its own: ``\x1b`` and ``\n``, but also marks for writing from
+    right to left and spaces that are not the common one.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        char if char.isprintable() else char.encode("unicode_escape").decode() for char in text
+    )
+
+
+def condensed(messages: Sequence[str]) -> tuple[str, ...]:
+    """Return ``messages``; of many of one kind the first, with their number, and none too long."""
+    kinds = [_PARTICULARS.sub("", message[:_MAX_LENGTH]) for message in messages]
+    counts = Counter(kinds)
+    lines = []
+    for message, kind in zip(messages, kinds, strict=True):
+        count = counts[kind]
+        if len(message) > _MAX_LENGTH:
+            half = _MAX_LENGTH // 2
+            message = f"{message[:half]} ... {message[-half:]}"
+        if count > _MAX_ALIKE:
+            message += f" (and {count - 1} more of this kind)"
+            counts[kind] = 0
+        if count:
+            lines.append(message)
+    return tuple(lines)
+
+
 def shortened(text: str, most: int = _MAX_SHOWN) -> str:
     """Return ``text`` for a message: of a long one only the first ``most`` characters."""
     return text if len(text) <= most else f"{text[:most]}..."
@@ -61,18 +101,23 @@ def shortened(text: str, most: int = _MAX_SHOWN) -> str:
 class OneBotError(Exception):
     """A user's mistake; ``str(error)`` is the whole message, commands exit with code 1."""
 
+    def __init__(self, message: str = "") -> None:
+        """Take the ``message``; characters that a terminal would obey are escaped in it."""
+        super().__init__("\n".join(map(printable, message.split("\n"))))
+
 
 class UsageError(OneBotError):
     """A wrong command line; commands exit with code 2."""
 
 
 class DescriptionError(OneBotError):
-    """A robot description that cannot be used; ``problems`` holds all that was found.
+    """A robot description that cannot be used.
 
-    Each problem names file, element and remedy.
+    ``problems`` and ``warnings`` hold all that was found, each with file, element and remedy.
     """
 
-    def __init__(self, problems: Iterable[str]) -> None:
-        """Join ``problems`` into one message, a line each."""
-        self.problems = tuple(problems)
-        super().__init__("\n".join(self.problems))
+    def __init__(self, problems: Iterable[str], warnings: Iterable[str] = ()) -> None:
+        """Join ``problems`` and ``warnings`` into one message, a line each."""
+        self.problems = condensed(list(map(printable, problems)))
+        self.warnings = condensed(list(map(printable, warnings)))
+        super().__init__("\n".join((*self.problems, *map("warning: {}".format, self.warnings))))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import math
 import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, ParamSpec
 
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -22,9 +24,15 @@ from rclpy.task import Future
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.packages import package_share, use_environment_prefix
+from onebot_description.description.packages import (
+    cache_folder,
+    package_share,
+    use_environment_prefix,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.signals import StopSignals
+
+P = ParamSpec("P")
 
 # For those who subscribe later than it was published: the description, a page's address.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -47,9 +55,9 @@ def run_node(
     """Run one node until Ctrl-C, SIGTERM or its own error.
 
     Args:
-        make_node: builds the node; rclpy is initialised by then. It, any callback of the node, and
-            its ``destroy_node`` may raise OneBotError, which ends the process with one line on
-            stderr.
+        make_node: builds the node; rclpy is initialised by then. It, any callback of the node
+            (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends the
+            process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
 
@@ -57,6 +65,7 @@ def run_node(
         The exit code: 0 when stopped by a signal, 1 for a user's mistake.
     """
     use_environment_prefix()
+    use_writable_log_folder()
     use_quick_discovery()
     stop: Future = Future()
     with StopSignals(lambda: _finish(stop)) as signals:
@@ -64,9 +73,11 @@ def run_node(
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy raises several kinds, none of them public
             return _fail(f"bad ROS arguments: {_first_line(error)}")
+        _stops.append(stop)
         try:
             return _spin(make_node, stop, signals, events)
         finally:
+            _stops.remove(stop)
             rclpy.try_shutdown()
 
 
@@ -113,11 +124,34 @@ def _make_executor(events: bool) -> Executor:
 def _spin_until(stop: Future, executor: Executor) -> None:
     if not isinstance(executor, SingleThreadedExecutor):
         executor.spin_until_future_complete(stop, _A_YEAR)
-        return
-    # That would hang one more callback on the future with each message, and never take one off.
-    stop.add_done_callback(lambda _: executor.create_task(lambda: None))
-    while not stop.done():
-        executor.spin_once()
+    else:
+        # That would hang one more callback on the future with each message, and never take one off.
+        stop.add_done_callback(lambda _: executor.create_task(lambda: None))
+        while not stop.done():
+            executor.spin_once()
+    if error := stop.exception():
+        raise error
+
+
+_stops: list[Future] = []  # of the nodes that this process runs
+
+
+def ends_node(callback: Callable[P, None]) -> Callable[P, None]:
+    """Return a callback of a node that ends it by an OneBotError.
+
+    The events executor would log the error with its traceback first.
+    """
+
+    @functools.wraps(callback)
+    def call(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            callback(*args, **kwargs)
+        except OneBotError as error:
+            for stop in _stops:
+                if not stop.done():
+                    stop.set_exception(error)
+
+    return call
 
 
 def _finish(stop: Future) -> None:
@@ -183,6 +217,20 @@ def _fail(message: str) -> int:
     """Print a user's mistake as one error; return the exit code for it."""
     print(f"error: {message}", file=sys.stderr, flush=True)
     return 1
+
+
+def use_writable_log_folder() -> None:
+    """Have ROS log to the cache where there is no home or it cannot be written: else it fails."""
+    if os.environ.get("ROS_LOG_DIR") or os.environ.get("ROS_HOME"):
+        return
+    home = os.environ.get("HOME")
+    if home:
+        with suppress(OSError):
+            folder = Path(home, ".ros/log")
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return
+    os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
 
 
 def use_quick_discovery() -> None:

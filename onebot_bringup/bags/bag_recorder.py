@@ -31,8 +31,14 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import full_definition, message_class
 from onebot_description.errors import OneBotError
-from onebot_description.node import run_node
-from onebot_description.parameters.reader import REQUIRED, declare, parameter, read
+from onebot_description.node import ends_node, run_node
+from onebot_description.parameters.reader import (
+    REQUIRED,
+    declare,
+    parameter,
+    read,
+    refuse_undeclared,
+)
 from onebot_description.topic_subscription import (
     TopicSubscription,
     choose_type,
@@ -97,6 +103,7 @@ class BagRecorder(Node):
         super().__init__("bag_recorder")
         self._bag: BagWriter | None = None
         given = read(RecorderParameters, declare(self, RecorderParameters))
+        refuse_undeclared(self, RecorderParameters)
         folder = Path(given.folder).expanduser().absolute()
         self._bag = BagWriter(folder, compress=given.compression == "zstd")
         self._topics = TopicRecorder(self, self._bag, given.topics)
@@ -108,6 +115,7 @@ class BagRecorder(Node):
         self._topics.poll()
         self.get_logger().info(f"recording to {self._bag.folder}")
 
+    @ends_node
     def _write(self) -> None:
         assert self._bag is not None
         start = time.monotonic()
@@ -233,6 +241,7 @@ class TopicRecorder:
         return found
 
     def _record(self, topic: str, kind: str, qos: QoSProfile) -> None:
+        @ends_node
         def received(kind: str, data: bytes) -> None:
             now = self._now()
             if recorded.number is None:

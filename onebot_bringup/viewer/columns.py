@@ -52,7 +52,7 @@ class ColumnMaker:
         self._vector = item if pa.types.is_fixed_size_list(item) else None
         self._number = item if self._vector is None else item.value_type
         self._width = 1 if self._vector is None else item.list_size
-        self._dtype = np.dtype(self._number.to_pandas_dtype())
+        self._dtype = pa.nulls(0, self._number).to_numpy(zero_copy_only=False).dtype
 
     def column(self, values: NDArray[Any], each: int = 1) -> ReadyColumn:
         """Return a column of numbers.

@@ -202,6 +202,9 @@ class NativeWindow:
 
 # The recording: served on loopback, written to a file, or both.
 
+_CHECKING = 0.05  # seconds
+_WRITING_OUT = 2.0  # seconds; Rerun goes on writing after that
+
 # Saved blueprints (.rbl) belong to an application: never change it, or they are no longer found.
 APPLICATION = "onebot"
 
@@ -219,10 +222,45 @@ class Recording:
         """Where viewers connect."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
+    def check_file(self, patience: float = _CHECKING) -> None:
+        """Check that the file is being written, if there is one.
+
+        Args:
+            patience: seconds to wait for what is still to be written.
+
+        Raises:
+            OneBotError: it is not, and why; what was written before is kept.
+        """
+        if self.file is None:
+            return
+        try:
+            self.stream.flush(timeout_sec=patience)
+        except RuntimeError as error:
+            if "timed out" not in str(error):
+                raise OneBotError(f"save:={self.file}: {_writing_error(self.file)}") from None
+
     def close(self) -> None:
-        """Write out everything and end the server."""
-        self.stream.flush(timeout_sec=2.0)
-        self.stream.disconnect()
+        """Write out everything and end the server.
+
+        Raises:
+            OneBotError: the file was not written to its end.
+        """
+        try:
+            self.check_file(_WRITING_OUT)
+        finally:
+            self.stream.disconnect()
+
+
+def _writing_error(file: Path) -> str:
+    """Why a file cannot be written: Rerun does not report it."""
+    try:
+        with file.open("ab", buffering=0) as output:
+            end = output.tell()
+            output.write(b"\0")
+            output.truncate(end)
+    except OSError as error:
+        return error.strerror or str(error)
+    return "could not be written to its end"
 
 
 def open_recording(
@@ -252,7 +290,12 @@ def open_recording(
     if not sinks:
         raise OneBotError("nothing to log to: serve the recording or save it")
     stream = rr.RecordingStream(APPLICATION)
-    stream.set_sinks(*sinks)
+    try:
+        stream.set_sinks(*sinks)
+    except RuntimeError as error:
+        if save is None:
+            raise OneBotError(f"the recording cannot be served: {error}") from None
+        raise OneBotError(f"save:={save}: {_writing_error(save)}") from None
     return Recording(stream, port, save)
 
 
@@ -272,6 +315,7 @@ def check_writable(path: Path) -> None:
         raise OneBotError(f"save:={path}: {error.strerror}") from error
 
 
+_CHECK_EVERY = 2.0  # seconds between two checks of the file
 _RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying
 _REMIND_AFTER = 5.0  # seconds
 
@@ -325,6 +369,7 @@ class DisplayServer:
         self._announced = False
         self._next_reminder = time.monotonic() + 2.0
         self._next_restart = 0.0
+        self._next_check: float | None = 0.0  # of the file; None once it failed
         if save is not None and save.is_file() and save.stat().st_size:
             log.info(f"replacing the recording {save}")
         served = None if viewer == "none" else grpc_port
@@ -353,7 +398,11 @@ class DisplayServer:
         """Announce the page once it is up, host it anew if it dies; say if a window was closed.
 
         Call it some times a second, from the main thread.
+
+        Raises:
+            OneBotError: the file cannot be written, and there is nothing else to show.
         """
+        self._watch_file()
         if self._page is not None:
             self._watch_page(self._page)
         if self._window is not None and not self._window.running:
@@ -361,6 +410,19 @@ class DisplayServer:
             self._window.stop()
             self._window = None
             self._log.warning(f"the viewer's window was closed ({reason})")
+
+    def _watch_file(self) -> None:
+        now = time.monotonic()
+        if self._next_check is None or now < self._next_check:
+            return
+        self._next_check = now + _CHECK_EVERY
+        try:
+            self._recording.check_file()
+        except OneBotError as error:
+            if self._page is None and self._window is None:
+                raise
+            self._next_check = None
+            self._log.warning(f"no longer recording: {error}")
 
     def _watch_page(self, page: WebPage) -> None:
         now = time.monotonic()
@@ -378,7 +440,11 @@ class DisplayServer:
             self._log.info(f"waiting for the page's server on port {page.port}")
 
     def close(self) -> None:
-        """End what shows the recording, then write it out."""
+        """End what shows the recording, then write it out.
+
+        Raises:
+            OneBotError: it was not written to its end.
+        """
         for shown in (self._page, self._window):
             if shown is not None:
                 shown.stop()

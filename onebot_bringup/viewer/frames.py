@@ -12,6 +12,8 @@ from onebot_description.model.quaternions import to_matrix
 
 Floats = NDArray[np.float64]
 _MOST_BLOCKS = 64
+_MOST_ROWS = 100_000  # of all blocks
+_MOST_COMPARED = 500  # names
 
 
 class Edge(NamedTuple):
@@ -41,6 +43,7 @@ class FrameTree:
         self._places: dict[str, tuple[_Block, int]] = {}
         # By the identity of the lists that were given, which are kept for that.
         self._blocks: dict[tuple[int, int], tuple[object, object, _Block]] = {}
+        self._rows = 0  # of the blocks
         self._tops: dict[str, str] = {}
         self._names: frozenset[str] | None = None
 
@@ -70,8 +73,10 @@ class FrameTree:
             if before is not None and before[0] is not block:
                 before[0].whole = False
             self._places[child] = (block, row)
-        if len(self._blocks) >= _MOST_BLOCKS:
+        self._rows += len(block.children)
+        if len(self._blocks) >= _MOST_BLOCKS or self._rows > _MOST_ROWS:
             self._blocks.clear()
+            self._rows = len(block.children)
         self._blocks[id(parents), id(children)] = (parents, children, block)
         return block
 
@@ -106,20 +111,27 @@ class FrameTree:
         return Edge(block.parents[row], block.translations[row], block.rotations[row])
 
     def top(self, frame: str) -> str:
-        """Return the root of the tree that ``frame`` is in (itself if it has no parent)."""
-        way = []
+        """Return the root of the tree that ``frame`` is in (itself if it has no parent).
+
+        Each frame of a circle is a root.
+        """
+        way: dict[str, int] = {}  # frames in order, and their numbers
         name = frame
-        while (known := self._tops.get(name)) is None:
-            way.append(name)
+        while name not in self._tops:
+            if name in way:
+                circle = list(way)[way[name] :]
+                self._tops.update(zip(circle, circle, strict=True))
+                break
+            way[name] = len(way)
             place = self._places.get(name)
             if place is None:
-                known = name
-                break
-            name = place[0].parents[place[1]]
-            if len(way) > len(self._places):  # in a circle
-                return self._chain(frame)[-1]
-        self._tops.update(dict.fromkeys(way, known))
-        return known
+                self._tops[name] = name
+            else:
+                name = place[0].parents[place[1]]
+        top = self._tops[name]
+        for below in way:
+            self._tops.setdefault(below, top)
+        return self._tops[frame]
 
     def pose(self, frame: str, fixed: str) -> Floats | None:
         """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected."""
@@ -133,25 +145,14 @@ class FrameTree:
         found = {frame: self.pose(frame, fixed) for frame in frames}
         return {frame: pose for frame, pose in found.items() if pose is not None}
 
-    def _chain(self, frame: str) -> list[str]:
-        chain = [frame]
-        seen = {frame}
-        while (place := self._places.get(chain[-1])) is not None:
-            parent = place[0].parents[place[1]]
-            if parent in seen:
-                break
-            chain.append(parent)
-            seen.add(parent)
-        return chain
-
     def _from_top(self, frame: str) -> Floats:
-        pose = np.eye(4)
-        for child in self._chain(frame)[:-1]:
-            edge = self._edge(child)
+        pose, top = np.eye(4), self.top(frame)
+        while frame != top:
+            edge = self._edge(frame)
             step = np.eye(4)
             step[:3, :3] = to_matrix(np.asarray(edge.rotation))
             step[:3, 3] = edge.translation
-            pose = step @ pose
+            pose, frame = step @ pose, edge.parent
         return pose
 
 
@@ -205,7 +206,10 @@ class FrameResolution:
                 "not shown until /tf or /tf_static brings it"
             )
         if wanted and not self.known_as(robot, wanted):
-            known = did_you_mean(wanted, self._frames.names, "frames received")
+            names = self._frames.names
+            # It takes long to look for similar ones among many, and their number is others' affair.
+            few = len(names) <= _MOST_COMPARED
+            known = did_you_mean(wanted, names, "frames received") if few else ""
             found.append(
                 f'the fixed frame "{wanted}" is not on /tf or /tf_static{known}; '
                 f'shown in "{fixed_frame}" until it is'

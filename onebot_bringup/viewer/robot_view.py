@@ -23,7 +23,7 @@ from onebot_bringup.viewer.displays.tf import TransformStream
 from onebot_bringup.viewer.frames import FrameResolution, FrameTree
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.description import Description, read_description
+from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.wire.messages import deserialize_message
 
@@ -35,6 +35,8 @@ DESCRIPTION: MessageType[str] = MessageType(
 _DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=True)
 # How long the view waits for every link's frame before it is laid out without them (seconds).
 _PATIENCE = 1.0
+_MOST_WARNINGS = 100  # of one description
+_LONGEST_WARNING = 1000  # characters
 _SIM_TIME_OFFSET_NS = 10_000_000_000  # a greater one between stamp and receive time: simulated
 
 ReportBad = Callable[[str, Exception], object]
@@ -290,7 +292,7 @@ class RobotView:
         return warnings
 
     def _set_robot(self, urdf: str) -> list[str]:
-        robot, before = read_description(urdf, _DESCRIPTION_TOPIC.name), self.robot
+        robot, before = parse_description(urdf, _DESCRIPTION_TOPIC.name), self.robot
         warnings = self._scene.set_robot(robot)
         self._context.robot = robot
         for shown in self._displays:
@@ -390,8 +392,13 @@ class WarningFilter:
         self._passed.clear()
 
     def once(self, sentences: Iterable[str]) -> list[str]:
-        """Return those of ``sentences`` not passed so far."""
-        new = [sentence for sentence in sentences if sentence not in self._passed]
+        """Return those of ``sentences`` not passed so far, cut if long, and none after very many.
+
+        They may name what others publish.
+        """
+        short = (sentence[:_LONGEST_WARNING] for sentence in sentences)
+        new = [sentence for sentence in short if sentence not in self._passed]
+        new = new[: _MOST_WARNINGS - len(self._passed)]
         self._passed.update(new)
         return new
 

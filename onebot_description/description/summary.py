@@ -16,13 +16,16 @@ from onebot_description.description.description import (
     Triple,
 )
 from onebot_description.description.xml import shown_path
+from onebot_description.errors import printable
 
 _HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
+_MOST_INDENT = 60  # characters before a link; deeper ones are drawn with the end of theirs
+_MOST_CELL = 100  # characters
 _Row = tuple[str, ...]
 
 
 def describe(description: Description) -> str:
-    """Return a table of links as a tree, with the joint that moves each; then the warnings.
+    """Return a table of links as a tree, with the joint that moves each.
 
     Angles are shown in degrees, everything else in SI units.
     """
@@ -30,12 +33,10 @@ def describe(description: Description) -> str:
     rows: list[_Row] = [_HEADINGS]
     for branch, name, joint in _walk(description):
         link = links[name]
-        rows.append((branch + name, *_joint_cells(joint), _mass(link), _shapes(link)))
+        cells = (name, *_joint_cells(joint), _mass(link), _shapes(link))
+        first, *others = map(_cell, cells)
+        rows.append((branch + first, *others))
     lines = [_title(description), "", *_table(rows)]
-    if description.warnings:
-        count = len(description.warnings)
-        lines += ["", f"{_count(count, 'warning')}:"]
-        lines += [f"  ! {warning}" for warning in description.warnings]
     return "\n".join(lines)
 
 
@@ -55,8 +56,8 @@ def _title(description: Description) -> str:
         *([_count(len(meshes), "mesh", "meshes")] if meshes else []),
     ]
     source = description.source
-    where = shown_path(source) if description.files else source
-    return f"{description.robot_name}  ({where})\n{' · '.join(facts)}"
+    where = printable(shown_path(source) if description.files else source)
+    return f"{_cell(description.robot_name)}  ({where})\n{' · '.join(facts)}"
 
 
 def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
@@ -66,16 +67,27 @@ def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
         below.setdefault(joint.parent, []).append(joint)
     result = []
     # Link, its joint, drawing before itself, drawing before its children.
-    waiting: list[tuple[str, Joint | None, str, str]] = [(description.root_link, None, "", "")]
+    waiting: list[tuple[str, Joint | None, str, str]]
+    waiting = [(root, None, "", "") for root in reversed(description.roots)]
     while waiting:
         link, above, branch, inner = waiting.pop()
         result.append((branch, link, above))
-        children = below.get(link, [])
-        for joint in reversed(children):
-            last = joint is children[-1]
+        joints = below.get(link, [])
+        for joint in reversed(joints):
+            last = joint is joints[-1]
             mark, rest = ("└─ ", "   ") if last else ("├─ ", "│  ")
-            waiting.append((joint.child, joint, inner + mark, inner + rest))
+            waiting.append((joint.child, joint, inner + mark, _shortened(inner + rest)))
     return result
+
+
+def _shortened(indent: str) -> str:
+    """The end of an ``indent`` that is too wide, as lines cost their width."""
+    return indent if len(indent) <= _MOST_INDENT else "…  " + indent[6:]
+
+
+def _cell(text: str) -> str:
+    shown = printable(text)
+    return shown if len(shown) <= _MOST_CELL else shown[: _MOST_CELL - 1] + "…"
 
 
 def _joint_cells(joint: Joint | None) -> _Row:

@@ -7,6 +7,7 @@ element.
 
 import codecs
 import os
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -62,31 +63,36 @@ def read_bytes(path: Path) -> bytes:
     """Return what is in the file ``path``.
 
     Raises:
-        DescriptionError: it is missing (near names are listed), a folder, empty or unreadable.
+        DescriptionError: it is missing (near names are listed), no regular file, too large or
+            unreadable.
     """
     shown = shown_path(path)
     try:
-        if path.is_dir():
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
             raise DescriptionError([f"{shown}: is a folder; name the file{_choices(path, '')}"])
-        if path.stat().st_size > _MOST_BYTES:
-            raise DescriptionError([f"{shown}: is larger than {_MOST_BYTES // 1_000_000} MB"])
-        data = path.read_bytes()
+        if not stat.S_ISREG(mode):  # a pipe would have the reader wait, a device may never end
+            raise DescriptionError([missing_file(path)])
+        with path.open("rb") as file:
+            data = file.read(_MOST_BYTES + 1)
     except FileNotFoundError:
         raise DescriptionError([missing_file(path)]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DescriptionError([f"{shown}: cannot be read: {reason}"]) from None
-    if not data.strip():
-        raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])
+    if len(data) > _MOST_BYTES:
+        raise DescriptionError([f"{shown}: is larger than {_MOST_BYTES // 1_000_000} MB"])
     return data
 
 
 def missing_file(path: Path) -> str:
-    """Return the message about a ``path`` that does not exist, with what does."""
-    folder = path.parent
+    """Return the message about a ``path`` that is no file, with what is there."""
+    folder, shown = path.parent, shown_path(path)
     if not folder.is_dir():
-        return f"{shown_path(path)}: no such file (there is no folder {shown_path(folder)})"
-    return f"{shown_path(path)}: no such file{_choices(folder, path.name)}"
+        return f"{shown}: no such file (there is no folder {shown_path(folder)})"
+    if path.exists():
+        return f"{shown}: is a {'folder' if path.is_dir() else 'device or pipe'}, not a file"
+    return f"{shown}: no such file{_choices(folder, path.name)}"
 
 
 def _choices(folder: Path, name: str) -> str:
@@ -111,6 +117,8 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     Raises:
         DescriptionError: it is not, with line and column.
     """
+    if not data.strip():
+        raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])
     parser = expat.ParserCreate(encoding, namespace_separator=" ")
     lines: list[int] = []
     namespaces: set[str] = set()

@@ -107,7 +107,7 @@ def _without_leader(
         if mimic.parent in names:
             continue
         wrong = f"is {kinds[mimic.parent]}" if mimic.parent in kinds else "does not exist"
-        hint = did_you_mean(mimic.parent, names - {name}, "joints that move")
+        hint = did_you_mean(mimic.parent, names, "joints that move")
         problems[name] = f'joint "{name}" follows "{mimic.parent}", which {wrong}{hint}'
     return problems
 

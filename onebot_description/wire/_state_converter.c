@@ -162,37 +162,47 @@ static enum due when_due(const struct state *state, const struct layout *layout,
   return stamp >= oldest ? EARLY : OLD;
 }
 
-/* Transforms of up to ONEBOT_SOME joints. */
-static inline void transforms(const struct joint *joints, size_t count,
-                              const unsigned char *positions, double *out) {
-  double position[ONEBOT_SOME], angle[ONEBOT_SOME] = {0.0};
-  double sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
+/* Positions of up to ONEBOT_SOME joints, and the sines and cosines of their half turns. */
+struct some {
+  double position[ONEBOT_SOME], sine[ONEBOT_SOME], cosine[ONEBOT_SOME];
+};
+
+static inline void read_some(struct some *some, const struct joint *joints, size_t count,
+                             const unsigned char *positions) {
+  double angle[ONEBOT_SOME] = {0.0};
   for (size_t i = 0; i < count; i++) {
-    position[i] = onebot_load(positions, (int64_t)joints[i].column);
-    position[i] = position[i] * joints[i].multiplier + joints[i].offset;
-    angle[i] = position[i] * joints[i].half_turn;
+    const double position = onebot_load(positions, (int64_t)joints[i].column);
+    some->position[i] = position * joints[i].multiplier + joints[i].offset;
+    angle[i] = some->position[i] * joints[i].half_turn;
   }
-  onebot_sines(angle, sine, cosine, (int64_t)count);
-  for (size_t i = 0; i < count; i++)
-    onebot_joint_transform(joints[i].constant, joints[i].sine, joints[i].slide, position[i],
-                           sine[i], cosine[i], out + ONEBOT_POSE * i);
+  onebot_sines(angle, some->sine, some->cosine, (int64_t)count);
 }
 
 /* Write the TFMessage for the JointState `data`, in one pass. */
 static ONEBOT_WIDE void fill(unsigned char *message, const struct layout *layout,
                              const unsigned char *data) {
   size_t copied = 0;
+  uint64_t stamp;
+  memcpy(&stamp, data + STAMP_AT, sizeof stamp);
   for (size_t first = 0; first < layout->count; first += ONEBOT_SOME) {
-    const struct joint *some = layout->joints + first;
+    const struct joint *joints = layout->joints + first;
     const size_t number = (size_t)onebot_some_of((int64_t)(layout->count - first));
-    double values[ONEBOT_SOME * ONEBOT_POSE];
-    transforms(some, number, data + layout->first, values);
-    const size_t end = some[number - 1].values_at + ONEBOT_POSE * sizeof *values;
+    struct some some;
+    read_some(&some, joints, number, data + layout->first);
+    const size_t end = joints[number - 1].values_at + ONEBOT_POSE * sizeof(double);
     memcpy(message + copied, layout->message + copied, end - copied);
     copied = end;
     for (size_t i = 0; i < number; i++) {
-      memcpy(message + some[i].stamp_at, data + STAMP_AT, 8);
-      memcpy(message + some[i].values_at, values + ONEBOT_POSE * i, ONEBOT_POSE * sizeof *values);
+      const struct joint *joint = joints + i;
+      memcpy(message + joint->stamp_at, &stamp, sizeof stamp);
+      double slid[3];
+      for (int j = 0; j < 3; j++) slid[j] = joint->constant[j] + joint->slide[j] * some.position[i];
+      onebot_numbers constant, sine;
+      memcpy(&constant, joint->constant + 3, sizeof constant);
+      memcpy(&sine, joint->sine, sizeof sine);
+      const onebot_numbers turned = constant * some.cosine[i] + sine * some.sine[i];
+      memcpy(message + joint->values_at, slid, sizeof slid);
+      memcpy(message + joint->values_at + sizeof slid, &turned, sizeof turned);
     }
   }
 }

@@ -77,18 +77,23 @@ def test_the_command_alone_moves_mrm(start: Start, transforms: Transforms) -> No
 def test_editing_the_joints_moves_the_robot(
     start: Start, transforms: Transforms, tmp_path: Path
 ) -> None:
-    """The YAML file is the robot's remote control, while it runs."""
-    running = start(f"joints:={write_joints(tmp_path, 0.25)}")
+    """The YAML file is the robot's remote control, while it runs; the log names it alone."""
+    file = write_joints(tmp_path, 0.25)
+    running = start(f"joints:={file}")
     wait_for(transforms.turned_to(0.25, "link1"), "the first position")
     write_joints(tmp_path, -0.5)
     wait_for(transforms.turned_to(-0.5, "link1"), "the edited position")
+    wait_for(lambda: f"] {file}: applied, changed: " in running.out + running.err, "the report")
     stop(running)
 
 
 def test_editing_the_xacro_changes_the_robot(
     start: Start, transforms: Transforms, tmp_path: Path
 ) -> None:
-    """An edit of the model takes effect at once; a broken one is reported and changes nothing."""
+    """An edit of the model takes effect at once; a broken one is reported and changes nothing.
+
+    All nodes follow it, also when a joint has gone that the YAML names.
+    """
     model = tmp_path / "my_mrm.xacro"
     good = (package_share("mrm_description") / "urdf/mrm.xacro").read_text()
     model.write_text(good)
@@ -101,15 +106,21 @@ def test_editing_the_xacro_changes_the_robot(
         found = transforms.of("link1")
         return found[0] if found else 0.0
 
-    model.write_text(taller)
-    wait_for(lambda: abs(height() - 1.0) < 1e-9, "the taller base")
     model.write_text(taller.replace("</robot>", ""))
     wait_for(lambda: "stays as it was" in running.err, "the report of the broken file")
     assert "my_mrm.xacro" in running.err
     transforms.latest.clear()
-    wait_for(lambda: abs(height() - 1.0) < 1e-9, "the robot as it was")
+    wait_for(lambda: abs(height() - 0.5) < 1e-9, "the robot as it was")
     model.write_text(good)
-    wait_for(lambda: abs(height() - 0.5) < 1e-9, "the mended robot")
+    wait_for(lambda: f"{model}: mended" in running.out + running.err, "the mended robot")
+    model.write_text(taller)
+    wait_for(lambda: abs(height() - 1.0) < 1e-9, "the taller base")
+    edited = f"{model}: edited, robot_state_publisher publishes the new robot"
+    wait_for(lambda: edited in running.out + running.err, "the report of the edit")
+    model.write_text(good.replace("base_link__link_01", "elbow"))
+    wait_for(transforms.turned_to(0.0, "link1"), "the renamed joint, which nothing moves")
+    gone = 'motions.base_link__link_01: the robot has no joint "base_link__link_01"'
+    wait_for(lambda: gone in running.out + running.err, "the warning of the YAML")
     stop(running)
 
 
@@ -149,7 +160,7 @@ def test_the_end_of_a_node_that_matters_ends_all(
 def test_the_end_of_the_viewer_ends_nothing(
     start: Start, transforms: Transforms, mark: str, tmp_path: Path
 ) -> None:
-    """The viewer can crash; the robot goes on."""
+    """The viewer can crash; the robot goes on, and the exit code reports it."""
     recording = tmp_path / "mrm.rrd"
     running = start(f"save:={recording}", f"joints:={write_joints(tmp_path, 0.5)}")
     wait_for_robot(running, transforms, "link1")
@@ -159,7 +170,10 @@ def test_the_end_of_the_viewer_ends_nothing(
     wait_for(lambda: "going on without rerun_viewer" in running.err, "the report")
     transforms.latest.clear()
     wait_for(lambda: transforms.of("link1"), "more transforms")
-    stop(running)
+    running.send(signal.SIGINT)
+    assert running.wait() == 1
+    last = "[mrm_bringup] failed: rerun_viewer (ended by SIGKILL, perhaps the system ran out of"
+    assert running.err.splitlines()[-1].startswith(last)
 
 
 def test_interrupt_during_the_start_is_clean(start: Start) -> None:

@@ -48,9 +48,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/joints/source.py": _description(*_SOURCE),
     "onebot_description/description/checks.py": _description(*_CHECKS),
     "onebot_description/description/reading.py": _description("description_reading", *_CHECKS),
-    "onebot_description/description/xacro.py": _description(
-        "expression_limits", "xacro_arguments", *_CHECKS
-    ),
+    "onebot_description/description/expressions.py": _description("expressions"),
+    "onebot_description/description/expansion.py": _description("expressions", *_CHECKS),
+    "onebot_description/description/xacro.py": _description("xacro_arguments", *_CHECKS),
     "onebot_description/model/quaternions.py": _description("robot_model"),
     "onebot_description/model/robot_model.py": _description("robot_model"),
     "onebot_description/parameters/reader.py": _description(*_READER),
@@ -178,18 +178,6 @@ EQUIVALENT = (
         "_read_shape",
         'return (Cylinder if element.tag >= "cylinder" else Capsule)(radius, length)',
         "only cylinders and capsules are left",
-    ),
-    Equivalent(
-        "onebot_description/description/xacro.py",
-        "_check_round",
-        "def _check_round(number: Any = 1, ndigits: Any = None, *_: Any, **__: Any) -> None:",
-        "round() without a number fails by itself",
-    ),
-    Equivalent(
-        "onebot_description/description/xacro.py",
-        "bounded_power",
-        "if isinstance(base, int) and isinstance(exponent, int) and abs(base) != 1:",
-        "0 has no bits, so that no power of it is too large",
     ),
     Equivalent(
         "onebot_description/joints/config.py",

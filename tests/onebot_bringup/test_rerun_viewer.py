@@ -1,6 +1,9 @@
 """The rerun_viewer node, fed over real DDS."""
 
+import errno
+import os
 import re
+import resource
 import signal
 import urllib.request
 from pathlib import Path
@@ -114,15 +117,35 @@ def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
 
 
 def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(ros_domain, tmp_path):
-    """The node says what it shows; broken text keeps the robot and is named."""
+    """The node logs what it shows; broken text, and a view file that is gone, change nothing."""
     with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
         with Peer(ros_domain) as peer:
-            robot = Robot(peer)
+            robot = Robot(peer, ARM[:-9])
+            wait_for(lambda: "still waiting for a robot: " in node.output, "the first warning")
+            robot.describe(ARM)
             wait_for(lambda: 'showing "arm"' in node.output, "the robot")
-            robot.describe(ARM[:-9])
-            wait_for(lambda: "keeping the robot shown so far" in node.output, "the warning")
+            (tmp_path / "view.yaml").unlink()
+            removed = "view.yaml was removed: keeping the view shown so far"
+            wait_for(lambda: removed in node.output, "the warning of the view file")
+
+            def kept() -> bool:
+                robot.describe(ARM[:-9])
+                return "keeping the robot shown so far: " in node.output
+
+            wait_for(kept, "the warning, a while after the first")
             robot.describe(ARM.replace('name="arm"', 'name="longer"'))
             wait_for(lambda: 'showing "longer"' in node.output, "the new robot")
+
+
+@pytest.mark.slow
+def test_two_robots_under_one_name_are_warned_of(ros_domain, tmp_path):
+    """A while after the second came: one that was killed seems to be there for 20 s more."""
+    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
+        with Peer(ros_domain, "left") as left, Peer(ros_domain, "right") as right:
+            for peer in (left, right):
+                peer.node.create_publisher(String, "robot_description", LATCHED)
+            warning = "/robot_description is published by /left, /right at once: two robots"
+            wait_for(lambda: warning in node.output, "the warning")
 
 
 def test_everything_listens_on_loopback_only(ros_domain, tmp_path):
@@ -180,6 +203,27 @@ def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, 
     with _viewer(tmp_path, check=False, **parameters) as node:
         assert node.wait() == 1
         assert said in node.output and "Traceback" not in node.output
+
+
+def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
+    """From the start, and once the robot is shown; without a traceback, Rerun's or Python's."""
+    (tmp_path / "full.rrd").symlink_to("/dev/full")
+    with _viewer(tmp_path, False, viewer="none", save=tmp_path / "full.rrd") as node:
+        assert node.wait() == 1
+        full = f"error: save:={tmp_path}/full.rrd: {os.strerror(errno.ENOSPC)}"
+        assert node.output.splitlines()[-1] == full and "Traceback" not in node.output
+    file = tmp_path / "x.rrd"
+    with _viewer(tmp_path, False, viewer="none", save=file) as node, Peer(ros_domain) as peer:
+        robot = Robot(peer)
+        wait_for(lambda: 'showing "arm"' in node.output, "the robot")
+        size = file.stat().st_size
+        resource.prlimit(node.process.pid, resource.RLIMIT_FSIZE, (size, size))
+        wait_for(lambda: robot.move() or node.process.poll() is not None, "the end")
+        assert node.wait() == 1
+        limit = f"error: save:={file}: {os.strerror(errno.EFBIG)}"
+        assert node.output.splitlines()[-1] == limit
+        for word in ("Traceback", "Error occurred", "ERROR", "FATAL"):
+            assert word not in node.output
 
 
 def test_native_without_a_display_is_a_clear_error(ros_domain, tmp_path, monkeypatch):

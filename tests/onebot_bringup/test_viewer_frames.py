@@ -1,3 +1,5 @@
+import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -5,9 +7,10 @@ import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import Context
-from onebot_bringup.viewer.displays.tf import TfDisplay, TransformStream
+from onebot_bringup.viewer.displays.tf import AxesSettings, TfDisplay, TransformStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_description.description import parse_description
+from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
@@ -42,11 +45,35 @@ def test_poses_chain_transforms():
     assert set(tree.poses(["arm", "elsewhere"], "base")) == {"arm"}
 
 
-def test_a_loop_of_frames_ends():
-    """Nonsense on /tf must not hang the viewer."""
-    tree = FrameTree()
-    tree.update(["b", "a"], ["a", "b"], np.zeros((2, 3)), np.array([NO_TURN, NO_TURN]))
-    assert tree.top("a") in ("a", "b")
+def _joined(parents: Sequence[str], children: Sequence[str]) -> FrameTree:
+    tree, count = FrameTree(), len(parents)
+    tree.update(parents, children, np.tile([1.0, 0, 0], (count, 1)), np.tile(NO_TURN, (count, 1)))
+    return tree
+
+
+def test_each_frame_of_a_circle_is_its_own_top():
+    """Nonsense on /tf must not hang the viewer; what is below the circle remains connected."""
+    tree = _joined(["b", "c", "a", "b", "link", "d"], ["a", "b", "c", "link", "tip", "d"])
+    assert [tree.top(name) for name in "abcd"] == ["a", "b", "c", "d"]
+    assert tree.top("tip") == tree.top("link") == "b"
+    assert tree.pose("tip", "link")[0, 3] == 1.0 and tree.pose("tip", "b")[0, 3] == 2.0
+    assert tree.pose("a", "b") is None and tree.pose("a", "a")[0, 3] == 0.0
+    tree = _joined(["b", "c", "a", "b", "link"], ["a", "b", "c", "link", "tip"])
+    assert tree.top("tip") == "b" and tree.top("c") == "c" and tree.top("b") == "b"
+
+
+def test_a_large_circle_takes_time_by_its_size():
+    """As a chain does, and not by its square, which would be about a thousand times as long."""
+    names = [f"frame_{number}" for number in range(20_000)]
+
+    def seconds(children: Sequence[str]) -> float:
+        tree, start = _joined(names, children), time.process_time()
+        for name in names:
+            tree.top(name)
+        return time.process_time() - start
+
+    chain, circle = [*names[1:], "end"], [*names[1:], names[0]]
+    assert seconds(circle) < 50 * max(seconds(chain), 0.001)
 
 
 def test_forgotten_frames_are_gone_until_heard_again():
@@ -86,6 +113,42 @@ def test_another_message_on_a_frame_counts_and_so_does_the_next_of_the_first():
     assert tree.top("c") == "a" and tree.names == {"a", "b", "c"}
 
 
+@pytest.mark.parametrize(
+    ("shift", "turn"),
+    [
+        ([np.nan, 0.0, 0.0], NO_TURN),
+        ([0.0, -np.inf, 0.0], NO_TURN),
+        ([1e308, 0.0, 0.0], NO_TURN),
+        ([0.0, 0.0, 0.0], np.zeros(4)),
+        ([0.0, 0.0, 0.0], 1.01 * NO_TURN),
+        ([0.0, 0.0, 0.0], np.array([0.0, 0.0, np.nan, 1.0])),
+        ([0.0, 0.0, 0.0], np.array([1e308, 0.0, 0.0, 1e308])),
+    ],
+)
+@pytest.mark.parametrize("static", [False, True])
+def test_what_is_no_transform_is_ignored_as_tf2_does(shift, turn, static, tmp_path):
+    """The other transforms of its message count, and so does its frame's next one."""
+    recording, tree = open_recording(save=tmp_path / "x.rrd"), FrameTree()
+    stream = TransformStream(recording.stream, tree)
+    rows = np.array([[1.0, 0, 0], shift]), np.array([NO_TURN, turn])
+    stamps = np.array([START_NS, START_NS])
+    message = TfArrays(["odom", "base"], ["base", "arm"], stamps, *rows)
+    stream.place(START_NS, "odom", "ours", np.array([0.0, 3.0, 0.0]), NO_TURN)
+    if static:
+        stream.add_static(message)
+    else:
+        stream.add(START_NS, message)
+    assert stream.flush()
+    assert tree.names == {"odom", "base"} and tree.pose("base", "odom")[0, 3] == 1.0
+    assert stream.ignored == "arm"
+    good = message._replace(translations=np.zeros((2, 3)), rotations=np.tile(NO_TURN, (2, 1)))
+    stream.add(START_NS, good)
+    assert stream.flush() and tree.top("arm") == "odom"
+    recording.close()
+    frames = column(tmp_path / "x.rrd", "/tf", "Transform3D:child_frame")
+    assert frames.count(["ours"]) == 1 and frames.count(["arm"]) == 1
+
+
 ROBOT = """<robot name="r"><link name="base"/><link name="{}"/>
 <joint name="j" type="fixed"><parent link="base"/><child link="{}"/></joint></robot>"""
 
@@ -117,6 +180,16 @@ class _Shown:
     def flush(self) -> None:
         """Draw what there is."""
         self._display.flush()
+
+    def apply(self, settings: AxesSettings) -> None:
+        """Draw as these settings have it."""
+        self._display.apply(settings)
+
+    def named(self, frame: str) -> list[bool]:
+        """Whether the name was shown, each time that axes were drawn in a frame."""
+        self._recording.close()
+        shown = column(self._file, f"/frames/a_{frame}", "TransformAxes3D:show_frame")
+        return [name for [name] in shown]
 
     def drawn(self, frame: str) -> int:
         """How often axes were drawn in a frame; the file is complete then."""
@@ -169,3 +242,22 @@ def test_another_robot_within_the_second_is_waited_for_anew(shown: _Shown) -> No
     shown.now += 0.9
     shown.receive("old", "new")
     assert shown.drawn("old") == 2 and shown.drawn("new") == 1
+
+
+def test_names_are_shown_of_few_frames_or_on_request(tmp_path: Path) -> None:
+    """Of a robot with many frames they would hide it; drawn anew only when that changes."""
+    shown = _Shown(tmp_path / "x.rrd")
+    shown.receive("old")
+    shown.set_robot("old")
+    shown.receive(*(f"frame{number}" for number in range(15)))
+    shown.receive("old", "frame3")
+    for settings in (
+        AxesSettings(names_up_to=17),
+        AxesSettings(),
+        AxesSettings(names=False),
+        AxesSettings(frames=("a_base", "a_old")),
+    ):
+        shown.apply(settings)
+        shown.flush()
+    # At first 2 frames, then 17, and at last 2 again.
+    assert shown.named("base") == [True, False, True, False, True]

@@ -1,11 +1,20 @@
 """What nodes share: their ROS arguments, and warnings that are logged only so often."""
 
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from onebot_description.node import RosArguments, Throttled, ros_arguments
+from onebot_description.node import (
+    Lasting,
+    RosArguments,
+    Throttled,
+    ros_arguments,
+    use_writable_log_folder,
+)
 
 
 def test_files_and_names_are_found() -> None:
@@ -22,6 +31,46 @@ def test_nothing_given() -> None:
     """And a dangling option is rcl's to complain about."""
     assert ros_arguments(["node", "robot.urdf"]) == RosArguments(others=("robot.urdf",))
     assert ros_arguments(["node", "--ros-args", "--params-file"]).files == ()
+
+
+_FAILING = """
+from rclpy.node import Node
+from onebot_description.errors import OneBotError
+from onebot_description.node import ends_node, run_node
+
+class Failing(Node):
+    def __init__(self, where):
+        super().__init__("failing")
+        self.where = where
+        if where == "start":
+            raise OneBotError(where)
+        self.create_timer(0.01, self.work)
+
+    @ends_node
+    def work(self):
+        if self.where == "callback":
+            raise OneBotError(self.where)
+        signal.raise_signal(signal.SIGINT)
+
+    def destroy_node(self):
+        super().destroy_node()
+        if self.where == "end":
+            raise OneBotError(self.where)
+
+import signal
+for events in (False, True):
+    for where in ("start", "callback", "end", "nowhere"):
+        print(run_node(lambda: Failing(where), ["failing"], events=events))
+"""
+
+
+def test_an_error_of_a_node_is_one_line(ros_domain: int) -> None:
+    """Wherever it is raised, whichever the executor: exit code 1 and no traceback."""
+    done = subprocess.run(
+        [sys.executable, "-c", _FAILING], capture_output=True, text=True, timeout=180, check=True
+    )
+    assert done.stdout.split() == ["1", "1", "1", "0"] * 2
+    assert done.stderr.splitlines() == ["error: start", "error: callback", "error: end"] * 2
 
 
 def test_each_kind_is_logged_once_within_its_time() -> None:
@@ -62,3 +111,43 @@ def test_a_kind_is_logged_again_when_its_time_is_over(monkeypatch: pytest.Monkey
         now[0] = moment
         log("a", str(moment))
     assert logged == ["100.0", "105.0", "110.0"]
+
+
+def test_what_lasts_is_reported_once() -> None:
+    """After its time; something else begins anew, and what comes back is reported again."""
+    lasting = Lasting(3.0)
+    moments = [
+        (0.0, [], False),
+        (10.0, ["a"], False),
+        (12.9, ["a"], False),
+        (13.0, ["a"], True),
+        (14.0, ["a"], False),
+        (15.0, ["a", "b"], False),
+        (18.0, ["a", "b"], True),
+        (19.0, [], False),
+        (30.0, [], False),
+        (31.0, ["a", "b"], False),
+        (33.0, ["a"], False),
+        (35.0, ["a"], False),
+        (36.0, ["a"], True),
+    ]
+    assert [lasting.new(what, now) for now, what, _ in moments] == [new for _, _, new in moments]
+
+
+@pytest.mark.parametrize("home", ["/dev/null", "/proc", None])
+def test_ros_logs_where_it_can(monkeypatch, tmp_path: Path, home: str | None) -> None:
+    """In the cache, where there is no home to write in; a folder of the user's own stays."""
+    for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    if home:
+        monkeypatch.setenv("HOME", home)
+    use_writable_log_folder()
+    assert os.environ["ROS_LOG_DIR"] == str(tmp_path / "cache/onebot/log")
+    monkeypatch.setenv("ROS_LOG_DIR", "mine")
+    use_writable_log_folder()
+    assert os.environ["ROS_LOG_DIR"] == "mine"
+    monkeypatch.delenv("ROS_LOG_DIR")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    use_writable_log_folder()
+    assert "ROS_LOG_DIR" not in os.environ and (tmp_path / ".ros/log").is_dir()

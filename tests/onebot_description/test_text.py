@@ -1,6 +1,7 @@
 """Words for error messages."""
 
-from onebot_description.errors import did_you_mean, listing, nearest
+from onebot_description.description import DescriptionError
+from onebot_description.errors import OneBotError, condensed, did_you_mean, listing, nearest
 
 
 def test_nearest_forgives_slips_and_case() -> None:
@@ -25,3 +26,32 @@ def test_long_lists_are_cut_to_the_most_alike() -> None:
     assert hint.startswith(' (did you mean "wheel"? known: wheel, ')
     assert hint.endswith(", and 89 more)")
     assert listing("cab", most=2) == "a, b, and 1 more"
+
+
+def test_a_name_is_not_proposed_in_its_own_place() -> None:
+    """Nor is it among those listed: it is not what was meant."""
+    assert did_you_mean("a", ["a", "b"]) == " (known: b)"
+
+
+def test_very_many_names_are_not_compared() -> None:
+    """That would take minutes; how many there are is shown."""
+    names = [f"joint_of_the_left_leg_{number}" for number in range(100_000)]
+    assert did_you_mean("joint_of_the_left_leg", names, "joints") == " (100000 joints)"
+
+
+def test_what_a_terminal_would_obey_is_escaped() -> None:
+    """Control characters, marks for writing from right to left, odd spaces and half characters."""
+    assert str(OneBotError('link "a\x1b[2Jb\u202ec\u200f\xa0d"\nmore \udc80 \u05d0 é')) == (
+        'link "a\\x1b[2Jb\\u202ec\\u200f\\xa0d"\nmore \\udc80 \u05d0 é'
+    )
+    assert DescriptionError(["a\nb", "c"]).problems == ("a\\nb", "c")
+
+
+def test_many_messages_of_one_kind_are_one_line() -> None:
+    """With their number; those of other kinds stay, in order, and none is too long."""
+    alike = [f'r.urdf:{n}: link "l{n}": no "m{n}" (did you mean "k{n}"?)' for n in range(100_000)]
+    lines = condensed(["first", *alike, "last", "x" * 1_000_000])
+    assert lines[:3] == ("first", f"{alike[0]} (and 99999 more of this kind)", "last")
+    assert len(lines) == 4 and len(lines[3]) < 2100
+    assert condensed(alike[:20]) == tuple(alike[:20])
+    assert str(DescriptionError(alike)) == lines[1]

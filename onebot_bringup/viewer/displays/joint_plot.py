@@ -23,10 +23,12 @@ from onebot_bringup.viewer.displays.display import (
 from onebot_bringup.viewer.displays.joint_limits import limited_joints, limits
 from onebot_bringup.viewer.settings import Color, setting
 from onebot_description.wire.messages import JointStateArrays, one_joint_state
+from onebot_description.wire.remembered import MOST_BYTES, size_of_names
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
-# Each set of joint names is plotted on its own; more sets than these are a publisher's mistake.
+# Each set of joint names is plotted on its own; more sets than these, or names of more than
+# MOST_BYTES, are a publisher's mistake.
 _MOST_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
@@ -172,6 +174,7 @@ class JointStream:
         self._limits: dict[str, tuple[float, float]] = {}
         self._count = 0
         self._sets: dict[tuple[str, ...], _Curves] = {}
+        self._size = 0  # of their names, bytes
         self._order: dict[tuple[str, ...], int] = {}  # in which each set first came
         self._last: tuple[object, _Curves | None] = ((), None)  # names that came last
         self.has_velocities = False  # a velocity ever came
@@ -184,6 +187,7 @@ class JointStream:
         self.flush()
         self._limits = dict(limits)
         self._last = ((), None)
+        self._size = 0
         self._sets.clear()  # on entities of their own from now on: the rows are of other lengths
 
     def add(
@@ -213,7 +217,9 @@ class JointStream:
     def _curves_of(self, names: tuple[str, ...]) -> _Curves | None:
         """The curves of this set of names; a new one gets its legend first."""
         curves = self._sets.get(names)
-        if curves is None and len(self._sets) < _MOST_SETS:
+        size = size_of_names(names)
+        if curves is None and len(self._sets) < _MOST_SETS and self._size + size <= MOST_BYTES:
+            self._size += size
             colors = joint_colors(names, self._order.setdefault(names, len(self._order)))
             curves = _Curves(self._recording, self._count, len(names), colors, self._limits)
             self._sets[names] = curves

@@ -1,8 +1,9 @@
 """TF: logs every transform, so that what lies in a frame moves with it, and draws frames' axes."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -30,6 +31,8 @@ FRAMES_ENTITY = "frames"
 _DEFAULT_LENGTH = 0.5  # of axes, metres, while the robot's size is not known
 # For how long after a new description messages may still name the frames of the old one (seconds).
 _STRAGGLING = 1.0
+_UNIT = 0.01  # that the square of a quaternion's length may be off, in tf2 as well
+_FARTHEST = 1e38  # metres, in the numbers of 32 bits that are logged
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +52,7 @@ class AxesSettings:
     visible: bool = setting(True, "draw the axes of the frames")
     length: float = setting(0.0, "of the axes, metres; 0 to choose it by the robot's size")
     names: bool = setting(True, "write the frames' names beside their axes")
+    names_up_to: int = setting(16, "frames with axes; of more, no names are written")
     frames: tuple[str, ...] = setting((), "of these frames only; empty for all", name_list)
 
 
@@ -62,7 +66,7 @@ class TfDisplay(Display[AxesSettings]):
         """Draw no axes yet."""
         super().__init__(context)
         self._settings = AxesSettings()
-        self._length = _DEFAULT_LENGTH
+        self._look: tuple[object, ...] = ()  # what the axes drawn depend on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
         self._robot: Description | None = None
@@ -77,13 +81,12 @@ class TfDisplay(Display[AxesSettings]):
 
     def apply(self, settings: AxesSettings) -> None:
         """Draw other axes, if they change."""
-        before, self._settings = self._settings, settings
+        self._settings = settings
         frame_of = self.context.frame_of
         self._only = {*settings.frames, *map(frame_of, settings.frames)}
         if self._only:
             self._hide(self._drawn - self._only)
-        if settings.names != before.names:
-            self._draw(self._drawn)
+        self._draw(())
 
     def set_robot(self) -> None:
         """Draw the axes of the links; hide those of links that are no more."""
@@ -113,11 +116,15 @@ class TfDisplay(Display[AxesSettings]):
         if self._retired and self.context.clock() - self._retired_at > _STRAGGLING:
             self.context.transforms.forget(self._retired)
             self._retired = set()
-        length = self._settings.length or self.context.fitting_length or _DEFAULT_LENGTH
-        if length != self._length:
-            self._length = length
-            self._draw(self._drawn)
         self._show(self.context.frames.names - self._retired)
+
+    def warnings(self) -> list[str]:
+        """Return that transforms are ignored."""
+        frame = self.context.transforms.ignored
+        return [
+            f'a transform of "{frame}" is ignored: it is not finite, or its rotation '
+            "no unit quaternion"
+        ] * bool(frame)
 
     def layout(self) -> LayoutPart:
         """Return whether axes are shown."""
@@ -129,10 +136,17 @@ class TfDisplay(Display[AxesSettings]):
         self._drawn |= new
         self._draw(new)
 
-    def _draw(self, frames: Iterable[str]) -> None:
-        axes = rr.TransformAxes3D(self._length, show_frame=self._settings.names)
+    def _draw(self, frames: Collection[str]) -> None:
+        """Draw axes in ``frames``; in all of them if their look has changed."""
+        settings, lengths = self._settings, self.context.axes_lengths
+        names = settings.names and len(self._drawn) <= settings.names_up_to
+        usual = self.context.fitting_length or _DEFAULT_LENGTH
+        look = settings.length, usual, lengths, names
+        if look != self._look:
+            self._look, frames = look, self._drawn
         for frame in frames:
-            self._log(frame, frame, axes)
+            length = settings.length or lengths.get(frame) or usual
+            self._log(frame, frame, rr.TransformAxes3D(length, show_frame=names))
 
     def _hide(self, frames: Iterable[str]) -> None:
         # Static data cannot be cleared, only overwritten; a frame that is gone would be an error.
@@ -223,6 +237,20 @@ class _Placed(NamedTuple):
     translation: Floats
     rotation: Floats
 
+    @property
+    def usable(self) -> bool:
+        """Whether it is a transform."""
+        return bool(_usable(self.translation[None], self.rotation[None]).all())
+
+
+def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
+    """Return of each row whether it is a transform: finite, with a quaternion of unit length."""
+    with np.errstate(all="ignore"):
+        lengths, distances = (np.einsum("ij,ij->i", a, a) for a in (rotations, translations))
+        usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= _UNIT  # squares, both
+        usable &= distances <= _FARTHEST**2
+        return usable
+
 
 class TransformStream:
     """Logs transforms, many at a time, and keeps the latest of each frame in ``frames``."""
@@ -240,6 +268,7 @@ class TransformStream:
         self._logged: dict[str, float] = {}  # child -> monotonic time of its last row
         self._latest_ns = 0
         self._next_repeat = 0.0
+        self.ignored = ""  # the first frame whose transform was none
 
     def add(self, stamp_ns: int, transforms: Transforms) -> None:
         """Add a message of /tf; it is logged at the next ``flush``.
@@ -270,6 +299,7 @@ class TransformStream:
 
         Several static chunks on one entity would survive in a file only in part.
         """
+        transforms = self._only_usable(transforms)
         self._frames.update(*_columns(transforms))
         for row, child in enumerate(transforms.children):
             translation, rotation = transforms.translations[row], transforms.rotations[row]
@@ -287,6 +317,21 @@ class TransformStream:
                 ),
                 static=True,
             )
+
+    def _only_usable(self, transforms: Transforms) -> Transforms:
+        """Leave out what tf2 ignores, too: its numbers are no transform."""
+        usable = _usable(transforms.translations, transforms.rotations)
+        if usable.all():
+            return transforms
+        bad = int(np.argmin(usable))
+        self.ignored = self.ignored or transforms.children[bad]
+        return TfArrays(
+            list(compress(transforms.parents, usable)),
+            list(compress(transforms.children, usable)),
+            transforms.stamps_ns[usable],
+            transforms.translations[usable],
+            transforms.rotations[usable],
+        )
 
     def forget(self, frames: Iterable[str]) -> None:
         """Drop ``frames`` until they are received again."""
@@ -306,11 +351,16 @@ class TransformStream:
         batch = [item for _, item in pending]
         ours = placed.values()
         stamps = _stack([item.stamps_ns for item in batch], [p.stamp_ns for p in ours])
+        translations = _stack([i.translations for i in batch], [p.translation for p in ours])
+        rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
+        if not _usable(translations, rotations).all():
+            for stamp_ns, item in pending:
+                self.add(stamp_ns, self._only_usable(item))
+            self._placed = {child: p for child, p in placed.items() if p.usable}
+            return self.flush()
         if not stamps.all():
             instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
             stamps = np.where(stamps == 0, _stack(instead, [0] * len(ours)), stamps)
-        translations = _stack([i.translations for i in batch], [p.translation for p in ours])
-        rotations = _stack([i.rotations for i in batch], [p.rotation for p in ours])
         names = self._names.columns(
             [(item.parents, item.children) for item in batch],
             [(place.parent, child) for child, place in placed.items()],

@@ -1,0 +1,224 @@
+"""A function in a process of its own, within bounds of memory, processor time and time.
+
+Forking takes some milliseconds, but only a process without other threads may do it safely: what
+those hold, such as a lock of the loader, nobody would release in the child. A process with threads
+(a node) starts an interpreter instead, which takes a tenth of a second. The answer is JSON.
+"""
+
+import importlib
+import json
+import math
+import mmap
+import os
+import resource
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple, NoReturn
+
+_PAGE = mmap.PAGESIZE
+# Isolated, so that no file of the folder that it runs in is imported in place of a module.
+_START = (
+    "import sys; sys.path[:] = sys.argv[1].split('\\n');"
+    "from onebot_description.description import bounded_process; bounded_process.main()"
+)
+
+
+class Bounds(NamedTuple):
+    """What a function may take."""
+
+    memory: int = 1_000_000_000  # bytes, beyond those of the process when it begins
+    processor: int = 20  # s of processor time
+    wall: float = 100.0  # s; that other programs use the processor, too, is no fault
+
+
+class BoundMet(Exception):
+    """The function was stopped; the text says by which bound."""
+
+    def __init__(self, bound: str, place: str) -> None:
+        """Keep ``place``, the last that the function has noted, "" if none."""
+        super().__init__(bound)
+        self.place = place
+
+
+class Place:
+    """What the function works on at the moment; it outlives the function's process."""
+
+    def __init__(self, file: int | None = None) -> None:
+        """Map ``file``, or a new one."""
+        self.file = os.memfd_create("place") if file is None else file
+        os.truncate(self.file, _PAGE)
+        self._page = mmap.mmap(self.file, _PAGE)
+
+    def note(self, text: str) -> None:
+        """Replace the text."""
+        data = text.encode("utf-8", "replace")[: _PAGE - 1] + b"\0"
+        self._page[: len(data)] = data
+
+    def read(self) -> str:
+        """Return the text noted last."""
+        return self._page[:].partition(b"\0")[0].decode("utf-8", "replace")
+
+    def close(self) -> None:
+        """Release it."""
+        self._page.close()
+        os.close(self.file)
+
+
+def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
+    """Return what a function returns that runs in a process of its own.
+
+    Args:
+        function: ``module:name`` of a function that takes the request and a ``Place``.
+        request: anything that JSON can hold, as the function's result.
+        bounds: within which it has to answer.
+
+    Raises:
+        BoundMet: it did not.
+        RuntimeError: it failed; its traceback is on stderr.
+    """
+    place = Place()
+    try:
+        start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
+        with start(function, request, bounds, place) as (answers, wait):
+            data = _read(answers, time.monotonic() + bounds.wall)
+            if data is None:
+                raise BoundMet(f"{bounds.wall:g} s", place.read())
+            return _result(data, wait(), bounds, place)
+    finally:
+        place.close()
+
+
+def _result(data: bytes, code: int, bounds: Bounds, place: Place) -> Any:
+    """The function's result, from its answer and the exit code of its process."""
+    if code == -signal.SIGXCPU:
+        raise BoundMet(f"{bounds.processor} s of processor time", place.read())
+    answer = json.loads(data) if data and code == 0 else {}
+    if "result" in answer:
+        return answer["result"]
+    if "memory" in answer:
+        raise BoundMet(f"{bounds.memory / 1e9:g} GB of memory", place.read())
+    raise RuntimeError(f"the process of {place.read() or 'a bounded function'} ended with {code}")
+
+
+def _read(file: int, deadline: float) -> bytes | None:
+    """All that comes until the other end is closed; None if it is not closed in time."""
+    poll = select.poll()
+    poll.register(file, select.POLLIN)
+    parts: list[bytes] = []
+    while (left := deadline - time.monotonic()) > 0:
+        if poll.poll(left * 1000):
+            part = os.read(file, 1 << 20)
+            if not part:
+                return b"".join(parts)
+            parts.append(part)
+    return None
+
+
+_Started = Iterator[tuple[int, Callable[[], int]]]
+
+
+@contextmanager
+def _fork(function: str, request: Any, bounds: Bounds, place: Place) -> _Started:
+    """Start the function in a fork; gives where its answer comes and what waits for its end."""
+    answers, out = os.pipe()
+    child = os.fork()
+    if not child:
+        _in_child(function, request, bounds, place, out)
+    os.close(out)
+    codes: list[int] = []
+
+    def wait() -> int:
+        if not codes:
+            codes.append(_exit_code(child))
+        return codes[0]
+
+    try:
+        yield answers, wait
+    finally:
+        os.close(answers)
+        if not codes:
+            os.kill(child, signal.SIGKILL)
+            wait()
+
+
+def _exit_code(child: int) -> int:
+    try:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    except ChildProcessError:  # this process ignores SIGCHLD, and its children leave no code
+        return 0
+
+
+@contextmanager
+def _spawn(function: str, request: Any, bounds: Bounds, place: Place) -> _Started:
+    """Start the function in a new interpreter, as ``_fork`` does in a fork."""
+    import subprocess  # only now: most processes fork
+
+    call = json.dumps([function, request, bounds, place.file]).encode()
+    path = "\n".join(filter(None, sys.path))
+    with subprocess.Popen(
+        [sys.executable, "-I", "-S", "-c", _START, path],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        pass_fds=[place.file],
+        start_new_session=True,  # Ctrl-C in a terminal is for the process that waits
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            with suppress(BrokenPipeError):  # it has failed; its code says so
+                process.stdin.write(call)
+                process.stdin.close()
+            yield process.stdout.fileno(), process.wait
+        finally:
+            process.kill()
+
+
+def main() -> NoReturn:
+    """Run what ``_spawn`` writes on stdin and answer on stdout."""
+    function, request, bounds, place = json.load(sys.stdin)
+    out = os.dup(1)
+    os.dup2(2, 1)  # what the function prints is no answer
+    _in_child(function, request, Bounds(*bounds), Place(place), out)
+
+
+def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: int) -> NoReturn:
+    """Run the function, write its answer to the file ``out`` and end this process."""
+    code = 1
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_DFL)
+        _limit(bounds)
+        with open(out, "wb") as file:
+            file.write(json.dumps(_answer(function, request, place)).encode())
+        code = 0
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+    finally:
+        os._exit(code)  # nothing of the parent's is flushed or closed
+
+
+def _answer(function: str, request: Any, place: Place) -> dict[str, Any]:
+    module, _, name = function.partition(":")
+    try:
+        return {"result": getattr(importlib.import_module(module), name)(request, place)}
+    except MemoryError:
+        return {"memory": True}
+
+
+def _limit(bounds: Bounds) -> None:
+    """Bound this process; what it has already does not count."""
+    pages = int(open("/proc/self/statm").read().split()[0])
+    _lower(resource.RLIMIT_AS, pages * resource.getpagesize() + bounds.memory)
+    _lower(resource.RLIMIT_CPU, math.ceil(time.process_time()) + bounds.processor)
+    _lower(resource.RLIMIT_CORE, 0)
+
+
+def _lower(kind: int, limit: int) -> None:
+    soft, hard = resource.getrlimit(kind)
+    for other in (soft, hard):
+        if other != resource.RLIM_INFINITY:
+            limit = min(limit, other)
+    resource.setrlimit(kind, (limit, hard))

@@ -1,0 +1,325 @@
+"""xacro as a function: a file in; its text with the place of each element, or its mistakes, out.
+
+xacro keeps its state in module globals and prints to stderr. This module therefore runs in a
+process of its own (see ``bounded_process``) and replaces some functions of xacro there: what it
+would print is collected, files are read by ``xml``, and expressions are evaluated by
+``expressions``. Every element of the files carries its place as DOM user data, which survives
+macros and includes, so that a check of the result can still name the line that a person wrote.
+"""
+
+import io
+import os
+import re
+import sys
+import traceback
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+from xml.dom import minidom
+
+import xacro
+from xacro import substitution_args
+
+from onebot_description.description import xml
+from onebot_description.description.bounded_process import Place
+from onebot_description.description.expressions import (
+    ExpressionError,
+    evaluate,
+    plain_type,
+)
+from onebot_description.description.packages import find_package
+from onebot_description.description.xacro import used_arguments
+from onebot_description.description.xml import missing_file, shown_path
+from onebot_description.errors import DescriptionError, OneBotError, did_you_mean, printable
+
+_MOST_BYTES = 50_000_000  # of the result, as of a file
+_MOST_PLACES = 4
+
+
+def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
+    """Run xacro on a file.
+
+    Args:
+        request: ``path`` of the file, absolute, and the ``arguments`` given.
+        place: takes the place of the element that is expanded.
+
+    Returns:
+        ``problems``, and ``arguments``, the names of those that the files declare or use; without
+        problems also ``text``, ``places`` of its elements, ``files`` read and ``warnings``.
+    """
+    path = Path(request["path"])
+    run = _Run(place)
+    run.replace_functions(str(path))
+    found: dict[str, Any] = {"problems": []}
+    try:
+        document = xacro.process_file(str(path), mappings=dict(request["arguments"]))
+        found |= _result(document, path)
+    except MemoryError:
+        raise
+    except DescriptionError as error:
+        found["problems"] = list(error.problems)
+    except Exception as error:
+        found["problems"] = [explain(error, path, run.declared)]
+    included = [str(Path(name).absolute()) for name in xacro.all_includes]
+    files = list(dict.fromkeys([*map(str, run.files), *included]))
+    arguments = sorted(run.declared | run.used)
+    return {**found, "files": files, "warnings": run.warnings, "arguments": arguments}
+
+
+def _result(document: minidom.Document, path: Path) -> dict[str, Any]:
+    root = document.documentElement
+    assert root is not None  # parsed documents have one
+    text = root.toxml()
+    if len(text) > _MOST_BYTES:
+        most = _MOST_BYTES // 1_000_000
+        raise DescriptionError([f"{shown_path(path)}: expands to more than {most} MB"])
+    elements = [root, *root.getElementsByTagName("*")]
+    return {"text": text, "places": [written_at(node) or shown_path(path) for node in elements]}
+
+
+class _CopyPlaces:
+    """Passes an element's places to its clones (a DOM UserDataHandler).
+
+    Places are where an element was written and, if that is in a macro, where it is called, where
+    the macro with that call is called, and so on.
+
+    Attributes:
+        call: the places of the macro call whose body is about to be cloned.
+    """
+
+    def __init__(self) -> None:
+        self.call: tuple[str, ...] = ()
+
+    def handle(self, operation: int, key: str, data: Any, source: Any, clone: Any) -> None:
+        """Called by minidom for each node cloned, children first."""
+        clone.setUserData(key, (data + self.call)[:_MOST_PLACES], self)
+        if source.parentNode is None:
+            self.call = ()  # that was the macro's whole body
+
+
+class _Run:
+    """One run of xacro: what it reads and warns of, and the functions of xacro that it replaces."""
+
+    def __init__(self, place: Place) -> None:
+        self.files: list[Path] = []
+        self.used: set[str] = set()
+        self.declared: set[str] = set()
+        self.warnings: list[str] = []
+        self._place = place
+        self._copy_places = _CopyPlaces()
+        self._handle_macro_call = xacro.handle_macro_call
+
+    def replace_functions(self, file: str) -> None:
+        """Have xacro, whose first file is ``file``, call the functions below."""
+        for name in ("open", "parse", "message", "warning", "error", "print_location"):
+            setattr(xacro, name, getattr(self, name))
+        xacro.handle_macro_call = self.handle_macro_call
+        xacro.safe_eval = evaluate
+        # Private: of $(find ...) and $(eval ...), and the latter's names.
+        substitution_args._eval_find = self.find
+        substitution_args._eval = self.eval
+        names = substitution_args._eval_dict
+        symbols = xacro.create_global_symbols()
+        python = symbols["python"]
+        python["type"] = plain_type
+        del python["vars"]
+        self._eval_names = {
+            **python,
+            **{name: value for name, value in names.items() if not name.startswith("_")},
+            "find": self.find,
+        }
+        xacro._global_symbols = symbols
+        xacro.substitution_args_context["filename"] = file
+
+    def parse(self, source: Any, filename: str | None = None) -> minidom.Document:
+        """Replace ``xacro.parse``: scans first and notes places."""
+        if source is not None or filename is None:
+            raise DescriptionError(["xacro: only files can be included"])
+        path = Path(filename).absolute()
+        if not path.exists() and len(xacro.filestack) > 1:
+            # An optional include may be missing; xacro recognises that by the inner error.
+            xacro.filestack.pop()
+            raise xacro.XacroException("", exc=FileNotFoundError(2, "no such file", str(path)))
+        shown = shown_path(path)
+        self._place.note(shown)
+        data = xml.read_bytes(path)
+        self.files.append(path)
+        lines = xml.scan(data, shown).lines
+        document = minidom.parseString(data)
+        for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
+            element.setUserData("places", (f"{shown}:{line}",), self._copy_places)
+            if element.tagName == "xacro:arg":
+                self.declared.add(element.getAttribute("name"))
+        self.used.update(used_arguments(data.decode("utf-8", "replace")))
+        return document
+
+    def open(self, filename: str) -> io.BytesIO:
+        """Replace ``open``, with which xacro reads YAML."""
+        return io.BytesIO(xml.read_bytes(Path(filename)))
+
+    def message(self, *words: object, **_: object) -> None:
+        """Replace ``xacro.message``, which a file calls to print something."""
+        print(printable(" ".join(map(str, words))), file=sys.stderr)
+
+    def warning(self, *words: object, **_: object) -> None:
+        """Replace ``xacro.warning``: collects instead of printing."""
+        stack = xacro.filestack
+        place = f"{shown_path(stack[-1])}: " if stack and stack[-1] else ""
+        self.warnings.append(place + "xacro: " + " ".join(" ".join(map(str, words)).split()))
+
+    def error(self, *words: object, **_: object) -> None:
+        """Replace ``xacro.error``, which a file calls without meaning to stop."""
+        self.warning(*words)
+
+    def print_location(self, *_: object, **__: object) -> None:
+        """Replace ``xacro.print_location``: places are in the messages already."""
+
+    def handle_macro_call(self, node: Any, macros: Any, symbols: Any) -> bool:
+        """Replace ``xacro.handle_macro_call``, which is called for every element: notes places."""
+        places = node.getUserData("places") or ()
+        if places:
+            self._place.note(places[0])
+        if node.tagName.startswith("xacro:"):
+            self._copy_places.call = places
+        return bool(self._handle_macro_call(node, macros, symbols))
+
+    def eval(self, expression: str, context: Any) -> str:
+        """Replace ``$(eval expression)``."""
+        given = context.get("arg", {})
+
+        def convert(name: str) -> Any:
+            return substitution_args.convert_value(given[name], "auto")
+
+        names = {
+            **{name: convert(name) for name in given},
+            **self._eval_names,
+            "arg": convert,
+            "dirname": lambda: os.path.dirname(os.path.abspath(context["filename"])),
+        }
+        return str(evaluate(expression, names))
+
+    def find(self, package: str) -> str:
+        """Replace ``$(find package)``: an installed package or one being worked on."""
+        return str(find_package(package, Path(xacro.filestack[-1]).absolute().parent))
+
+
+def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
+    """Return the message for what xacro raised while it processed ``path``.
+
+    Args:
+        error: what was raised.
+        path: the file xacro was started on.
+        arguments: the names of the arguments the files declare.
+
+    Raises:
+        MemoryError: that is what it was.
+    """
+    chain = _chain(error)
+    if isinstance(chain[-1], MemoryError):
+        raise chain[-1]
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    places = [place for frame in frames if (place := _place(frame)) is not None]
+    place = places[-1] if places else shown_path(path)
+    return f"{place}: {_cause(chain, frames, list(arguments))}"
+
+
+def _chain(error: Exception) -> list[Exception]:
+    """The exceptions that xacro wrapped into each other, outermost first."""
+    chain = [error]
+    while isinstance(inner := getattr(chain[-1], "exc", None), Exception):
+        chain.append(inner)
+    return chain
+
+
+def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]) -> str:
+    """The message without its place."""
+    inner = chain[-1]
+    expression = _expression(chain)
+    if isinstance(inner, OneBotError) and not isinstance(inner, ExpressionError):
+        return str(inner)
+    if isinstance(inner, RecursionError):
+        return f"{_recursing(frames)} without end"
+    if isinstance(inner, FileNotFoundError) and inner.filename:
+        return missing_file(Path(str(inner.filename)))
+    if isinstance(inner, NameError) and (name := re.search(r"name '(.+?)'", str(inner))):
+        hint = did_you_mean(name[1], _names(frames, "symbols"), "defined")
+        return f'unknown property "{name[1]}" in ${{{expression}}}{hint}'
+    if type(inner).__name__ == "ArgException":
+        if str(inner) in arguments:
+            return (
+                f'argument "{inner}" has no value here; move its <xacro:arg name="{inner}"> above'
+            )
+        hint = did_you_mean(str(inner), arguments, "declared")
+        return (
+            f'argument "{inner}" has no value{hint}; give {inner}:=<value>, '
+            f'or declare <xacro:arg name="{inner}" default="..."/>'
+        )
+    text = " ".join(str(inner).split()) or repr(inner)
+    if unknown := re.match(r"unknown macro name: xacro:(.+)", text):
+        hint = did_you_mean(unknown[1], _names(frames, "macros"), "defined")
+        return f'unknown macro "{unknown[1]}"{hint}'
+    if macros := getattr(inner, "macros", None):
+        text = f'macro "{macros[0].body.getAttribute("name")}": {text}'
+    if isinstance(inner, RuntimeError) and (
+        lack := re.match(r"(.+): missing attribute (.+)", text)
+    ):
+        return f"<{lack[1]}> has no attribute {lack[2]}"
+    if expression and not hasattr(inner, "suffix"):
+        return f"cannot evaluate ${{{expression}}}: {text}"
+    return f"xacro: {text}"
+
+
+def _expression(chain: list[Exception]) -> str:
+    """The innermost ``${...}`` that was being evaluated, "" if none."""
+    for error in reversed(chain):
+        if found := re.search(
+            r"when evaluating expression '(.*)'", getattr(error, "suffix", None) or ""
+        ):
+            return found[1]
+    return ""
+
+
+def written_at(node: Any) -> str | None:
+    """Where a DOM node was written: ``file:line``, with the macro calls that led there."""
+    while node is not None:
+        if places := node.getUserData("places"):
+            calls = f" (called at {', from '.join(places[1:])})" if len(places) > 1 else ""
+            return f"{places[0]}{calls}"
+        node = node.parentNode
+    return None
+
+
+def _place(frame: FrameType) -> str | None:
+    """Where the XML node that a frame of xacro works on was written."""
+    if frame.f_globals.get("__name__") != "xacro":
+        return None
+    return written_at(frame.f_locals.get("node", frame.f_locals.get("elt")))
+
+
+def _recursing(frames: list[FrameType]) -> str:
+    """What was expanded last."""
+    for frame in reversed(frames):
+        macro = frame.f_locals.get("m")
+        if frame.f_code.co_name == "handle_macro_call" and macro is not None:
+            return f'macro "{macro.body.getAttribute("name")}" calls itself'
+        if frame.f_code.co_name == "process_include":
+            return "files include each other"
+    return "an expression refers to itself"
+
+
+def _names(frames: list[FrameType], table: str) -> list[str]:
+    """The names in the innermost of xacro's tables of this kind (``symbols`` or ``macros``)."""
+    for frame in reversed(frames):
+        found = frame.f_locals.get(table)
+        if isinstance(found, dict):
+            return list(_own_names(found))
+    return []
+
+
+def _own_names(table: Any) -> Iterator[str]:
+    """The names defined in the files: those of ``table`` and its parents but xacro's globals."""
+    root = getattr(table, "root", None)
+    while table is not None and table is not root and hasattr(table, "parent"):
+        yield from (name for name in dict.keys(table) if not name.startswith(("*", "__")))
+        table = table.parent

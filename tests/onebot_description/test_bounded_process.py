@@ -1,0 +1,191 @@
+"""Whatever a xacro file asks for, expanding it ends, in one line that names the place."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from onebot_description.description import DescriptionError, load_description, xacro
+from onebot_description.description.bounded_process import BoundMet, Bounds, Place, run_bounded
+
+SMALL = Bounds(memory=150_000_000, processor=1)
+HEAD = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+DOUBLED = "".join(
+    f'<xacro:property name="p{n}" value="${{p{n - 1} + p{n - 1}}}"/>' for n in range(1, 60)
+)
+TEXTS = "".join(
+    f'<xacro:macro name="m{n}" params="t"><xacro:m{n - 1} t="${{t + t}}"/></xacro:macro>'
+    for n in range(1, 60)
+)
+# Two files that include each other twice, forty deep.
+DEPTH = '<xacro:property name="depth" value="${{depth {} 1}}" lazy_eval="false"/>'
+PONG = '<xacro:include filename="pong.xacro"/>'
+PING = (
+    f'{DEPTH.format("+")}<xacro:if value="${{depth &lt; 40}}">'
+    f"{PONG * 2}</xacro:if>{DEPTH.format('-')}"
+)
+ALIASES = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 12)
+)
+
+
+def problem_of(folder: Path, inside: str) -> str:
+    """The one problem of a xacro file that holds ``inside``, without its folder."""
+    (folder / "pong.xacro").write_text(f"{HEAD}{PING.replace('pong', 'ping')}</robot>")
+    (folder / "ping.xacro").write_text(f"{HEAD}{PING}</robot>")
+    (folder / "aliases.yaml").write_text(ALIASES)
+    if not (folder / "pipe").exists():
+        os.mkfifo(folder / "pipe")
+    (folder / "zero.xacro").unlink(missing_ok=True)
+    (folder / "zero.xacro").symlink_to("/dev/zero")
+    file = folder / "robot.xacro"
+    file.write_text(f"{HEAD}\n{inside}</robot>")
+    with pytest.raises(DescriptionError) as error:
+        load_description(file)
+    (problem,) = error.value.problems
+    return problem.replace(f"{folder}/", "")
+
+
+STOPPED = "expanding it was stopped here: it takes more than "
+MEMORY, PROCESSOR = f"{STOPPED}0.15 GB of memory", f"{STOPPED}1 s of processor time"
+HOSTILE = {
+    "ljust": ("<link name=\"${''.ljust(10**10)}\"/>", MEMORY),
+    "precision": ("<link name=\"${'%.1000000000f' % 1}\"/>", MEMORY),
+    "replace": ("<link name=\"${('a' * 10**4).replace('a', 'a' * 10**5)}\"/>", MEMORY),
+    "product": ('<link name="${[0] * 10**10}"/>', MEMORY),
+    "doubled properties": (
+        f'<xacro:property name="p0" value="abcdefgh"/>{DOUBLED}<link name="${{p59}}"/>',
+        MEMORY,
+    ),
+    "doubled texts": (
+        '<xacro:macro name="m0" params="t"><link name="${t}"/></xacro:macro>'
+        f'{TEXTS}<xacro:m59 t="abcdefgh"/>',
+        MEMORY,
+    ),
+    "aliases": ("<link name=\"${xacro.load_yaml('aliases.yaml')}\"/>", MEMORY),
+    "power": ('<link name="${10**10**10}"/>', PROCESSOR),
+    "factorial": ('<link name="${math.factorial(10**7)}"/>', PROCESSOR),
+    "a range": ('<link name="${len([x for x in python.range(10**12) if 0])}"/>', PROCESSOR),
+    "regular expression": (
+        "<link name=\"${len(xacro.tokenize('b' + 'a' * 64, 'b](a+)+[c'))}\"/>",
+        PROCESSOR,
+    ),
+    "includes": (
+        '<xacro:property name="depth" value="0"/><xacro:include filename="ping.xacro"/>',
+        PROCESSOR,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -> None:
+    """By a bound of memory or processor time; the next file is read as ever."""
+    monkeypatch.setattr(xacro, "_BOUNDS", SMALL)
+    inside, ending = HOSTILE[name]
+    problem = problem_of(tmp_path, inside)
+    place, _, text = problem.partition(": ")
+    assert text == ending
+    assert place == "robot.xacro:2" or (name == "includes" and re.match("p[io]ng.xacro", place))
+    (tmp_path / "robot.xacro").write_text(f'{HEAD}<link name="${{1 + 1}}"/></robot>')
+    assert load_description(tmp_path / "robot.xacro").link_names == ("2",)
+
+
+@pytest.mark.parametrize(
+    ("inside", "problem"),
+    [
+        ('<xacro:include filename="pipe"/>', "pipe: is a device or pipe, not a file"),
+        ('<xacro:include filename="zero.xacro"/>', "zero.xacro: is a device or pipe, not a file"),
+        ("${xacro.load_yaml('pipe')}", "robot.xacro:1: pipe: is a device or pipe, not a file"),
+        ("${xacro.load_yaml('/dev/zero')}", "/dev/zero: is a device or pipe, not a file"),
+        (
+            '<link name="l"><visual><geometry><mesh filename="/dev/zero"/></geometry></visual>'
+            "</link>",
+            'mesh "/dev/zero": /dev/zero: is a device or pipe, not a file',
+        ),
+    ],
+)
+def test_what_is_no_file_is_not_read(tmp_path: Path, inside: str, problem: str) -> None:
+    """Neither waits for somebody to write into it, nor takes what never ends."""
+    assert problem_of(tmp_path, inside).endswith(problem)
+
+
+@pytest.mark.parametrize("name", ["pipe.urdf", "zero.xacro"])
+def test_a_description_that_is_no_file(tmp_path: Path, name: str) -> None:
+    """Nor does the file itself; its arguments are none."""
+    os.mkfifo(tmp_path / "pipe.urdf")
+    (tmp_path / "zero.xacro").symlink_to("/dev/zero")
+    with pytest.raises(DescriptionError, match=f"{name}: is a device or pipe, not a file$"):
+        load_description(tmp_path / name)
+    assert xacro.xacro_arguments(str(tmp_path / name)) == xacro.XacroArguments()
+
+
+def test_arguments_are_found_in_each_file_once(tmp_path: Path) -> None:
+    """However often files include each other, under whatever names."""
+    includes = "".join(
+        f'<xacro:include filename="../{tmp_path.name}/{n}.xacro"/>' * 9 for n in "ab"
+    )
+    for name in "ab":
+        (tmp_path / f"{name}.xacro").write_text(f"{HEAD}{includes}</robot>")
+    assert len(xacro.included_files(str(tmp_path / "a.xacro"))) == 2
+
+
+def work(request: str, place: Place) -> object:
+    """What the tests below run in a process of its own."""
+    place.note(f"{request}:1")
+    if request == "wait":
+        threading.Event().wait()
+    if request == "die":
+        os._exit(3)
+    if request == "fail":
+        raise ValueError(request)
+    return [request, os.getpid(), len(os.listdir("/proc/self/task")), "a" * 10**6]
+
+
+@pytest.mark.parametrize("threads", [False, True])
+def test_a_function_in_a_process_of_its_own(threads: bool, tmp_path: Path) -> None:
+    """Its result, its failure and its bounds, from a process with threads and from one without."""
+    script = tmp_path / "script.py"
+    script.write_text(f"""
+import sys, threading
+sys.path[:] = {sys.path!r}
+from tests.onebot_description import test_bounded_process as test
+if {threads}:
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+test.check_processes(forked={not threads})
+print("done")
+""")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout == "done\n", done.stderr
+    assert done.stderr.count("ValueError: fail") == 1
+
+
+def check_processes(*, forked: bool) -> None:
+    """Checked in a process whose threads are known."""
+    import importlib
+
+    module = "tests.onebot_description.test_bounded_process"
+    importlib.import_module(module).__dict__["parent"] = os.getpid()
+    function = f"{module}:work"
+    files = os.listdir("/proc/self/fd")
+    request, child, threads, text = run_bounded(function, "answer", Bounds())
+    assert (request, threads, len(text)) == ("answer", 1, 10**6) and child != os.getpid()
+    inherited = run_bounded(f"{module}:is_fork", os.getpid(), Bounds())
+    assert inherited is forked
+    with pytest.raises(BoundMet, match="^0.2 s$") as met:
+        run_bounded(function, "wait", Bounds(wall=0.2))
+    assert met.value.place in ("wait:1", "")
+    for request in ("die", "fail"):
+        with pytest.raises(RuntimeError, match=f"{request}:1 ended with [31]"):
+            run_bounded(function, request, Bounds())
+    assert os.listdir("/proc/self/fd") == files
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+def is_fork(request: int, place: Place) -> bool:
+    """Whether this process has the memory of the process ``request``."""
+    return globals().get("parent") == request

@@ -1,0 +1,211 @@
+"""Expressions of xacro files: what public robots use works, and nothing else is in reach."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xacro
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onebot_description.description import DescriptionError, load_description
+from onebot_description.description.expressions import ExpressionError, evaluate, plain_type
+
+YAML = xacro.YamlDictWrapper(
+    limits={"shoulder": {"lower": -1.5, "values": [1, 2]}}, colours=[{"red": 1}], items=3
+)
+
+
+def value_of(expression: str) -> Any:
+    """The value in a xacro file that has loaded ``YAML`` as ``config``."""
+    names = xacro.Table(xacro.create_global_symbols())
+    for name, value in {"config": YAML, "side": "left", "scale": 2}.items():
+        names[name] = value
+    names["lazy"] = "${scale * 3}"
+    return evaluate(expression, names)
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("2**3**2 + -2**2 - 7 // 2 % 3", 508),
+        ("1 << 4 | 3 & ~1 ^ 5", 23),
+        ("0 < scale <= 2 and not side == 'right' or None", True),
+        ("'a' if side in ['left', 'right'] else 'b'", "a"),
+        ("lazy + scale", 8),
+        ("pi / 2 + math.pi / 2", math.pi),
+        ("sin(radians(90)) + math.atan2(1, 1)", 1 + math.pi / 4),
+        ("config.limits.shoulder.lower", -1.5),
+        ("config['limits'].shoulder['lower']", -1.5),
+        ("config.limits.shoulder['values'][-1]", 2),
+        ("config.colours[0].red", 1),
+        ("[name for name in config.limits]", ["shoulder"]),
+        ("config.get('none', 5) + config['items']", 8),
+        ("dict(a=1).pop('a')", 1),
+        ("[1, 2, 3, 4][1:4:2]", [2, 4]),
+        ("{'a': (1, 2)}['a'][0]", 1),
+        ("{**{'a': 1}, 'b': 2}", {"a": 1, "b": 2}),
+        ("max(*[1, 2], key=python.abs)", 2),
+        ("' '.join(str(value) for value in [1, 2.5])", "1 2.5"),
+        ("[x * y for x in python.range(3) for y in [scale] if x]", [2, 4]),
+        ("{key: value for key, value in [('a', 1)]}", {"a": 1}),
+        ("sum([1])", NameError),
+        ("python.sum({x for x in [1, 1]})", 1),
+        ("'a,b'.split(',')[1].strip().upper()", "B"),
+        ("python.isinstance(side, str) and len(side) == 4", True),
+        ("'%s_%.2f' % (side, 1 / 3)", "left_0.33"),
+        ("'{}_{:.2f}_{side}'.format(1, 2 / 3, side='l')", "1_0.67_l"),
+        ("xacro.tokenize('a; b')", ["a", "b"]),
+        ("xacro.dotify({'a': {'b': 1}}).a.b", 1),
+        (" float('1.5')  + int('2') ", 3.5),
+        ("math.wheel", NameError),
+        ("wheel", NameError),
+        ("'a' + 1", TypeError),
+        ("1 +", SyntaxError),
+        ("config.wheel", AttributeError),
+        ("[1][3]", IndexError),
+    ],
+)
+def test_values_are_pythons(expression: str, value: Any) -> None:
+    """What xacro documents, with Python's precedence, types and errors."""
+    if isinstance(value, type) and issubclass(value, Exception):
+        with pytest.raises(value):
+            value_of(expression)
+    else:
+        found = value_of(expression)
+        assert found == pytest.approx(value) if isinstance(value, float) else found == value
+        assert type(found) is type(value) or isinstance(found, list)
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        # Python's own workings, by attribute, by name, by format and through what functions return
+        "().__class__.__bases__[0].__subclasses__()",
+        "(lambda: [c for c in ().__class__.__base__.__subclasses__()])()",
+        "[c for c in ().__class__.__base__.__subclasses__()]",
+        "(x for x in [1]).gi_frame",
+        "[x for x in [1]].__class__",
+        "__builtins__",
+        "__import__('os')",
+        "open('/etc/passwd')",
+        "eval('1')",
+        "getattr(1, 'real')",
+        "xacro.load_yaml.__globals__",
+        "xacro.load_yaml.func_globals",
+        "math.__loader__",
+        "math.parent",
+        "math.root",
+        "xacro.update(a=1)",
+        "xacro.__class__",
+        "str.mro()",
+        "python.type.mro(str)",
+        "python.str.join('', ['a'])",
+        "python.type(xacro.load_yaml)",
+        "python.type(python.type(1))",
+        "python.type('A', (), {})",
+        "'{0.__class__}'.format(1)",
+        "'{0[0].real}'.format([1])",
+        "'{a.b}'.format(a=config)",
+        "'{:{0.real}}'.format(1, 2)",
+        "'{x.real}'.format_map({'x': 1})",
+        "str.format('{0.real}', 1)",
+        "[*map(str.format, ['{0.real}'], [1])]",
+        "'a'.maketrans.__self__",
+        "f'{side}'",
+        "(y := 1)",
+        "[0 for config.limits in [1]]",
+        "[0 for config['limits'] in [1]]",
+        "[0 for __builtins__ in [1]]",
+        "dict(__class__=1)",
+        "await_",
+        "print(1)",
+        "1; 2",
+        "import os",
+        "[i async for i in [1]]",
+    ],
+)
+def test_nothing_else_is_in_reach(expression: str) -> None:
+    """Whatever the way to it."""
+    errors = (ExpressionError, NameError, AttributeError, SyntaxError, TypeError, ValueError)
+    with pytest.raises(errors):
+        value_of_hardened(expression)
+
+
+def value_of_hardened(expression: str) -> Any:
+    """With the names that ``expansion`` replaces."""
+    symbols = xacro.create_global_symbols()
+    symbols["python"]["type"] = plain_type
+    symbols["python"].pop("vars")
+    return evaluate(expression, {**symbols, "config": YAML, "side": "left"})
+
+
+@given(
+    st.lists(
+        st.sampled_from(
+            "config limits python math xacro type vars str format load_yaml tokenize map gi_frame "
+            "__class__ __globals__ ( ) [ ] . , : { } ' = + x for in lambda 0 '{0.__class__}' if not"
+            " items pop root parent wrap f_back join list dict isinstance".split()
+        ),
+        max_size=12,
+    )
+)
+def test_whatever_is_written_gives_a_value_of_its_kind(words: list[str]) -> None:
+    """No class but the plain ones, no frame, module or code comes out, nor an unusual error."""
+    for expression in ("".join(words), " ".join(words)):
+        try:
+            value = value_of_hardened(expression)
+        except Exception as error:
+            assert not isinstance(error, SystemError | AssertionError)
+            continue
+        assert type(value).__name__ not in ("frame", "module", "code", "mappingproxy")
+        assert value not in (type, object)
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [
+        ("${'a' + 'b'}$(eval 2**3)", "ab8"),
+        ("$(eval 'x' if size == 2.5 and true else 'y')", "x"),
+        ("$(eval pi > 3 and [1, 2][1])", "2"),
+        ("${round(config.angle, 2)} ${config.length * 10000}", "1.53 254.0"),
+        ("${python.type('') == str}", "True"),
+    ],
+)
+def test_what_a_file_can_hold(tmp_path: Path, written: str, name: str) -> None:
+    """In ``${}``, ``$(eval)`` and the tags of YAML."""
+    assert load_description(_file(tmp_path, written)).link_names == (name,)
+
+
+@pytest.mark.parametrize(
+    ("written", "problem"),
+    [
+        ("$(eval ().__class__.x[0])", "cannot use the name|was never closed"),
+        ("$(eval open)", "name 'open' is not defined|unknown property"),
+        ("${python.vars(str)}", 'unknown property "vars"'),
+        ("${python.type(xacro.arg)}", r"type\(\) takes"),
+        ("${xacro.load_yaml('attack.yaml')}", "cannot hold a lambda"),
+        ("${(lambda: 1)()}", "cannot evaluate .* cannot hold a lambda"),
+    ],
+)
+def test_what_a_file_cannot_hold(tmp_path: Path, written: str, problem: str) -> None:
+    """One problem, with the line."""
+    with pytest.raises(DescriptionError) as error:
+        load_description(_file(tmp_path, written))
+    (text,) = error.value.problems
+    assert re.search(problem, text) and "robot.xacro:1: " in text, text
+
+
+def _file(folder: Path, written: str) -> Path:
+    (folder / "config.yaml").write_text("angle: !degrees 175 / 2\nlength: !inches 1\n")
+    (folder / "attack.yaml").write_text("angle: !degrees (lambda x:x)(1)\n")
+    file = folder / "robot.xacro"
+    file.write_text(
+        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:arg name="size" default="2.5"/>'
+        '<xacro:property name="config" value="${xacro.load_yaml(\'config.yaml\')}"/>'
+        f'<link name="{written}"/></robot>'
+    )
+    return file

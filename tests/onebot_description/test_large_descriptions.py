@@ -1,0 +1,80 @@
+"""What a description costs grows with its size, not with the square of it."""
+
+import time
+from dataclasses import replace
+
+import pytest
+
+from onebot_description.description import DescriptionError, describe, parse_description
+from onebot_description.joints.config import Dependent
+from onebot_description.joints.limits import joint_limits
+from onebot_description.joints.mimic import resolve
+
+COUNT = 6_000
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+
+
+def chain(mimic: str = "", links: int = COUNT, parent: str = "l{}") -> str:
+    """A chain of revolute joints; ``mimic`` may hold the numbers of the joints beside each."""
+    parts = [f'<link name="l{n}"/>' for n in range(links)]
+    for n in range(links - 1):
+        follows = mimic.format(before=(n - 1) % (links - 1)) if mimic else ""
+        parts.append(
+            f'<joint name="j{n}" type="revolute"><parent link="{parent.format(n)}"/>'
+            f'<child link="l{n + 1}"/>{LIMIT}{follows}</joint>'
+        )
+    return f'<robot name="chain">{"".join(parts)}</robot>'
+
+
+def seconds(urdf: str) -> float:
+    """The processor time to read and show ``urdf``, or to say what is wrong with it."""
+    start = time.process_time()
+    try:
+        describe(parse_description(urdf))
+    except DescriptionError as error:
+        assert len(str(error)) < 10_000
+    return time.process_time() - start
+
+
+@pytest.mark.parametrize(
+    ("mimic", "parent"),
+    [
+        ("", "l{}"),
+        ('<mimic joint="j{before}"/>', "l{}"),  # a circle of all of them
+        ('<mimic joint="k{before}"/>', "l{}"),  # each follows one that is not there
+        ("", "m{}"),  # each hangs on a link that is not there
+        ("<mimik/>", "l{}"),
+    ],
+)
+def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
+    """Ten times as many joints take about ten times as long; the square would be a hundred."""
+    seconds(chain(mimic, 200, parent))
+    small = min(seconds(chain(mimic, COUNT // 10, parent)) for _ in range(2))
+    assert seconds(chain(mimic, COUNT, parent)) < 40 * small
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_mimic_chain_is_followed_once(order: int) -> None:
+    """From whichever end; and so are a circle, and followers of what is not there."""
+    resolved(200, order)
+    small = min(resolved(COUNT // 10, order) for _ in range(2))
+    assert resolved(COUNT, order) < 40 * small
+
+
+def resolved(count: int, order: int) -> float:
+    """The processor time to resolve a chain of so many joints, a circle, and what is wrong."""
+    (joint,) = parse_description(chain(links=2)).joints
+    names = [f"j{n}" for n in range(count)][::order]
+    joints = [replace(joint, name=name, lower=-1e9, upper=1e9) for name in names]
+    limits, _ = joint_limits(joints, soft=False)
+    mimics = {f"j{n}": Dependent(f"j{n - 1}", 1.0, 0.5) for n in range(1, count)}
+    start = time.process_time()
+    found, _, _ = resolve(joints, joints, limits, mimics, False)
+    last = names.index(f"j{count - 1}")
+    assert found.leader[last] == names.index("j0")
+    assert found.offset[last] == (count - 1) * 0.5
+    circle = {**mimics, "j0": Dependent(f"j{count - 1}", 1.0, 0.0)}
+    assert len(resolve(joints, joints, limits, circle, False)[2]) >= 1
+    nothing = {name: Dependent(f"no_{name}", 1.0, 0.0) for name in names}
+    assert len(resolve(joints, joints, limits, nothing, False)[2]) == count
+    return time.process_time() - start
