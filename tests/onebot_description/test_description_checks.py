@@ -746,6 +746,8 @@ def test_xacro_that_was_not_expanded_is_one_problem():
     (problem,) = problems(text)
     assert problem.startswith("3: <wheel>: <xacro:wheel>")
     assert " and 2 more is xacro that was not expanded; name the file .xacro" in problem
+    (problem,) = problems(text.replace("<xacro:wheel/></robot>", "</robot>"))
+    assert " and 1 more is xacro that was not expanded" in problem
     (problem,) = problems('<robot name="r">\n<link name="$(arg a)"/></robot>')
     assert problem.startswith('2: link "$(arg a)": name="$(arg a)" is xacro that was not expanded')
     assert warnings('<robot name="r"><link name="a$"/></robot>') == []
