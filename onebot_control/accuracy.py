@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_control.driven_robot import DrivenRobot
-from onebot_control.odometry import Odometry
+from onebot_control.odometry import Odometry, PoseCovariance
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_description.description import Description, load_description
@@ -26,11 +26,10 @@ ANGULAR = 0.5  # rad/s
 _CROSSING = 0.5  # s
 _REST = 1.0  # s, long enough for OneBot's limiter to stop
 
-# The goals of the project: shares, m, simulated seconds per second.
+# The goals of the project: shares, m.
 ODOMETRY_GOAL = 0.0005
 TRUTH_GOAL = 0.005
 REST_GOAL = 1e-5
-FACTOR_GOAL = 15.0
 
 BEGIN, END = "<!-- accuracy -->", "<!-- /accuracy -->"
 _HEAD = (
@@ -116,6 +115,7 @@ class Result(NamedTuple):
     path: DrivenPath
     commanded: PlanarPose  # final pose of the limited command, integrated along exact arcs
     odometry: PlanarPose  # final pose by wheel odometry
+    covariance: PoseCovariance  # of that pose
     truth: PlanarPose  # final pose of the simulated robot
     length: float  # m, of the commanded path
     turned: float  # rad, all commanded turning, left and right added up
@@ -222,7 +222,10 @@ def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
         planned = PlanarPose(commanded.x, commanded.y, commanded.heading)
         length += abs(linear) * robot.period
         turned += abs(angular) * robot.period
-    return Result(path, planned, odometry, truth, length, turned, odometry_worst, truth_worst)
+    covariance = snapshot.covariance
+    return Result(
+        path, planned, odometry, covariance, truth, length, turned, odometry_worst, truth_worst
+    )
 
 
 def _commands(path: DrivenPath, period: float) -> Iterator[tuple[float, float]]:
@@ -258,8 +261,6 @@ def missed(report: Report) -> list[str]:
         sentences.append(
             f"at rest the robot moves {1e3 * report.rest_drift:.4f} mm; goal {1e3 * REST_GOAL:g} mm"
         )
-    if not report.real_time_factor >= FACTOR_GOAL:
-        sentences.append(f"real-time factor {report.real_time_factor:.1f}; goal {FACTOR_GOAL:g}")
     return sentences
 
 
@@ -303,7 +304,8 @@ def main(argv: Sequence[str]) -> int:
     """Run the command.
 
     Returns:
-        0 if every goal is met, else 1; missed goals are printed on stderr.
+        0 if every goal of accuracy is met, else 1; missed goals are printed on stderr. The speed of
+        the machine does not count.
 
     Raises:
         OneBotError: a file is missing or wrong.

@@ -70,14 +70,15 @@ class Pacer:
         self.due += self._interval
         self.lag = 0.0
         now = self._clock()
-        late = now - self.due
-        if late < 0.0:
-            wait(-late)
-        elif self._interval == 0.0:
+        if self._interval == 0.0:
             self.due = now
             wait(0.0)
-        elif late >= self._interval:
-            self.lag, self.due = late, now
+            return
+        if now < self.due:
+            wait(self.due - now)
+            now = self._clock()  # much later, if the process was stopped meanwhile
+        if now - self.due >= self._interval:
+            self.lag, self.due = now - self.due, now
 
 
 class SystemStamps:
@@ -257,15 +258,22 @@ class ControlLoop:
                 if not self.paused:
                     self._cycle(self.now_ns())
                 elif not self.simulated:
+                    self.robot.wait(self.robot.period)
                     # The system's time goes on, and subscribers need transforms of now.
                     self._publish(self.robot.snapshot(), self.now_ns())
                 self._pacer.next(self._wait)
                 if self._pacer.lag:
-                    self._late(self._pacer.lag)
+                    self._skip(self._pacer.lag)
         except BaseException as error:
             self._failed(error)
         finally:
             self.robot.plant.close()
+
+    def _skip(self, lag: float) -> None:
+        """Count the cycles that were left out."""
+        if not self.simulated:  # simulated time has not passed
+            self.robot.stalled(lag)
+        self._late(lag)
 
     def _cycle(self, stamp: int) -> None:
         snapshot = self.robot.begin()

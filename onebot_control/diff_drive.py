@@ -38,7 +38,7 @@ class DiffDriveController:
     """Holds the last command, lets it age, limits it, and updates the odometry.
 
     It uses durations only, no clock, so no clock can disturb it. Commands age by the durations
-    given to ``update``.
+    given to ``update``, ``wait`` and ``stalled``.
 
     Attributes:
         odometry: the robot's pose and twist by its wheels.
@@ -47,6 +47,7 @@ class DiffDriveController:
     def __init__(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
         """Stand still at zero."""
         self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
+        self._unsure = 0.0
         self.configure(config, kinematics)
         self.halt()
 
@@ -57,15 +58,16 @@ class DiffDriveController:
         self._angular_limiter = SpeedLimiter(config.angular)
         self.odometry.kinematics = kinematics
         self.odometry.set_window(config.velocity_rolling_window_size)
+        self.odometry.noise = config.left_wheel_noise**2, config.right_wheel_noise**2
 
-    def accept(self, linear: float, angular: float, age: float = 0.0) -> str | None:
+    def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity.
 
         Args:
             linear: m/s, forward; above 1e6, it counts as that.
             angular: rad/s, to the left; likewise.
             age: seconds since it was given. Below 0 (a clock ahead of ours) counts as 0, so that no
-                command outlives cmd_vel_timeout.
+                command outlives cmd_vel_timeout. None: it does not say, and is taken as new.
 
         Returns:
             Why it is ignored; None if it is accepted.
@@ -73,6 +75,10 @@ class DiffDriveController:
         if not (math.isfinite(linear) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, angular.z {angular}"
         timeout = self._config.cmd_vel_timeout
+        if age is None:
+            if timeout and self._unsure > 0.0:
+                return "it has no stamp, and may be from before the process was stopped"
+            age = 0.0
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
         self._reference = (_within_fastest(linear), _within_fastest(angular))
@@ -90,12 +96,27 @@ class DiffDriveController:
         # A command's first cycle comes less than dt after it; it is not older for that.
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
+        self._unsure -= dt
         self._follow(wheels, dt)
         linear, angular = self._limited(dt)
         if self._config.open_loop:
             self.odometry.update_open_loop(linear, angular, dt)
         left, right = self.odometry.kinematics.wheel_velocities(linear, angular)
         return DriveCommand(left, right, linear, angular)
+
+    def wait(self, seconds: float) -> None:
+        """Let the command age by ``seconds`` in which there was no cycle."""
+        self._age += seconds
+
+    def stalled(self, seconds: float) -> None:
+        """As ``wait``, because this process did not run.
+
+        If that was longer than cmd_vel_timeout, commands which say no age are ignored for as long:
+        those that came meanwhile are delivered now.
+        """
+        self.wait(seconds)
+        if seconds > self._config.cmd_vel_timeout:
+            self._unsure = self._config.cmd_vel_timeout
 
     def halt(self) -> None:
         """Forget command and speed: the wheels stop, and the next command starts from rest."""

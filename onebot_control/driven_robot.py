@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.simulation import (
@@ -68,6 +69,7 @@ class Snapshot(NamedTuple):
     tick: int  # cycles done before this one
     joints: JointStates  # of all joints that move
     odometry: PlanarPose  # by the wheels, in the odometry's frame
+    covariance: PoseCovariance  # of that pose
     twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
     pose: Pose  # the true one in the world
     velocity: Twist  # the true one, in the base's frame
@@ -161,7 +163,10 @@ class DrivenRobot:
         check_wheel_names(description, **sides, right_wheel_names=config.right_wheel_names)
         geometry_of(description, config)
         names = (*config.left_wheel_names, *config.right_wheel_names)
-        plant = Simulation(description, driven=names, x=config.x, y=config.y, yaw=config.yaw)
+        settings = Settings().fitted(config.update_rate)
+        plant = Simulation(
+            description, driven=names, x=config.x, y=config.y, yaw=config.yaw, settings=settings
+        )
         try:
             return cls(description, config, plant)
         except OneBotError:
@@ -191,9 +196,17 @@ class DrivenRobot:
         self.controller.configure(config, config.kinematics(geometry))
         self.config, self.geometry, self.broadcaster = config, geometry, broadcaster
 
-    def accept(self, linear: float, angular: float, age: float = 0.0) -> str | None:
+    def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity; see ``DiffDriveController.accept``."""
         return self.controller.accept(linear, angular, age)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass without a cycle; see ``DiffDriveController.wait``."""
+        self.controller.wait(seconds)
+
+    def stalled(self, seconds: float) -> None:
+        """Let time pass in which this process did not run; see ``DiffDriveController.stalled``."""
+        self.controller.stalled(seconds)
 
     def cycle(self) -> Snapshot:
         """Do a whole control cycle; return the robot as it was at its beginning."""
@@ -231,8 +244,16 @@ class DrivenRobot:
         odometry = self.controller.odometry
         pose = PlanarPose(odometry.x, odometry.y, odometry.heading)
         twist = (odometry.linear, odometry.angular)
+        covariance = odometry.uncertainty.covariance
         return Snapshot(
-            self.ticks, self._joints, pose, twist, self._pose, self._twist, self._command
+            self.ticks,
+            self._joints,
+            pose,
+            covariance,
+            twist,
+            self._pose,
+            self._twist,
+            self._command,
         )
 
     def reset(self) -> None:
@@ -251,7 +272,7 @@ class DrivenRobot:
         self._read_state()
 
     def place_odometry(self, pose: PlanarPose) -> None:
-        """Set the odometry to ``pose`` here and now."""
+        """Set the odometry to ``pose`` here and now; its covariance is zero."""
         self.controller.odometry.set_pose(*pose)
         self.odom_in_world = self.true_pose.compose(pose.inverse())
 
@@ -264,6 +285,7 @@ class DrivenRobot:
         robot = DrivenRobot.of(description, self.config)
         robot.teleport(self.true_pose)
         robot.controller.odometry.set_pose(*self.snapshot().odometry)
+        robot.controller.odometry.uncertainty = self.controller.odometry.uncertainty
         robot.odom_in_world, robot.ticks = self.odom_in_world, self.ticks
         return robot
 
@@ -310,6 +332,8 @@ class Fleet:
     ) -> None:
         """Set a robot down at each of ``starts``, whose x, y and yaw count, not the config's.
 
+        The rate of ``settings`` is fitted to the config's update_rate.
+
         Raises:
             OneBotError: config and description do not suit each other, cannot be simulated, or two
                 robots start in the same place.
@@ -317,7 +341,7 @@ class Fleet:
         left, right = config.left_wheel_names, config.right_wheel_names
         check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
         spawns = [RobotSpawn(description, (*left, *right), *start) for start in starts]
-        self.world = World(spawns, settings)
+        self.world = World(spawns, settings.fitted(config.update_rate))
         try:
             self.robots = tuple(
                 DrivenRobot(description, config, plant) for plant in self.world.robots

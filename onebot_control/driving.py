@@ -31,7 +31,7 @@ from onebot_description.node import (
     described_by,
     is_path,
 )
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError, refuse_undeclared
 from onebot_description.topic_subscription import TopicSubscription, choose_type, offers
 from onebot_description.wire.cdr import nanoseconds
 
@@ -77,6 +77,7 @@ class Driving:
         self._commands = CommandSubscription(node, choice, self._on_command, self._warn)
         PoseTopics(node, lambda: self._loop, lambda: self._publishing.odom_frame, self._warn)
         Services(node, lambda: self._loop)
+        refuse_undeclared(node, ControlConfig)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
         node.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -115,7 +116,9 @@ class Driving:
         gc.freeze()
         self._loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        for warning in description.warnings:
+        # Those of what robot_state_publisher has sent are in its log.
+        notices = description.notices if description.files else ()
+        for warning in (*notices, *self._settings.warnings):
             self._node.get_logger().warning(warning)
         separation, radius = robot.geometry
         self._node.get_logger().info(
@@ -150,12 +153,13 @@ class Driving:
         if stamp == 0:
             text = "~/cmd_vel has stamp 0, which is taken as now (logged once)"
             self._warn("stamp", text, every=math.inf)
-        now = loop.now_ns() if self._simulated else time.time_ns()
-        age = (now - stamp) * 1e-9 if stamp else 0.0
-        loop.post(lambda: self._command(loop.robot, linear, angular, age))
+        loop.post(lambda: self._command(loop, linear, angular, stamp))
 
-    def _command(self, robot: DrivenRobot, linear: float, angular: float, age: float) -> None:
-        refused = robot.accept(linear, angular, age)
+    def _command(self, loop: ControlLoop, linear: float, angular: float, stamp: int | None) -> None:
+        # The age when it takes effect: the process may have been stopped since it came.
+        now = loop.now_ns() if self._simulated else time.time_ns()
+        age = (now - stamp) * 1e-9 if stamp else None
+        refused = loop.robot.accept(linear, angular, age)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
 
@@ -171,8 +175,11 @@ class Driving:
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        before = self._settings.config
+        before, warned = self._settings.config, self._settings.warnings
         self._settings.accept(parameters)
+        for warning in self._settings.warnings:
+            if warning not in warned:
+                self._node.get_logger().warning(warning)
         config, loop = self._settings.config, self._loop
         if config == before:
             return
@@ -196,8 +203,8 @@ class Driving:
 
     def _warn_late(self, lag: float) -> None:
         if lag > _TOO_LATE:
-            text = f"control loop overrun: {lag:.3f} s skipped, the CPU is overloaded"
-            self._warn("late", text)
+            text = f"control loop overrun: {lag:.3f} s skipped"
+            self._warn("late", f"{text}; the CPU is overloaded, or the process was stopped")
 
 
 class CommandSubscription:

@@ -3,9 +3,12 @@
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 # Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
 _STRAIGHT = 1e-6
+# m^2 and rad^2. A pose this uncertain is unknown; its covariance stays as it is, and finite.
+_UNKNOWN = 1e12
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,27 @@ class DiffDriveKinematics:
         return (way_left + way_right) / 2.0, (way_right - way_left) / self.separation
 
 
+class PoseCovariance(NamedTuple):
+    """Of x, y (m) and yaw (rad), in the frame of the odometry."""
+
+    xx: float
+    xy: float
+    yy: float
+    x_yaw: float
+    y_yaw: float
+    yaw_yaw: float
+
+
+class Step(NamedTuple):
+    """A short way, along an arc."""
+
+    dx: float  # change of the position, m
+    dy: float
+    way: float  # length of the arc, m, negative backwards
+    cos: float  # of the heading in its middle
+    sin: float
+
+
 class RollingMean:
     """The mean of the last few values; of those there are, while they are fewer."""
 
@@ -66,6 +90,63 @@ class RollingMean:
         return other
 
 
+class PoseUncertainty:
+    """The covariance of a pose by wheel odometry, which grows with the distance driven.
+
+    The model is that of Siegwart and Nourbakhsh, "Introduction to Autonomous Mobile Robots",
+    section 5.2.4: the errors of the distances by the left and the right wheels are independent,
+    their variances are proportional to the distance, and they are propagated to first order.
+
+    An error of the pose is split into that of the heading, that of the position which follows from
+    it (a lever times the heading's error), and the rest. The variance of the heading and the
+    covariance of the rest are only added to, so that no rounding makes the whole indefinite,
+    however long the way.
+    """
+
+    def __init__(self) -> None:
+        """Begin with a pose that is known exactly."""
+        self._heading = 0.0  # variance, rad^2
+        self._lever = (0.0, 0.0)  # x and y, m/rad
+        self._rest = (0.0, 0.0, 0.0)  # covariance xx, xy, yy of the rest of the position, m^2
+
+    @property
+    def covariance(self) -> PoseCovariance:
+        """The covariance."""
+        tt, (mx, my), (xx, xy, yy) = self._heading, self._lever, self._rest
+        tx, ty = tt * mx, tt * my
+        return PoseCovariance(xx + tx * mx, xy + tx * my, yy + ty * my, tx, ty, tt)
+
+    def grow(self, step: Step, left: float, right: float, separation: float) -> None:
+        """Follow a step.
+
+        Args:
+            step: of the pose.
+            left: variance of the left wheels' distance, m^2.
+            right: of that of the right wheels.
+            separation: distance between left and right wheels, m.
+        """
+        # The error of the heading so far turns the step.
+        mx, my = self._lever[0] - step.dy, self._lever[1] + step.dx
+        tt, (xx, xy, yy) = self._heading, self._rest
+        # Of the step's own error: the variance of the heading, its lever, and the rest, forward.
+        both = left + right
+        added = both / separation / separation
+        if added > 0.0:
+            forward = (right - left) * separation / (2.0 * both)
+            nx = forward * step.cos - step.way / 2.0 * step.sin
+            ny = forward * step.sin + step.way / 2.0 * step.cos
+            rest = left * right / both
+            # Two errors of the heading: where their levers differ, the position is off by that.
+            share = added / (tt + added)
+            ex, ey, apart = nx - mx, ny - my, tt * share
+            xx += rest * step.cos * step.cos + apart * ex * ex
+            xy += rest * step.cos * step.sin + apart * ex * ey
+            yy += rest * step.sin * step.sin + apart * ey * ey
+            mx, my, tt = mx + share * ex, my + share * ey, tt + added
+        if xx + yy + tt * (1.0 + mx * mx + my * my) < _UNKNOWN:
+            self._heading, self._lever, self._rest = tt, (mx, my), (xx, xy, yy)
+
+
 class Odometry:
     """Pose and twist of a differential drive.
 
@@ -78,6 +159,8 @@ class Odometry:
         heading: rad, not wrapped.
         linear: velocity forward, m/s: the rolling mean, or in open loop the command.
         angular: turning to the left, rad/s.
+        uncertainty: of the pose.
+        noise: variances of the distances by the left and by the right wheels, m^2 a metre.
     """
 
     def __init__(self, kinematics: DiffDriveKinematics, window: int = 10) -> None:
@@ -87,7 +170,7 @@ class Odometry:
             kinematics: of the robot; may be replaced while it drives.
             window: how many updates the twist is averaged over.
         """
-        self.kinematics = kinematics
+        self.kinematics, self.noise = kinematics, (0.0, 0.0)
         self._window = window
         self._wheels: tuple[float, float] | None = None
         self._since = 0.0
@@ -96,8 +179,9 @@ class Odometry:
         self.set_pose(0.0, 0.0, 0.0)
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
-        """Go on from another pose; the twist stays."""
+        """Go on from another pose, which is known exactly; the twist stays."""
         self.x, self.y, self.heading = x, y, heading
+        self.uncertainty = PoseUncertainty()
 
     def reset(self) -> None:
         """Begin again at zero, with the wheels where they will next be."""
@@ -148,12 +232,23 @@ class Odometry:
 
     def _integrate(self, way: float, turn: float) -> None:
         """Move along the arc that constant wheel velocities make."""
-        before = self.heading
+        before, middle = self.heading, self.heading + turn / 2.0
+        cos, sin = math.cos(middle), math.sin(middle)
         self.heading += turn
         if abs(turn) < _STRAIGHT:  # second-order Runge-Kutta: along the middle direction
-            self.x += way * math.cos(before + turn / 2.0)
-            self.y += way * math.sin(before + turn / 2.0)
-            return
-        radius = way / turn
-        self.x += radius * (math.sin(self.heading) - math.sin(before))
-        self.y -= radius * (math.cos(self.heading) - math.cos(before))
+            dx, dy = way * cos, way * sin
+        else:
+            radius = way / turn
+            dx = radius * (math.sin(self.heading) - math.sin(before))
+            dy = -radius * (math.cos(self.heading) - math.cos(before))
+        self.x += dx
+        self.y += dy
+        if way or turn:
+            across = turn * self.kinematics.separation / 2.0
+            left, right = self.noise
+            self.uncertainty.grow(
+                Step(dx, dy, way, cos, sin),
+                left * abs(way - across),
+                right * abs(way + across),
+                self.kinematics.separation,
+            )

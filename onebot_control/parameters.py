@@ -5,14 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-
 from onebot_control.odometry import DiffDriveKinematics
 from onebot_control.speed_limiter import SpeedLimits
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
-from onebot_description.node import RosArguments
 from onebot_description.parameters.files import Parameters, read_parameters, read_text
 from onebot_description.parameters.reader import (
     ConfigError,
@@ -28,7 +24,11 @@ from onebot_description.parameters.reader import (
 from onebot_description.parameters.values import plain
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
     from onebot_control.wheel_geometry import WheelGeometry
+    from onebot_description.node import RosArguments
 
 BROADCASTER = "joint_state_broadcaster"
 CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
@@ -36,7 +36,9 @@ BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
 INTERFACES = ("position", "velocity", "effort")
 _MOST_HERTZ = 10_000.0
+_LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # a second
 _FROM_URDF = "0: read from the URDF"
+_NOISE = 0.005  # m after 1 m: a wheel on a hard floor
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,16 @@ def _frame(default: str, description: str) -> Any:
     return parameter(default, description, not_empty=True, write=write)
 
 
-def _variances(what: str) -> Any:
-    return parameter((0.0,) * 6, f"variances of {what}: x, y, z, roll, pitch, yaw", at_least=0.0)
+def _variances(what: str, zeros: str = "") -> Any:
+    text = f"variances of {what}: x, y, z, roll, pitch, yaw{zeros}"
+    return parameter((0.0,) * 6, text, at_least=0.0)
+
+
+def _noise(side: str) -> Any:
+    text = (
+        f"standard deviation of 1 m by the {side} wheels, m; it grows with the root of the distance"
+    )
+    return parameter(_NOISE, text, at_least=0.0, at_most=1.0)
 
 
 _Six = tuple[float, float, float, float, float, float]
@@ -94,8 +104,12 @@ class ControlConfig:
     tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
     odom_frame_id: str = _frame("odom", "frame of the odometry")
     base_frame_id: str = _frame("base_link", "frame of the base, child of odom_frame_id")
-    pose_covariance_diagonal: _Six = _variances("the odometry's pose")
+    pose_covariance_diagonal: _Six = _variances(
+        "the odometry's pose", "; zeros: it grows on the way"
+    )
     twist_covariance_diagonal: _Six = _variances("the odometry's twist")
+    left_wheel_noise: float = _noise("left")
+    right_wheel_noise: float = _noise("right")
     open_loop: bool = parameter(False, "odometry by the commands, not by the wheels")
     position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
     enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
@@ -115,7 +129,11 @@ class ControlConfig:
     y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)
     update_rate: float = parameter(
-        100, "control cycles a second, Hz", above=0.0, at_most=_MOST_HERTZ, read_only=True
+        100,
+        "control cycles a second, Hz",
+        at_least=_LEAST_CYCLES,
+        at_most=_MOST_CYCLES,
+        read_only=True,
     )
     real_time_factor: float = parameter(
         1.0, "simulated seconds a second; 0: as fast as possible", at_least=0.0
@@ -157,6 +175,13 @@ class ControlConfig:
             yield Problem("right_wheel_names", text)
         for name in sorted(set(left) & set(right)):
             yield Problem("right_wheel_names", f'"{name}" is in left_wheel_names too')
+
+    def surprises(self) -> Iterator[Problem]:
+        """Report limits that do nothing."""
+        for axis, limits in (("linear.x", self.linear), ("angular.z", self.angular)):
+            for name, needed in limits.idle():
+                text = f"limits nothing while {axis}.{needed} is not given"
+                yield Problem(f"{axis}.{name}", text)
 
     def kinematics(self, geometry: "WheelGeometry") -> DiffDriveKinematics:
         """Return the drive's geometry, scaled by the multipliers."""
@@ -263,7 +288,7 @@ class ControlParameters:
     values: dict[str, Any]  # in force, by name
     config: ControlConfig  # the same, checked
 
-    def __init__(self, node: Node, arguments: RosArguments) -> None:
+    def __init__(self, node: "Node", arguments: "RosArguments") -> None:
         """Declare them, with what the files and the command line have.
 
         Raises:
@@ -274,7 +299,10 @@ class ControlParameters:
         given = [n for to, n in arguments.names if to in ("", name)]
         if problems := unknown_parameters(ControlConfig, given):
             raise ConfigError(problems)
-        self.values = declare(node, ControlConfig, file.values)
+        # Unless -p sets them, as the files have them: of several sections for one node, rcl takes
+        # that which comes last in the first of the files, whatever later files have.
+        written = {name: v for name, v in file.values.items() if name not in given}
+        self.values = declare(node, ControlConfig, file.values, fixed=written)
         self._places = {
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
         }
@@ -284,7 +312,12 @@ class ControlParameters:
         """Return an error about these parameters, naming the lines they were written on."""
         return error.located(self._places)
 
-    def changed(self, parameters: Sequence[Parameter], simulated: bool) -> ControlConfig:
+    @property
+    def warnings(self) -> list[str]:
+        """What is surprising about them."""
+        return [problem.message(self._places) for problem in self.config.surprises()]
+
+    def changed(self, parameters: Sequence["Parameter"], simulated: bool) -> ControlConfig:
         """Return the configuration there would be with these parameters set.
 
         Args:
@@ -298,18 +331,20 @@ class ControlParameters:
             raise ConfigError(problems)
         return read(ControlConfig, {**self.values, **_own(parameters)})
 
-    def accept(self, parameters: Sequence[Parameter]) -> None:
+    def accept(self, parameters: Sequence["Parameter"]) -> None:
         """Apply parameters that ``changed`` found nothing wrong with."""
         self.values.update(_own(parameters))
+        for one in parameters:  # no longer as the file has it
+            self._places.pop(one.name, None)
         self.config = read(ControlConfig, self.values)
 
 
-def _own(parameters: Sequence[Parameter]) -> dict[str, Any]:
+def _own(parameters: Sequence["Parameter"]) -> dict[str, Any]:
     """Return the controller's among ``parameters``, by name."""
     return {p.name: plain(p.value) for p in parameters if is_parameter(ControlConfig, p.name)}
 
 
-def _clock_problems(parameters: Sequence[Parameter], simulated: bool) -> list[Problem]:
+def _clock_problems(parameters: Sequence["Parameter"], simulated: bool) -> list[Problem]:
     values: Mapping[str, Any] = {p.name: p.value for p in parameters}
     problems = []
     if values.get("use_sim_time", simulated) not in (simulated, None):

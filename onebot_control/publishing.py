@@ -11,12 +11,15 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, Transform, TransformStamped, TwistStamped
 from geometry_msgs.msg import Twist as TwistMessage
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.odometry import PoseCovariance
 from onebot_control.poses import PlanarPose, prefixed
 from onebot_control.simulation import Twist
 from onebot_description.model import quaternions
@@ -27,6 +30,9 @@ from onebot_description.wire.tf_message import TFMessage
 
 _DEPTH = 10  # ROS's system default
 _NOT_KNOWN = (0.0,) * 6  # diagonal of a covariance
+# z, roll and pitch are zero on flat ground by definition; their variances only keep estimators from
+# dividing by zero.
+_FLAT = (0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0)
 
 
 class Publishers:
@@ -34,13 +40,13 @@ class Publishers:
 
     def __init__(self, node: Node, simulated: bool) -> None:
         """Announce the topics; with /clock if ``simulated``."""
-        self._namespace: str = node.get_namespace()
+        self._node, self._namespace = node, node.get_namespace()
         self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
         self._truth = node.create_publisher(Odometry, "~/ground_truth", _DEPTH)
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        self._limited = node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
+        self._limited: Publisher | None = None
         self._clock = node.create_publisher(Clock, "/clock", _DEPTH) if simulated else None
 
     def use(self, robot: DrivenRobot) -> None:
@@ -53,9 +59,9 @@ class Publishers:
         self.odom_frame, self._world = odom, config.world_frame_id
         self._stamp = Time()  # one for all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
-        self._odom_message = self._odometry(
-            odom, base, config.pose_covariance_diagonal, config.twist_covariance_diagonal
-        )
+        self._constant = any(config.pose_covariance_diagonal)
+        variances = config.pose_covariance_diagonal if self._constant else _FLAT
+        self._odom_message = self._odometry(odom, base, variances, config.twist_covariance_diagonal)
         self._truth_message = self._odometry(self._world or odom, base)
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
@@ -67,8 +73,17 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
+        self._advertise(config.publish_limited_velocity)
         self._due = Divider(config.publish_rate, config.update_rate)
         self._origin: PlanarPose | None = None
+
+    def _advertise(self, limited: bool) -> None:
+        """Have a topic for the limited command, or none."""
+        if limited and self._limited is None:
+            self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", _DEPTH)
+        elif not limited and self._limited is not None:
+            self._node.destroy_publisher(self._limited)
+            self._limited = None
 
     def _odometry(
         self,
@@ -93,7 +108,7 @@ class Publishers:
         joints = self._joint_message
         joints.position, joints.velocity, joints.effort = robot.broadcaster.values(snapshot.joints)
         self._joint_states.publish(joints)
-        if robot.config.publish_limited_velocity:
+        if self._limited is not None:
             command = snapshot.command
             _fill_planar(self._limited_message.twist, command.linear, command.angular)
             self._limited.publish(self._limited_message)
@@ -108,6 +123,8 @@ class Publishers:
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
         _fill_pose(self._odom_message.pose.pose, pose)
+        if not self._constant:
+            _fill_covariance(self._odom_message.pose.covariance, snapshot.covariance)
         _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
         self._odom.publish(self._odom_message)
         _fill_pose(self._truth_message.pose.pose, self._true_pose(snapshot))
@@ -147,6 +164,14 @@ def _fill_transform(message: Transform, values: Sequence[float]) -> None:
 def _fill_pose(message: Pose, values: Sequence[float]) -> None:
     place, turn = message.position, message.orientation
     place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = values
+
+
+def _fill_covariance(values: NDArray[np.float64], covariance: PoseCovariance) -> None:
+    """Write what a pose on the ground has: x, y and yaw are rows 0, 1 and 5 of six."""
+    values[0], values[7], values[35] = covariance.xx, covariance.yy, covariance.yaw_yaw
+    values[1] = values[6] = covariance.xy
+    values[5] = values[30] = covariance.x_yaw
+    values[11] = values[31] = covariance.y_yaw
 
 
 def _fill_twist(message: TwistMessage, twist: Twist) -> None:

@@ -1,13 +1,23 @@
 """Limits of velocity, acceleration and jerk, as ros2_control's diff_drive_controller has them."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from onebot_description.parameters.reader import parameter, read
 
 _UNSET = math.nan
+# The limit without which a stage does nothing, and the others of that stage.
+_NEEDED = {
+    "max_velocity": ("min_velocity",),
+    "max_acceleration": (
+        "max_deceleration",
+        "max_deceleration_reverse",
+        "max_acceleration_reverse",
+    ),
+    "max_jerk": ("min_jerk",),
+}
 
 
 def _positive(description: str) -> Any:
@@ -38,6 +48,12 @@ class SpeedLimits:
     )
     min_jerk: float = _negative("the least jerk, m/s3 or rad/s3", "minus max_jerk")
     max_jerk: float = _positive("the greatest jerk, m/s3 or rad/s3")
+
+    def idle(self) -> Iterator[tuple[str, str]]:
+        """Return each limit that is given but does nothing, with the ``max_...`` that it needs."""
+        for needed, names in _NEEDED.items():
+            if math.isnan(getattr(self, needed)):
+                yield from ((n, needed) for n in names if not math.isnan(getattr(self, n)))
 
     REMEDIES: ClassVar[Mapping[str, str]] = {
         f"has_{kind}_limits": f"leave it out, and write max_{kind}: .nan for no limit"

@@ -17,12 +17,13 @@ Subscribes:
 
 Publishes (reliable, depth 10, unless noted):
     joint_states (sensor_msgs/msg/JointState): every control cycle; rad, rad/s, Nm.
-    ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate.
+    ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate; the covariance of
+        the pose grows with the distance, unless pose_covariance_diagonal is given.
     ~/ground_truth (nav_msgs/msg/Odometry): the true ones, with ~/odom.
     /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom.
     /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
-        publish_limited_velocity.
+        publish_limited_velocity; else there is no such topic.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
         or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Else they
         are the system's, and there is no /clock.
@@ -38,7 +39,10 @@ Parameters: those of diff_drive_controller, and (* is read at the start only)
     robot_description* (string, default ""): the URDF to start with, before one is published, or the
         path of a URDF or xacro file.
     x*, y* (double, m), yaw* (double, rad; default 0.0): where the robot starts in the world.
-    update_rate* (double or integer, Hz, default 100): control cycles; controller_manager's.
+    update_rate* (double or integer, Hz, default 100): control cycles, 0.001 to 1000;
+        controller_manager's.
+    left_wheel_noise, right_wheel_noise (double, m, default 0.005): standard deviation of a distance
+        of 1 m by these wheels; it grows with the root of the distance.
     real_time_factor (double, default 1.0): simulated seconds a second; 0.0 is as fast as possible.
     world_frame_id (string, default world): frame of ~/ground_truth and parent of odom_frame_id;
         empty gives the truth in the odometry's frame and leaves odom_frame_id without parent.

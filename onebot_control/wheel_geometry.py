@@ -70,7 +70,10 @@ def wheel_geometry(
 def wheel_separation(
     description: Description, left_names: Sequence[str], right_names: Sequence[str]
 ) -> float:
-    """Return the distance between the wheels of the two sides, m, across the driving direction.
+    """Return the distance between the wheels of the two sides, m.
+
+    Across the driving direction; of wheels that stand in one line with it, the whole distance, as
+    diff_drive_controller has taken it.
 
     Raises:
         OneBotError: a joint is missing, or left is not left of right, or an axle points elsewhere.
@@ -84,16 +87,19 @@ def wheel_separation(
         axis = quaternions.rotate(poses[joint.child][3:], np.array(joint.axis))
         _check_axle(description, name, axis)
     left, right = (
-        float(np.mean([poses[children[name].child][1] for name in names]))
+        np.mean([poses[children[name].child][:3] for name in names], axis=0)
         for names in (left_names, right_names)
     )
-    if left - right <= 0.0:
+    across, apart = float(left[1] - right[1]), float(np.linalg.norm(left - right))
+    if abs(across) <= _SAME < apart:
+        return apart
+    if across <= 0.0:
         raise OneBotError(
             f'robot "{description.robot_name}": the left wheels ({", ".join(left_names)}) are at '
-            f"y = {left:g} m, not left of the right ones ({', '.join(right_names)}) at "
-            f"y = {right:g} m; swap left_wheel_names and right_wheel_names"
+            f"y = {left[1]:g} m, not left of the right ones ({', '.join(right_names)}) at "
+            f"y = {right[1]:g} m; swap left_wheel_names and right_wheel_names"
         )
-    return left - right
+    return across
 
 
 def wheel_radius(description: Description, names: Sequence[str]) -> float:

@@ -111,12 +111,13 @@ class UsageError(OneBotError):
 
 
 class DescriptionError(OneBotError):
-    """A robot description that cannot be used; ``problems`` holds all that was found.
+    """A robot description that cannot be used.
 
-    Each problem names file, element and remedy.
+    ``problems`` and ``warnings`` hold all that was found, each with file, element and remedy.
     """
 
-    def __init__(self, problems: Iterable[str]) -> None:
-        """Join ``problems`` into one message, a line each."""
+    def __init__(self, problems: Iterable[str], warnings: Iterable[str] = ()) -> None:
+        """Join ``problems`` and ``warnings`` into one message, a line each."""
         self.problems = condensed(list(map(printable, problems)))
-        super().__init__("\n".join(self.problems))
+        self.warnings = condensed(list(map(printable, warnings)))
+        super().__init__("\n".join((*self.problems, *map("warning: {}".format, self.warnings))))

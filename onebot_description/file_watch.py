@@ -1,15 +1,20 @@
-"""Notices that files were saved and are complete again, at the price of one stat call a file.
+"""Notices that files were saved and are complete again, and reads them in the background.
 
 An editor may empty a file and then fill it, write a new one and rename it over the old one, or save
-several at once. So files are polled by name, and a change counts once all of them have been at rest
-for a moment; for a longer one where a file is empty or gone, which most are before they are filled.
+several at once. So files are polled by name, by one stat call each, and a change counts once all of
+them have been at rest for a moment; for a longer one where a file is empty or gone, which most are
+before they are filled.
 """
 
 import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+T = TypeVar("T")
 
 FileState = tuple[int, int, int] | None  # time of modification (ns), size, inode; None: no file
 _UNREAD = (-1, -1, -1)
@@ -95,3 +100,17 @@ class FileWatch:
         self._known = dict(self._last)
         there = [file for file in changed if self._known[file] is not None]
         return Changes(there, [file for file in changed if file not in there])
+
+
+def in_background(read: Callable[[], T]) -> "Future[T]":
+    """Call ``read`` in a thread, to be polled for: a node works on while it reads a file."""
+    reading: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            reading.set_result(read())
+        except BaseException as error:
+            reading.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return reading

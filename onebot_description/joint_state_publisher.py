@@ -39,6 +39,7 @@ Parameters (all can be changed while it runs; a change takes effect or is refuse
 import sys
 from array import array
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,7 @@ from sensor_msgs.msg import JointState
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import DescriptionError, OneBotError, listing
-from onebot_description.file_watch import FileWatch
+from onebot_description.file_watch import FileWatch, in_background
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, Plan
 from onebot_description.node import (
@@ -67,7 +68,7 @@ from onebot_description.node import (
     is_path,
     run_described_node,
 )
-from onebot_description.parameters.files import LiveParameters, read_files
+from onebot_description.parameters.files import LiveParameters, Parameters, read_files
 from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
@@ -285,7 +286,9 @@ class JointFiles:
         self._parameters, self._state, self._offer = parameters, state, offer
         self._saved: list[Path] = []  # parameter files, since they were last applied
         self._refused = False  # the parameter files as they are
-        self._unread = False
+        self._unsuitable: Parameters | None = None  # those refused because of the robot
+        self._unread = self._redescribed = False  # what files hold is to be applied
+        self._reading: Future[Parameters] | None = None
         self._watch = FileWatch(())
 
     def watch(self) -> None:
@@ -299,10 +302,10 @@ class JointFiles:
         """Read the parameter files at the next poll, saved or not."""
         self._unread = True
 
-    def read_refused(self) -> None:
-        """Read the parameter files again, if they were refused."""
-        if self._refused:
-            self._reload_parameters()
+    def apply_refused(self) -> None:
+        """Apply the parameter files again, if they did not suit the robot of before."""
+        if self._unsuitable is not None:
+            self._apply_parameters(self._unsuitable)
 
     def _watched(self) -> list[Path]:
         state = self._state()
@@ -319,30 +322,49 @@ class JointFiles:
             self._node.get_logger().warning(f"{file} was removed: {_GOES_ON}")
         edited = [file for file in saved if file in files]
         self._saved += edited
-        if edited or self._unread:
+        self._unread |= bool(edited)
+        self._redescribed |= any(file not in files for file in saved)
+        if self._unread and self._reading is None:
             self._unread = False
-            self._reload_parameters()
-        if any(file not in self._parameters.live.files for file in saved):
+            self._reading = in_background(self._parameters.live.read)
+        if self._reading is not None and self._reading.done():
+            reading, self._reading = self._reading, None
+            self._finish(reading)
+        if self._redescribed and self._reading is None:  # which comes after the parameters
+            self._redescribed = False
             self._reload_description()
 
-    def _reload_parameters(self) -> None:
+    def _finish(self, reading: "Future[Parameters]") -> None:
+        try:
+            self._apply_parameters(reading.result())
+        except ConfigError as error:
+            self._refuse(error)
+
+    def _refuse(self, error: OneBotError, unsuitable: Parameters | None = None) -> None:
+        self._refused, self._unsuitable = True, unsuitable
+        self._node.get_logger().error(f"{self._names} not applied, {_GOES_ON}:\n{error}")
+
+    @property
+    def _names(self) -> str:
+        """The parameter files in words: the bringup's own, a temporary one, is nobody's to edit."""
+        files = self._saved or self._parameters.live.files[-1:]
+        return ", ".join(map(str, dict.fromkeys(files))) or "parameters"
+
+    def _apply_parameters(self, file: Parameters) -> None:
         """Set every parameter as the files have it; one they do not name gets its default."""
         live, log = self._parameters.live, self._node.get_logger()
-        # Not all of them: the bringup's own, in a temporary folder, is nobody's to edit.
-        names = ", ".join(map(str, dict.fromkeys(self._saved or live.files[-1:]))) or "parameters"
         before = live.file
         try:
-            file = live.read()
             overridden = live.overridden(file)
             changes = live.changes(file, self._state().values)
             live.file = file
             self._parameters.set_all(changes, file.places)
         except OneBotError as error:
-            live.file, self._refused = before, True
-            log.error(f"{names} not applied, {_GOES_ON}:\n{error}")
+            live.file = before
+            self._refuse(error, file)
             return
-        mended = "mended, " if self._refused else ""
-        self._saved, self._refused = [], False
+        names, mended = self._names, "mended, " if self._refused else ""
+        self._saved, self._refused, self._unsuitable = [], False, None
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
         log.info(f"{names}: {mended}applied, {changed}")
         for name in overridden:
@@ -528,7 +550,7 @@ class JointStatePublisher(Node):
         are reported and left out, or this node would go on with a robot that nobody else shows.
         """
         self._change(self._state.describing(description, tolerant=True))
-        self._files.read_refused()  # they may be about this robot
+        self._files.apply_refused()  # they may be about this robot
         self._report()
 
     def _apply(self, state: JointsState) -> None:
@@ -541,6 +563,10 @@ class JointStatePublisher(Node):
             if state.plan is not None:
                 state.source.apply(state.plan)
             if state.source is not old.source:
+                assert state.description is not None
+                # Those of what robot_state_publisher has sent are in its log.
+                for notice in state.description.notices if state.description.files else ():
+                    self.get_logger().warning(notice)
                 moved = listing(state.source.names) if state.source.names else ""
                 joints = f"joints: {moved or 'no joint moves, nothing to publish'}"
                 self.get_logger().info(f"robot description applied; {joints}")

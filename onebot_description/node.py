@@ -9,6 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, ParamSpec
 
@@ -25,7 +26,11 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.packages import package_share, use_environment_prefix
+from onebot_description.description.packages import (
+    cache_folder,
+    package_share,
+    use_environment_prefix,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.signals import StopSignals
 
@@ -62,6 +67,7 @@ def run_node(
         The exit code: 0 when stopped by a signal, 1 for a user's mistake.
     """
     use_environment_prefix()
+    use_writable_log_folder()
     use_quick_discovery()
     ignore_impossible_times()
     stop: Future = Future()
@@ -214,6 +220,20 @@ def _fail(message: str) -> int:
     """Print a user's mistake as one error; return the exit code for it."""
     print(f"error: {message}", file=sys.stderr, flush=True)
     return 1
+
+
+def use_writable_log_folder() -> None:
+    """Have ROS log to the cache where there is no home or it cannot be written: else it fails."""
+    if os.environ.get("ROS_LOG_DIR") or os.environ.get("ROS_HOME"):
+        return
+    home = os.environ.get("HOME")
+    if home:
+        with suppress(OSError):
+            folder = Path(home, ".ros/log")
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return
+    os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
 
 
 def use_quick_discovery() -> None:

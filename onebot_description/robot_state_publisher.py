@@ -36,11 +36,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.description import (
-    Description,
-    load_description,
-    parse_description,
-)
+from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import (
@@ -50,7 +46,7 @@ from onebot_description.node import (
     ros_arguments,
     run_node,
 )
-from onebot_description.parameters.reader import declare, parameter, read
+from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
@@ -88,10 +84,11 @@ class RobotStatePublisher(Node):
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         if description is None:
             description = _parse(self._settings.robot_description)
-        # The validated text of a live change, so that it need not be parsed twice.
-        self._accepted = description
+        # Of a live change what was validated, so that it need not be parsed twice.
+        self._accepted = description, RobotModel.from_description(description)
         self._apply_description()
         self._apply()
+        refuse_undeclared(self, StateParameters)
         self.add_on_set_parameters_callback(self._validate)
         self.add_post_set_parameters_callback(self._changed)
         self._jumps = self.get_clock().create_jump_callback(
@@ -119,17 +116,18 @@ class RobotStatePublisher(Node):
 
     def _apply_description(self) -> None:
         """Publish the accepted description, and convert by it from now on."""
-        self._model = RobotModel.from_description(self._accepted)
-        for warning in self._accepted.warnings:
-            self.get_logger().warning(warning)
-        self._description.publish(String(data=self._accepted.urdf))
+        description, self._model = self._accepted
+        for notice in description.notices:
+            self.get_logger().warning(notice)
+        self._description.publish(String(data=description.urdf))
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         changes = {one.name: one.value for one in parameters if one.name in self._values}
         try:
             read(StateParameters, {**self._values, **changes})
             if "robot_description" in changes:
-                self._accepted = _parse(changes["robot_description"])
+                description = _parse(changes["robot_description"])
+                self._accepted = description, RobotModel.from_description(description)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -140,7 +138,7 @@ class RobotStatePublisher(Node):
         self._settings = read(StateParameters, self._values)
         if "robot_description" in changes:
             self._apply_description()
-            self.get_logger().info(f'now publishing robot "{self._accepted.robot_name}"')
+            self.get_logger().info(f'now publishing robot "{self._model.name}"')
         if changes:
             self._apply()
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 import rclpy
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
@@ -55,6 +57,16 @@ def float_range(descriptor: Any) -> tuple[float, float]:
     return one.from_value, one.to_value
 
 
+def refused(node: Node, name: str) -> str:
+    """What the node answers to a change of a parameter that it does not have."""
+    request = SetParameters.Request(parameters=[Parameter(name, value=1).to_parameter_msg()])
+    [result] = node._parameter_service._set_parameters_callback(
+        request, SetParameters.Response()
+    ).results
+    assert not result.successful and not node.has_parameter(name)
+    return str(result.reason)
+
+
 def test_robot_state_publisher(start: Callable[..., Node]) -> None:
     """All four can be changed while it runs; 50 is as good as 50.0."""
     node = start(lambda: RobotStatePublisher(load_description(MRM)), publish_frequency=50)
@@ -62,6 +74,9 @@ def test_robot_state_publisher(start: Callable[..., Node]) -> None:
     assert float_range(found["publish_frequency"]) == (0.0, 1000.0)
     assert not any(one.read_only for one in found.values())
     assert node.get_parameter("robot_description").value.startswith("<")
+    assert 'frame_prefx: no such parameter (did you mean "frame_prefix"?' in refused(
+        node, "frame_prefx"
+    )
 
 
 def test_joint_state_publisher(start: Callable[..., Node]) -> None:
@@ -77,7 +92,7 @@ def test_joint_state_publisher(start: Callable[..., Node]) -> None:
     assert "above 0" in found["rate"].additional_constraints
     assert "hold" in found[f"motions.{joint}.position"].description
     assert node.get_parameter("source_list").value == []
-    new = rclpy.parameter.Parameter(f"zeros.{joint}", value=0.1)
+    new = Parameter(f"zeros.{joint}", value=0.1)
     assert node.set_parameters([new])[0].successful
     assert "rest position" in described(node)[f"zeros.{joint}"].description
 
@@ -98,11 +113,19 @@ def test_velocity_controller(start: Callable[..., Node]) -> None:
     assert "one of auto, Twist" in found["cmd_vel_type"].additional_constraints
     assert node.get_parameter("left_wheel_names").value == ["left_wheel_joint"]
     assert node.get_parameter("x").value == 1
+    assert 'wheel_raduis: no such parameter (did you mean "wheel_radius"?' in refused(
+        node, "wheel_raduis"
+    )
+    remedy = "use_stamped_vel: no longer a parameter; write cmd_vel_type"
+    assert remedy in refused(node, "use_stamped_vel")
+    assert refused(node, "linear.x") == "linear.x: no such parameter"
 
 
 def test_steering_page(start: Callable[..., Node]) -> None:
     """All are read when it starts; a rate of 20 is as good as 20.0."""
-    found = described(start(SteeringPage, port=0, open_browser="false", rate=20))
+    node = start(SteeringPage, port=0, open_browser="false", rate=20)
+    found = described(node)
+    assert "no such parameter" in refused(node, "odom_topc")
     assert all(one.read_only for one in found.values())
     assert float_range(found["rate"]) == (5.0, 100.0)
     (port,) = found["port"].integer_range
@@ -111,7 +134,9 @@ def test_steering_page(start: Callable[..., Node]) -> None:
 
 def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:
     """All are read when it starts."""
-    found = described(start(BagRecorder, folder=tmp_path / "run"))
+    node = start(BagRecorder, folder=tmp_path / "run")
+    found = described(node)
+    assert "no such parameter" in refused(node, "compresion")
     assert set(found) == {"folder", "topics", "compression"}
     assert all(one.read_only for one in found.values())
 
@@ -125,6 +150,7 @@ def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
     assert float_range(found["axes.length"])[0] == 0.0
     assert "one of hidden" in found["panels.top"].additional_constraints
     assert node.get_parameter("camera.eye").value == []
-    changed = [rclpy.parameter.Parameter("camera.eye", value=[1, 2, 3])]
+    changed = [Parameter("camera.eye", value=[1, 2, 3])]
     assert node.set_parameters(changed)[0].successful
     assert described(node)["camera.eye"].description
+    assert "axes.lenght: no such parameter" in refused(node, "axes.lenght")

@@ -32,7 +32,13 @@ from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import full_definition, message_class
 from onebot_description.errors import OneBotError
 from onebot_description.node import ends_node, run_node
-from onebot_description.parameters.reader import REQUIRED, declare, parameter, read
+from onebot_description.parameters.reader import (
+    REQUIRED,
+    declare,
+    parameter,
+    read,
+    refuse_undeclared,
+)
 from onebot_description.topic_subscription import (
     TopicSubscription,
     choose_type,
@@ -97,6 +103,7 @@ class BagRecorder(Node):
         super().__init__("bag_recorder")
         self._bag: BagWriter | None = None
         given = read(RecorderParameters, declare(self, RecorderParameters))
+        refuse_undeclared(self, RecorderParameters)
         folder = Path(given.folder).expanduser().absolute()
         self._bag = BagWriter(folder, compress=given.compression == "zstd")
         self._topics = TopicRecorder(self, self._bag, given.topics)

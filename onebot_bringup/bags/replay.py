@@ -14,7 +14,7 @@ from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
 from onebot_bringup.viewer.view_source import ViewSource
-from onebot_description.description import Description, read_description
+from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.wire.messages import tf_arrays
 
@@ -201,7 +201,7 @@ def robot_of(bag: Bag, names: RobotTopics) -> Description | None:
     """Return the robot by its first description, if that can be read."""
     for message in bag.messages(names.descriptions[:1]):
         with suppress(OneBotError, ValueError):  # it is reported when it is shown
-            return read_description(_text(message), _DESCRIPTION_NAME)
+            return parse_description(_text(message), _DESCRIPTION_NAME)
     return None
 
 

@@ -92,9 +92,12 @@ def run_command(
 
 
 def _print_problems(error: OneBotError) -> None:
-    problems = error.problems if isinstance(error, DescriptionError) else str(error).splitlines()
-    for problem in problems:
-        print(f"error: {problem}", file=sys.stderr)
+    problems: Sequence[str] = str(error).splitlines()
+    warnings: Sequence[str] = ()
+    if isinstance(error, DescriptionError):
+        problems, warnings = error.problems, error.warnings
+    for line in (*map("error: {}".format, problems), *map("warning: {}".format, warnings)):
+        print(line, file=sys.stderr)
 
 
 def help_command(words: list[str]) -> str:

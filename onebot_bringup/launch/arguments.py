@@ -208,6 +208,8 @@ _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _MAX_FREQUENCY = 1000  # Hz
+_CYCLES = 0.001, 1000.0  # of the controller, Hz
+_AS_IN_FILE = "empty: as params_file has it"
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 
@@ -270,10 +272,10 @@ def simulation_arguments(control: str) -> list[Argument]:
         port("port", "8080", "of that page; 0: any"),
         Argument("token", "", "asked for in its address, if host is not this computer"),
         Argument("params_file", control, "parameters of the controller, a YAML file"),
-        number("x", "0.0", "where it starts, metres in odom"),
-        number("y", "0.0", "where it starts, metres in odom"),
-        number("yaw", "0.0", "where it faces at the start, radians"),
-        whole("rate", "", "control steps a second, Hz; empty: as params_file has it", 1, 1000),
+        number("x", "", f"where it starts, metres; {_AS_IN_FILE}"),
+        number("y", "", f"where it starts, metres; {_AS_IN_FILE}"),
+        number("yaw", "", f"where it faces at the start, radians; {_AS_IN_FILE}"),
+        number("rate", "", f"control cycles a second, Hz; {_AS_IN_FILE}", *_CYCLES),
     ]
 
 

@@ -32,6 +32,12 @@ if TYPE_CHECKING:
     from onebot_description.description.xacro import XacroArguments
 
 
+# Parameters of the controller that name the frames, and those that concern all nodes.
+_FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
+_OF_ALL_NODES = (*_FRAME_PREFIX, "use_sim_time", "robot_description")
+_LONG = 100_000  # bytes of a parameter file
+
+
 class Bringup(NamedTuple):
     """A bringup command, and its defaults."""
 
@@ -77,8 +83,10 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
     _check_files(values, own)
+    values = with_params_file(values, own)
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
+    description.require_tree()
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
@@ -223,6 +231,55 @@ def _check_joints(file: Path, namespace: str) -> None:
     if warning:
         remedy = "; write /**/joint_state_publisher: for any namespace" if namespace else ""
         print(f"warning: {warning}{remedy}", file=sys.stderr)
+
+
+def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+    """Return the launch arguments, with what the controller's ``params_file`` has for all nodes.
+
+    They name the robot's frames alike, and take the time from the same clock. What the file has of
+    these counts unless the command line gives it.
+
+    Args:
+        values: of the launch arguments.
+        given: those on the command line.
+
+    Raises:
+        OneBotError: the file is wrong.
+    """
+    found = dict(values)
+    if values.get("sim") != "true" or not _mentions(Path(values["params_file"]), _OF_ALL_NODES):
+        return found
+    from onebot_control.parameters import ControlConfig, read_control_files
+    from onebot_control.poses import prefixed
+    from onebot_description.parameters.reader import ConfigError, replaced
+
+    space = "/" + values["namespace"].strip("/")
+    written = read_control_files([Path(values["params_file"])], space, "velocity_controller")
+    config, frames = ControlConfig(), [n for n in _FRAME_PREFIX if n in written.values]
+    try:
+        for name in frames:
+            config = replaced(config, name, written.values[name])
+    except ConfigError as error:
+        raise error.located(written.places) from None
+    if frames and "frame_prefix" not in given:
+        enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
+        found["frame_prefix"] = prefixed("", enabled, prefix, space)
+    if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
+        found["use_sim_time"] = "true"
+    if place := written.places.get("robot_description"):
+        text = "robot_description is not used by a bringup; write model:=FILE"
+        print(f"warning: {place}: {text}", file=sys.stderr)
+    return found
+
+
+def _mentions(file: Path, names: Sequence[str]) -> bool:
+    """Whether one of ``names`` may be in a file; in most none is, and reading YAML is slow."""
+    try:
+        with file.open("rb") as opened:
+            text = opened.read(_LONG)
+    except OSError as error:
+        raise OneBotError(f"{file}: cannot be read: {error.strerror}") from None
+    return len(text) == _LONG or any(name.encode() in text for name in names)
 
 
 def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:

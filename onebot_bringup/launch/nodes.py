@@ -25,6 +25,8 @@ _PERIOD = 8.0  # seconds for one swing, unless the joint's speed limit asks for 
 _SHARE_OF_RANGE = 0.9
 _SHARE_OF_SPEED = 0.5
 _FREE_SWING = math.pi / 2  # rad; a continuous joint has no limits
+# Launch arguments that are parameters of the controller.
+_OF_CONTROLLER = {"x": "x", "y": "y", "yaw": "yaw", "rate": "update_rate"}
 
 
 @dataclass(frozen=True)
@@ -63,16 +65,17 @@ class NodeFactory:
 
     def velocity_controller(self) -> NodeProcess:
         """Return the simulation with its controller, which drives the robot."""
-        parameters: dict[str, object] = {
-            name: float(self.values[name]) for name in ("x", "y", "yaw")
-        }
         # All nodes of the robot name its frames alike, in a namespace too.
         prefix = self.values["frame_prefix"]
-        # It would come on the topic, too, but only when robot_state_publisher is up.
-        parameters["robot_description"] = self.description.urdf
-        parameters |= {"tf_frame_prefix_enable": bool(prefix), "tf_frame_prefix": prefix}
-        if self.values["rate"]:
-            parameters["update_rate"] = int(self.values["rate"])
+        parameters: dict[str, object] = {
+            # It would come on the topic, too, but only when robot_state_publisher is up.
+            "robot_description": self.description.urdf,
+            "tf_frame_prefix_enable": bool(prefix),
+            "tf_frame_prefix": prefix,
+        }
+        for argument, name in _OF_CONTROLLER.items():
+            if self.values[argument]:  # else as params_file has it
+                parameters[name] = float(self.values[argument])
         module = "onebot_control.velocity_controller"
         files = [Path(self.values["params_file"]).absolute()]
         return self._node("velocity_controller", module, parameters, files=files)

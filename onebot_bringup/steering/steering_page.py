@@ -67,7 +67,7 @@ from onebot_bringup.viewer.display_server import has_display
 from onebot_control.poses import yaw_of
 from onebot_description.errors import OneBotError
 from onebot_description.node import LATCHED, run_node
-from onebot_description.parameters.reader import declare, parameter, read
+from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
 from onebot_description.parameters.values import MAX_PORT
 from onebot_description.topic_subscription import RCLError, TopicSubscription, TypeConflictError
 from onebot_description.wire.messages import odometry_sample
@@ -144,6 +144,7 @@ class SteeringParameters:
             OneBotError: a value is invalid.
         """
         given = read(cls, declare(node, cls))
+        refuse_undeclared(node, cls)
         topics: dict[str, Any] = {n: _topic(node, n, getattr(given, n)) for n in _TOPICS}
         return replace(given, **topics)
 

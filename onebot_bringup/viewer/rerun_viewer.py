@@ -34,7 +34,9 @@ Parameters:
 import re
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,10 +51,11 @@ from std_srvs.srv import Trigger
 from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import TopicSubscriptions
-from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
+from onebot_description.file_watch import in_background
 from onebot_description.node import (
     LATCHED,
     DescriptionPublishers,
@@ -67,6 +70,7 @@ from onebot_description.parameters.reader import (
     is_parameter,
     parameter,
     read,
+    refuse_undeclared,
     replaced,
     ros_parameter,
     values_of,
@@ -152,6 +156,7 @@ class ViewParameters:
         self._mirroring = False
         self._declare()
         self.mirror()
+        refuse_undeclared(node, ViewConfig)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
         node.create_service(Trigger, "~/save_view", self._save)
@@ -241,6 +246,7 @@ class ViewUpdates:
         self._view, self._topics = view, topics
         self._log = log
         self._refused: set[Path] = set()  # files with a mistake
+        self._reading: tuple[Path, Future[ViewConfig]] | None = None
 
     def poll(self) -> None:
         """Apply what was edited; call it now and then."""
@@ -248,21 +254,32 @@ class ViewUpdates:
         for file in removed:
             self._log.warning(f"{file} was removed: keeping the view shown so far")
         for file in saved:
-            mended = file in self._refused
-            self._refused.discard(file)
-            try:
-                if file == self._source.blueprint_file:
-                    self._view.use_blueprint(file)
-                elif self._source.reload():
-                    self._parameters.mirror()
-                    self.apply()
-                    self._log.info(f"{file} was edited: the view is up to date")
-                    mended = False  # reported already
-                if mended:
-                    self._log.info(f"{file} is right again: it is in use")
-            except OneBotError as error:
-                self._refused.add(file)
-                self._log.warning(f"keeping the view shown so far: {error}")
+            if file == self._source.blueprint_file:
+                self._use(file, partial(self._view.use_blueprint, file))
+            else:
+                self._reading = file, in_background(partial(load_view, file))
+        if self._reading is not None and self._reading[1].done():
+            (file, reading), self._reading = self._reading, None
+            self._use(file, lambda: self._reload(file, reading.result()))
+
+    def _use(self, file: Path, use: Callable[[], object]) -> None:
+        """Use an edited file by ``use``, which returns true if it has logged that."""
+        mended = file in self._refused
+        self._refused.discard(file)
+        try:
+            if not use() and mended:
+                self._log.info(f"{file} is right again: it is in use")
+        except OneBotError as error:
+            self._refused.add(file)
+            self._log.warning(f"keeping the view shown so far: {error}")
+
+    def _reload(self, file: Path, saved: ViewConfig) -> bool:
+        if not self._source.reload(file, saved):
+            return False
+        self._parameters.mirror()
+        self.apply()
+        self._log.info(f"{file} was edited: the view is up to date")
+        return True
 
     def apply_view_of(self, robot: str) -> None:
         """Apply the view of the robot's description, unless the user has given another one."""

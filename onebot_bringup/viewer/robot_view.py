@@ -23,7 +23,7 @@ from onebot_bringup.viewer.displays.tf import TransformStream
 from onebot_bringup.viewer.frames import FrameResolution, FrameTree
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.description import Description, read_description
+from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.wire.messages import deserialize_message
 
@@ -292,7 +292,7 @@ class RobotView:
         return warnings
 
     def _set_robot(self, urdf: str) -> list[str]:
-        robot, before = read_description(urdf, _DESCRIPTION_TOPIC.name), self.robot
+        robot, before = parse_description(urdf, _DESCRIPTION_TOPIC.name), self.robot
         warnings = self._scene.set_robot(robot)
         self._context.robot = robot
         for shown in self._displays:

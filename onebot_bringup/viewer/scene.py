@@ -48,7 +48,7 @@ class Scene:
         Returns:
             What could not be drawn, a sentence each.
         """
-        problems = list(robot.warnings)
+        problems = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         wanted: set[str] = set()
         for link in robot.links:
             for entity, geometries in (

@@ -92,18 +92,18 @@ class ViewSource:
         """Return which of its files the user has saved or removed since the last call."""
         return self._watch.poll()
 
-    def reload(self) -> bool:
-        """Read the view file again; True if that changes the view.
+    def reload(self, file: Path, saved: ViewConfig) -> bool:
+        """Use what was read from the view file again; True if that changes the view.
 
         Of a setting that was changed here and in the file, the file's value counts: it is newer.
 
-        Raises:
-            OneBotError: it is wrong; the view stays as it was.
+        Args:
+            file: the view file at the time; nothing is changed if it is another one now.
+            saved: the view in it.
         """
-        if self._file is None:
-            return False
         before = self.view
-        self._rebase(load_view(self._file))
+        if file == self._file:
+            self._rebase(saved)
         return self.view != before
 
     def _rebase(self, base: ViewConfig) -> None:

@@ -6,7 +6,7 @@ joints are added up as written, and each rigid body becomes one link.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, SubElement
 
@@ -51,7 +51,6 @@ class Body:
         for collision in link.collisions:
             self.collisions.append((collision.shape, pose @ matrix(collision.origin)))
         if link.friction is not None:
-            _check_friction(link.friction, f'{link.where}: link "{link.name}" <lateral_friction>')
             least = link.friction if self.friction is None else self.friction
             self.friction = min(link.friction, least)
         if link.inertial is not None:
@@ -77,14 +76,10 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     """Return the bodies by the name of their first link, the root's first.
 
     Raises:
-        OneBotError: a joint type is not supported, or a friction is negative.
+        OneBotError: what of the robot cannot be simulated, a line each.
     """
-    for joint in description.joints:
-        if joint.kind in ("floating", "planar"):
-            raise OneBotError(
-                f'{description.source}: joint "{joint.name}" is {joint.kind}; the simulation moves '
-                f"{', '.join(MOVING_KINDS)} joints"
-            )
+    if unfit := [*_unfit_joints(description), *_unfit_links(description)]:
+        raise OneBotError("\n".join(unfit))
     firsts = [description.root_link, *(joint.child for joint in description.moving_joints)]
     bodies = {link: Body(link) for link in firsts}
     poses = link_poses(description)
@@ -92,6 +87,32 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
         first, pose = poses[link.name]
         bodies[first].add(link, pose)
     return bodies
+
+
+def _unfit_joints(description: Description) -> Iterator[str]:
+    """What is wrong with joints that can be published, but not simulated."""
+    for joint in description.joints:
+        where = f'{joint.where}: joint "{joint.name}"'
+        if joint.kind in ("floating", "planar"):
+            moved = ", ".join(MOVING_KINDS)
+            yield f"{where} is {joint.kind}; the simulation moves {moved} joints"
+        if joint.kind in ("revolute", "prismatic") and joint.lower is None:
+            yield f"{where} has no limits; the simulation needs lower and upper"
+        for name, value in (("damping", joint.damping), ("friction", joint.friction)):
+            if value < 0 and joint.kind in MOVING_KINDS:
+                yield f"{where} <dynamics> {name}: {value:g} must be 0 or more"
+
+
+def _unfit_links(description: Description) -> Iterator[str]:
+    """What is wrong with links that can be published, but not simulated."""
+    for link in description.links:
+        where = f'{link.where}: link "{link.name}"'
+        if link.name in description.roots[1:]:
+            yield f'{where} is not connected with "{description.root_link}" by any joint'
+        if link.inertial is not None and link.inertial.mass < 0:
+            yield f"{where} <mass>: {link.inertial.mass:g} must be 0 or more"
+        if link.friction is not None and link.friction < 0:
+            yield f"{where} <lateral_friction>: {link.friction:g} must be 0 or more"
 
 
 def link_poses(description: Description) -> dict[str, tuple[str, Floats]]:
@@ -118,12 +139,6 @@ def matrix(origin: Origin) -> Floats:
     return result
 
 
-def _check_friction(value: float, owner: str) -> None:
-    """Check friction, which the description's checks skip as only the simulation uses it."""
-    if value < 0:
-        raise OneBotError(f"{owner}: {value:g} must be 0 or more")
-
-
 def physics_urdf(
     description: Description, bodies: Mapping[str, Body], meshes: Mapping[str, str]
 ) -> str:
@@ -139,12 +154,18 @@ def physics_urdf(
         meshes: the converted file for each URI of a collision mesh.
 
     Raises:
-        OneBotError: the robot cannot be simulated; the message names the remedy.
+        OneBotError: the bodies that cannot be simulated, a line each with the remedy.
     """
     robot = Element("robot", name="robot")
     numbers = {link: str(number) for number, link in enumerate(bodies)}
+    unfit = []
     for body in bodies.values():
-        robot.append(_link(description, body, numbers[body.link], meshes))
+        try:
+            robot.append(_link(description, body, numbers[body.link], meshes))
+        except OneBotError as error:
+            unfit.append(str(error))
+    if unfit:
+        raise OneBotError("\n".join(unfit))
     poses = link_poses(description)
     for row, joint in enumerate(description.moving_joints):
         parent, pose = poses[joint.parent]
@@ -231,8 +252,6 @@ def _joint(joint: Joint, pose: Floats) -> Element:
         result, "limit", {name: repr(value) for name, value in limits.items() if value is not None}
     )
     dynamics = {"damping": joint.damping, "friction": joint.friction}
-    for name, value in dynamics.items():
-        _check_friction(value, f'{joint.where}: joint "{joint.name}" <dynamics> {name}')
     if any(dynamics.values()):
         SubElement(result, "dynamics", {name: repr(value) for name, value in dynamics.items()})
     return result

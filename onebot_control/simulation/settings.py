@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from onebot_description.description import Description
@@ -17,8 +17,8 @@ class Settings:
     """Settings of the simulation; the defaults were determined by measurements."""
 
     # Physics steps per simulated second. A control period has to be a whole number of them, which
-    # PyBullet's default of 240 is not at 100 Hz.
-    rate: int = 400
+    # PyBullet's default of 240 is not at 100 Hz; ``fitted`` makes it one for any control rate.
+    rate: float = 400.0
     # Of the constraint solver in each step. It never stops early, so that a robot at rest drifts by
     # nanometres instead of millimetres.
     iterations: int = 200
@@ -38,11 +38,15 @@ class Settings:
         for name, value in vars(self).items():
             if not (math.isfinite(value) and value > 0):
                 raise OneBotError(f"simulation: {name} must be above 0 and finite, not {value}")
-        for name in ("rate", "iterations"):
-            if int(getattr(self, name)) != getattr(self, name):
-                raise OneBotError(
-                    f"simulation: {name} must be an integer, not {getattr(self, name)}"
-                )
+        if int(self.iterations) != self.iterations:
+            raise OneBotError(f"simulation: iterations must be an integer, not {self.iterations}")
+
+    def fitted(self, cycles: float) -> "Settings":
+        """Return these settings for ``cycles`` control periods a second.
+
+        Their rate is the multiple of ``cycles`` that is nearest to this one, and at least once.
+        """
+        return replace(self, rate=cycles * max(1, round(self.rate / cycles)))
 
     def steps(self, duration: float) -> int:
         """Return the number of physics steps in ``duration`` (s).
@@ -54,7 +58,7 @@ class Settings:
         count = round(exact) if math.isfinite(exact) else 0
         if count < 1 or abs(exact - count) > 1e-6:
             raise ValueError(
-                f"duration must be a whole number of physics steps of 1/{self.rate} s, "
+                f"duration must be a whole number of physics steps of 1/{self.rate:g} s, "
                 f"not {duration} s"
             )
         return count

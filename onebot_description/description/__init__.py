@@ -1,15 +1,11 @@
-"""Robot descriptions: xacro or URDF in, a checked ``Description`` out.
+"""Robot descriptions: xacro or URDF in, a ``Description`` with its problems and warnings out.
 
 from onebot_description.description import describe, load_description
 print(describe(load_description("robot.xacro", {"radius": "0.1"})))
 """
 
 from onebot_description.description.description import Description, Joint, Mimic
-from onebot_description.description.loading import (
-    load_description,
-    parse_description,
-    read_description,
-)
+from onebot_description.description.loading import load_description, parse_description
 from onebot_description.description.summary import describe
 from onebot_description.errors import DescriptionError
 
@@ -21,5 +17,4 @@ __all__ = [
     "describe",
     "load_description",
     "parse_description",
-    "read_description",
 ]

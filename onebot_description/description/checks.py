@@ -7,6 +7,7 @@ attributes that are not part of URDF, and xacro that is not expanded.
 import re
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from onebot_description.description.description import (
@@ -26,23 +27,39 @@ from onebot_description.description.reading import (
 from onebot_description.description.xml import XACRO_NAMESPACES, missing_file
 from onebot_description.errors import OneBotError, listing
 
+# Robots in other formats, by their outermost elements.
+_FORMATS = {"sdf": "SDF", "COLLADA": "COLLADA", "mujoco": "MJCF"}
+
 
 def check_root(findings: Findings) -> None:
-    """Check that the document is a robot, with a name and a link.
+    """Check that the document is a robot and has a name; of another element take the robot in it.
 
     Raises:
         DescriptionError: it is not a robot, so that nothing else can be checked.
     """
-    root = findings.document.root
-    if root.tag != "robot":
-        found = listing(child.tag for child in root)
-        findings.error(
-            root, f'the outermost element must be <robot name="...">; this one holds: {found}'
-        )
-        findings.raise_errors()
+    document = findings.document
+    outer, root = document.root, document.root
+    if outer.tag != "robot":
+        inner = outer.find("robot")
+        if inner is None:
+            findings.error(outer, _wrong_root(outer))
+            findings.raise_errors()
+        else:
+            root = inner
+            findings.document = replace(document, root=root)
+            findings.problem(root, f"lies in <{outer.tag}>; let <robot> be the outermost element")
     name = root.get("name")
     if name is None or not name.strip():
-        findings.error(root, 'the robot has no name; write <robot name="...">')
+        findings.problem(root, 'the robot has no name; write <robot name="...">')
+
+
+def _wrong_root(root: Element) -> str:
+    """What to write instead of a document that holds no robot."""
+    other = _FORMATS.get(local_name(root))
+    if other is not None:
+        return f"is a robot in {other}, which is not read; convert it to URDF"
+    found = listing(child.tag for child in root)
+    return f'the outermost element must be <robot name="...">; this one holds: {found}'
 
 
 def named(findings: Findings, tag: str) -> dict[str, Element]:
@@ -70,7 +87,7 @@ def check_tree(
     links: Mapping[str, Element],
     ends: Mapping[str, tuple[str, str]],
 ) -> str:
-    """Findings what keeps the links from being one tree.
+    """Check that the links are one tree.
 
     Args:
         findings: takes the problems.
@@ -79,7 +96,7 @@ def check_tree(
         ends: parent and child link of each joint.
 
     Returns:
-        The root link; "" if there is no single one.
+        The root link, the first one of a robot in parts; "" if there is none.
     """
     if not links:
         findings.error(
@@ -105,12 +122,12 @@ def check_tree(
     roots = [link for link in links if link not in parents]
     # A joint that could not be read may well be the missing connection.
     if len(roots) > 1 and len(ends) == len(findings.document.root.findall("joint")):
-        findings.error(
+        findings.problem(
             links[roots[1]],
             f"the robot falls into {len(roots)} parts, whose roots are {listing(roots)}; "
             f'connect each with a joint, so that only "{roots[0]}" has no parent',
         )
-    return roots[0] if len(roots) == 1 else ""
+    return roots[0] if roots else ""
 
 
 def _loops(parents: Mapping[str, str]) -> list[list[str]]:
@@ -133,35 +150,44 @@ def _loops(parents: Mapping[str, str]) -> list[list[str]]:
 
 def check_mimics(
     findings: Findings, joints: Mapping[str, Joint], elements: Mapping[str, Element]
-) -> None:
-    """Findings joints that follow nothing, themselves, a circle, or one that has no position."""
+) -> set[str]:
+    """Check that each joint that mimics one ends at another that moves by itself.
+
+    Returns:
+        The joints that follow nothing, themselves, a circle, or one that has no position.
+    """
     masters = {name: joint.mimic.joint for name, joint in joints.items() if joint.mimic}
     moving = [name for name, joint in joints.items() if joint.kind in MOVING_KINDS]
-    circles = {name: circle for circle in _loops(masters) for name in circle}
+    wrong: dict[str, str] = {}  # joint -> what is wrong with its mimic
     for name, master in masters.items():
-        element = elements[name].find("mimic")
-        assert element is not None  # a Mimic was read from it
         kind = joints[name].kind
         if kind and kind not in MOVING_KINDS:
-            findings.error(element, f"a {kind} joint has no single position, so it cannot mimic")
+            wrong[name] = f"a {kind} joint has no single position, so it cannot mimic"
         elif master == name:
-            findings.error(element, "the joint mimics itself; name another joint")
+            wrong[name] = "the joint mimics itself; name another joint"
         elif master not in joints:
             hint = findings.hint(master, (other for other in moving if other != name), "joints")
-            findings.error(element, f'there is no joint "{master}" to mimic{hint}')
+            wrong[name] = f'there is no joint "{master}" to mimic{hint}'
         elif joints[master].kind and joints[master].kind not in MOVING_KINDS:
-            text = f'joint "{master}" is {joints[master].kind} and has no position to mimic'
-            findings.error(element, text)
-        elif circle := circles.get(name):
-            here = circle.index(name)
-            names = " -> ".join([*circle[here::-1], *circle[:here:-1], name])
-            for other in circle:
-                del circles[other]
-            findings.error(element, f"the joints {names} mimic each other in a circle")
+            wrong[name] = f'joint "{master}" is {joints[master].kind} and has no position to mimic'
+    circles = _loops({name: master for name, master in masters.items() if name not in wrong})
+    order = {name: number for number, name in enumerate(masters)}
+    for circle in circles:
+        first = min(circle, key=order.__getitem__)
+        here = circle.index(first)
+        names = " -> ".join([*circle[here::-1], *circle[:here:-1], first])
+        wrong[first] = f"the joints {names} mimic each other in a circle"
+    for name, text in wrong.items():
+        element = elements[name].find("mimic")
+        assert element is not None  # a Mimic was read from it
+        findings.problem(element, text)
+    return {*wrong, *(name for circle in circles for name in circle)}
 
 
 # Moments are written with few digits; a plate's are just at the limit of the triangle inequality.
 _INERTIA_ROUNDING = 0.01
+# Down to this a moment is 0 but for the rounding of the program that has computed it.
+_CAD_ROUNDING, _RELATIVE_ROUNDING = 1e-15, 1e-9  # kg m^2, and of the largest moment
 
 
 def check_inertial(findings: Findings, link: Element, inertial: Inertial) -> None:
@@ -178,6 +204,11 @@ def _check_inertia(findings: Findings, inertia: Element, moments: Moments) -> No
     if largest == 0:
         findings.warning(inertia, "the inertia is zero; a simulation cannot turn such a link")
         return
+    rounded = -max(_CAD_ROUNDING, _RELATIVE_ROUNDING * largest)
+    for name, moment in {"ixx": moments[0], "iyy": moments[3], "izz": moments[5]}.items():
+        if moment < rounded:
+            findings.problem(inertia, f'{name}="{moment:g}" is negative; it must not be')
+            return
     xx, xy, xz, yy, yz, zz = matrix = tuple(value / largest for value in moments)
     if _is_positive_definite(*matrix) and _is_positive_definite(*_room(*matrix)):
         return
@@ -225,15 +256,15 @@ def _check_mesh(findings: Findings, mesh: Element, *, collision: bool) -> None:
     try:
         path = resolve(uri, findings.document.folder)
         if not path.is_file():
-            findings.error(mesh, f'mesh "{uri}": {missing_file(path)}')
+            findings.problem(mesh, f'mesh "{uri}": {missing_file(path)}')
             return
         _check_mesh_file(findings, mesh, path, collision=collision)
         if is_relative(uri):
             mesh.set("filename", str(path.resolve()))
     except OneBotError as error:
-        findings.error(mesh, f"mesh {error}")
+        findings.problem(mesh, f"mesh {error}")
     except (OSError, ValueError) as error:
-        findings.error(mesh, f'mesh "{uri}" cannot be read: {error}')
+        findings.problem(mesh, f'mesh "{uri}" cannot be read: {error}')
 
 
 def _check_mesh_file(findings: Findings, mesh: Element, path: Path, *, collision: bool) -> None:
@@ -241,11 +272,11 @@ def _check_mesh_file(findings: Findings, mesh: Element, path: Path, *, collision
     name = path.name
     if suffix not in MESH_SUFFIXES:
         known = ", ".join(MESH_SUFFIXES)
-        findings.error(
+        findings.problem(
             mesh, f'mesh "{name}" is of an unsupported kind; convert it to one of: {known}'
         )
     elif path.stat().st_size == 0:
-        findings.error(mesh, f'mesh "{name}" is an empty file; export it again')
+        findings.problem(mesh, f'mesh "{name}" is an empty file; export it again')
     elif collision and suffix in (".glb", ".gltf"):
         findings.warning(
             mesh, f'"{name}": PyBullet reads no {suffix} for collision; use .stl or .obj'
@@ -275,11 +306,11 @@ def check_materials(findings: Findings, materials: Mapping[Element, Material]) -
         material = materials[element]
         _check_texture(findings, element, material)
         if not material.name:
-            findings.error(element, 'has no name; write <material name="...">')
+            findings.problem(element, 'has no name; write <material name="...">')
         elif material.is_reference:
             findings.warning(element, "defines neither <color> nor <texture>")
         elif shared.setdefault(material.name, material) != material:
-            findings.error(
+            findings.problem(
                 element, "there is another material of that name that looks different; rename one"
             )
     inline = {key: value for key, value in materials.items() if key not in top}
@@ -304,7 +335,7 @@ def _check_inline(
     """Check a material inside a visual; add it to ``local``, as other visuals may use it too."""
     name = material.name
     if name is None:
-        findings.error(element, 'has no name; write <material name="...">, if need be name=""')
+        findings.problem(element, 'has no name; write <material name="...">, if need be name=""')
     elif material.is_reference:
         if not name:
             findings.warning(element, "has neither a name nor a <color>, so it does nothing")
@@ -366,7 +397,7 @@ _XACRO_LEFT = re.compile(r"\$\{[^}]*\}?|\$\([^)]*\)?")
 
 
 def check_schema(findings: Findings) -> None:
-    """Warn of what is not part of URDF, and refuse xacro that is not expanded."""
+    """Warn of what is not part of URDF, and report xacro that is not expanded."""
     leftovers: list[tuple[Element, str]] = []
     waiting = [findings.document.root]
     while waiting:
@@ -385,7 +416,9 @@ def check_schema(findings: Findings) -> None:
     if leftovers:
         element, text = leftovers[0]
         more = f" and {len(leftovers) - 1} more" if len(leftovers) > 1 else ""
-        findings.error(
+        lacks_parts = any(one.tag.startswith("{") for one, _ in leftovers)
+        report = findings.error if lacks_parts else findings.problem
+        report(
             element,
             f"{text}{more} is xacro that was not expanded; name the file .xacro and write "
             f'<robot xmlns:xacro="{XACRO_NAMESPACES[0]}" ...>',
@@ -399,7 +432,7 @@ def _check_child(findings: Findings, element: Element, child: Element) -> None:
     children = _SCHEMA[element.tag][0].split()
     if child.tag not in children:
         hint = findings.hint(child.tag, children, "known here") if children else ""
-        findings.typo(child, f"unknown inside <{element.tag}>, so it is ignored{hint}")
+        findings.warning(child, f"unknown inside <{element.tag}>, so it is ignored{hint}")
 
 
 def _check_attributes(
@@ -416,14 +449,14 @@ def _check_attributes(
             findings.error(element, "quat_xyzw is not supported; write rpy in radians")
         else:
             hint = findings.hint(name, known) if known else ""
-            findings.typo(element, f'unknown attribute "{name}", so it is ignored{hint}')
+            findings.warning(element, f'unknown attribute "{name}", so it is ignored{hint}')
 
 
 def _check_repeats(findings: Findings, element: Element) -> None:
-    """Refuse second elements where only one makes sense; readers differ in which they take."""
+    """Report second elements where only one makes sense; readers differ in which they take."""
     if len(element) < 2 or element.tag not in _SCHEMA or element.tag == "robot":
         return
     for tag, count in Counter(child.tag for child in element).items():
         if tag in _SINGLE and count > 1:
-            second = element.findall(tag)[1]
-            findings.error(second, f"stands {count} times in {findings.label(element)}; leave one")
+            text = f"stands {count} times in {findings.label(element)}; leave one"
+            findings.problem(element.findall(tag)[1], text)

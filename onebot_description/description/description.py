@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
+from onebot_description.errors import DescriptionError, listing
+
 Triple = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
 Moments = tuple[float, float, float, float, float, float]  # ixx ixy ixz iyy iyz izz, kg m^2
@@ -111,6 +113,8 @@ class Link:
     inertial: Inertial | None
     friction: float | None  # of <contact><lateral_friction>, which PyBullet has added to URDF
     where: str = field(default="", compare=False)
+    # What is wrong with the visuals and collisions that could not be read.
+    left_out: tuple[str, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ class Joint:
     child: str  # link
     origin: Origin = Origin()  # of the joint frame (the child link's) in the parent link's
     axis: Triple = (1.0, 0.0, 0.0)  # unit vector in the joint frame
-    lower: float | None = None  # least position; only revolute and prismatic joints have limits
+    lower: float | None = None  # least position, at most ``upper``; revolute and prismatic only
     upper: float | None = None
     velocity: float | None = None  # greatest speed, rad/s or m/s
     effort: float | None = None  # greatest torque or force, Nm or N
@@ -146,21 +150,59 @@ class Joint:
 
 @dataclass(frozen=True)
 class Description:
-    """A robot description that has passed every check, unless ``read_description`` made it."""
+    """A robot description of which everything can be published.
+
+    What is in its ``problems`` was left out or replaced, so that a node can use the rest.
+    """
 
     urdf: str  # xacro expanded, axes of unit length, mesh paths absolute, indented, no comments
     robot_name: str
     source: str  # absolute path of the file loaded, or the name given to parse_description
     files: tuple[Path, ...]  # absolute paths of all files read, the loaded one first (to watch)
-    root_link: str  # the one link that is no joint's child
+    root_link: str  # the link that is no joint's child; the first one of a robot in parts
     links: tuple[Link, ...]  # in the order of the XML
     joints: tuple[Joint, ...]  # likewise
+    problems: tuple[str, ...]  # what ``onebot check`` refuses, and nodes warn of
     warnings: tuple[str, ...]  # what works but is probably not meant
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What a node logs as warnings when it uses the description: problems, then warnings."""
+        return (*self.problems, *self.warnings)
+
+    def raise_problems(self) -> None:
+        """Refuse the description if anything in it is wrong.
+
+        Raises:
+            DescriptionError: all problems at once, with the warnings.
+        """
+        if self.problems:
+            raise DescriptionError(self.problems, self.warnings)
+
+    def require_tree(self) -> None:
+        """Refuse a robot in parts, which TF cannot have.
+
+        Raises:
+            DescriptionError: the roots of the parts.
+        """
+        if len(self.roots) > 1:
+            raise DescriptionError(
+                [
+                    f"{self.source}: the robot falls into {len(self.roots)} parts, whose roots are "
+                    f"{listing(self.roots)}; connect them by joints"
+                ]
+            )
 
     @property
     def folder(self) -> Path | None:
         """The folder of the file loaded; None for text that is in no file."""
         return self.files[0].parent if self.files else None
+
+    @cached_property
+    def roots(self) -> tuple[str, ...]:
+        """The links that are no joint's child: one, unless the robot is in parts."""
+        children = {joint.child for joint in self.joints}
+        return tuple(name for name in self.link_names if name not in children)
 
     @cached_property
     def link_names(self) -> tuple[str, ...]:

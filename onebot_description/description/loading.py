@@ -1,7 +1,8 @@
-"""From a file or a text to a checked Description."""
+"""From a file or a text to a Description."""
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from onebot_description.description import xml
@@ -18,7 +19,6 @@ from onebot_description.description.checks import (
 from onebot_description.description.description import Description
 from onebot_description.description.packages import resolve
 from onebot_description.description.reading import (
-    SHAPES,
     Findings,
     read_ends,
     read_joint,
@@ -31,17 +31,21 @@ from onebot_description.errors import DescriptionError, OneBotError, condensed, 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
     """Read a robot description, expand it if it is xacro, and check it.
 
+    What is wrong but can be left out or replaced is in the ``problems`` of the description, as
+    nodes take it with a warning; ``Description.raise_problems`` is the strict check.
+
     Args:
         source: a .urdf or .xacro file, or ``package://name/path``. A file that declares the xacro
             namespace is xacro whatever its name.
         arguments: values for its ``<xacro:arg>``s, by name.
 
     Returns:
-        The robot, with warnings about what is probably not meant.
+        The robot, with its problems and warnings.
 
     Raises:
         DescriptionError: the file cannot be read or expanded, an argument is not one it takes, or
-            the robot is broken; all problems at once, each with file, line, element and remedy.
+            nothing of the robot can be published; all problems at once, each with file, line,
+            element and remedy.
     """
     path = _locate(source)
     given = {name: str(value) for name, value in (arguments or {}).items()}
@@ -61,7 +65,7 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
 
 
 def parse_description(urdf: str, name: str = "<string>") -> Description:
-    """Check URDF text, such as a parameter holds; xacro is not expanded.
+    """Read and check URDF text, such as a parameter holds; xacro is not expanded.
 
     Args:
         urdf: the text. An encoding it declares is ignored, being text already.
@@ -69,57 +73,11 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
             from that file's folder.
 
     Raises:
-        DescriptionError: all problems at once.
+        DescriptionError: nothing of the robot can be published; all problems at once.
     """
     document = _parse(urdf, name)
     files = (Path(name).absolute(),) if document.folder is not None else ()
     return _check(document, name, files, ())
-
-
-def read_description(urdf: str, name: str) -> Description:
-    """Read what can be read of URDF text that somebody else has published.
-
-    Shapes with errors are left out and become warnings, joints with errors are left out. Whether
-    meshes exist is not checked, and capsules, which some programs support, are shapes.
-
-    Args:
-        urdf: the text.
-        name: what to call it in messages.
-
-    Raises:
-        DescriptionError: it is no URDF, or no link can be the root.
-    """
-    document = _parse(urdf, name)
-    _drop_namespace(document)
-    root = document.root
-    if root.tag != "robot":
-        raise DescriptionError([f"{name} starts with <{root.tag}>, not <robot>"])
-    findings, ignored = Findings(document), Findings(document)
-    elements, links = named(ignored, "joint"), named(ignored, "link")
-    read = read_links(findings, read_materials(ignored), (*SHAPES, "capsule"))
-    ends = read_ends(ignored, elements, links)
-    children = {child for _, child in ends.values()}
-    roots = [link for link in links if link not in children]
-    if not roots:
-        raise DescriptionError([f"{name} has no root link (every link is a child)"])
-    joints = []
-    for joint, element in elements.items():
-        problems = Findings(document)
-        found = read_joint(problems, joint, element, ends.get(joint))
-        if joint in ends and not problems.errors:
-            joints.append(found)
-    return Description(
-        urdf=urdf,
-        robot_name=root.get("name", "robot"),
-        source=name,
-        files=(),
-        root_link=roots[0],
-        links=tuple(read[element] for element in links.values()),
-        joints=tuple(joints),
-        warnings=tuple(
-            f"{error}; not drawn" for error in findings.errors_in("visual", "collision")
-        ),
-    )
 
 
 def _parse(urdf: str, name: str) -> xml.Document:
@@ -156,7 +114,7 @@ def _locate(source: str | Path) -> Path:
 def _check(
     document: xml.Document, source: str, files: tuple[Path, ...], warnings: tuple[str, ...]
 ) -> Description:
-    """Check a parsed document and return what it holds."""
+    """Check a parsed document and return what can be used of it."""
     _drop_namespace(document)
     findings = Findings(document)
     check_root(findings)
@@ -167,7 +125,8 @@ def _check(
         name: read_joint(findings, name, element, ends.get(name))
         for name, element in elements.items()
     }
-    check_mimics(findings, joints, elements)
+    for name in check_mimics(findings, joints, elements):
+        joints[name] = replace(joints[name], mimic=None)
     check_meshes(findings)
     materials = read_materials(findings)
     read = read_links(findings, materials)
@@ -176,16 +135,17 @@ def _check(
             check_inertial(findings, element, link.inertial)
     check_materials(findings, materials)
     check_schema(findings)
-    findings.raise_errors()
+    findings.raise_errors(warnings)
     return Description(
-        urdf=xml.to_text(document.root),
-        robot_name=document.root.get("name", ""),
+        urdf=xml.to_text(findings.document.root),
+        robot_name=findings.document.root.get("name", ""),
         source=source,
         files=files,
         root_link=root_link,
         links=tuple(read[element] for element in links.values()),
         joints=tuple(joints.values()),
-        warnings=condensed([*map(printable, warnings), *findings.warnings]),
+        problems=condensed(findings.texts("problem")),
+        warnings=condensed([*map(printable, warnings), *findings.texts("warning")]),
     )
 
 

@@ -6,7 +6,7 @@ all of them.
 
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Literal, NamedTuple
 from xml.etree import ElementTree
@@ -37,7 +37,7 @@ from onebot_description.errors import DescriptionError, did_you_mean, listing, p
 
 Element = ElementTree.Element
 
-SHAPES = ("box", "cylinder", "sphere", "mesh")
+_SHAPES = ("box", "cylinder", "sphere", "mesh")
 _AXIS_KINDS = (*MOVING_KINDS, "planar")
 _LIMITED_KINDS = ("revolute", "prismatic")
 _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
@@ -45,17 +45,23 @@ _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
 _AXIS_ROUNDING = 1e-3
 _MOST_HINTS = 100
 
+Severity = Literal["error", "problem", "warning"]
+
 
 class Finding(NamedTuple):
     """What is wrong with one element."""
 
-    severity: Literal["error", "warning", "typo"]  # a typo is a warning that may explain errors
+    severity: Severity
     element: Element
     text: str  # with file, line and element in front
 
 
 class Findings:
-    """Errors and warnings of one document."""
+    """What is wrong with one document.
+
+    Of an error nothing can be published. A problem is left out or replaced: nodes warn of it and go
+    on, and ``onebot check`` refuses it. A warning is of what works but is probably not meant.
+    """
 
     def __init__(self, document: Document) -> None:
         """Start with nothing found in ``document``."""
@@ -64,20 +70,18 @@ class Findings:
         self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
-        """Note that ``element`` makes the description unusable."""
+        """Note that ``element`` leaves nothing that can be published."""
         self._add("error", element, text)
+
+    def problem(self, element: Element, text: str) -> None:
+        """Note that ``element`` is wrong, and that the rest can be used without it."""
+        self._add("problem", element, text)
 
     def warning(self, element: Element, text: str) -> None:
         """Note that ``element`` works but is probably not what was meant."""
         self._add("warning", element, text)
 
-    def typo(self, element: Element, text: str) -> None:
-        """Warn of a probable typing error; shown with the errors that it may have caused."""
-        self._add("typo", element, text)
-
-    def _add(
-        self, severity: Literal["error", "warning", "typo"], element: Element, text: str
-    ) -> None:
+    def _add(self, severity: Severity, element: Element, text: str) -> None:
         message = printable(f"{self.where(element)}: {self.label(element)}: {text}")
         self.found.append(Finding(severity, element, message))
 
@@ -86,34 +90,22 @@ class Findings:
         self._hints += 1
         return did_you_mean(name, candidates, what) if self._hints <= _MOST_HINTS else ""
 
-    @property
-    def errors(self) -> list[str]:
-        """Texts of the errors."""
-        return [finding.text for finding in self.found if finding.severity == "error"]
+    def texts(self, *severities: Severity) -> tuple[str, ...]:
+        """Return the texts of the findings of these severities, in the order they were found."""
+        return tuple(finding.text for finding in self.found if finding.severity in severities)
 
-    @property
-    def warnings(self) -> list[str]:
-        """Texts of the warnings, typos among them."""
-        return [finding.text for finding in self.found if finding.severity != "error"]
+    def raise_errors(self, warnings: Iterable[str] = ()) -> None:
+        """Raise the errors, if there are any, with everything else that was found.
 
-    def errors_in(self, *tags: str) -> list[str]:
-        """Texts of the errors in elements of these tags."""
-        return [
-            finding.text
-            for finding in self.found
-            if finding.severity == "error"
-            and any(element.tag in tags for element in self.path(finding.element))
-        ]
-
-    def raise_errors(self) -> None:
-        """Raise the errors, if there are any.
+        Args:
+            warnings: others, that are raised along.
 
         Raises:
-            DescriptionError: all errors, then the typos that may explain them.
+            DescriptionError: all errors and problems, and the warnings, which may explain them.
         """
-        if errors := self.errors:
-            typos = [finding.text for finding in self.found if finding.severity == "typo"]
-            raise DescriptionError([*errors, *typos])
+        if self.texts("error"):
+            problems = self.texts("error", "problem")
+            raise DescriptionError(problems, (*warnings, *self.texts("warning")))
 
     def where(self, element: Element) -> str:
         """Return where ``element`` was written, for example ``robot.urdf:12``."""
@@ -154,9 +146,17 @@ _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 
 
 def read_numbers(
-    findings: Findings, element: Element, attribute: str, count: int
+    findings: Findings, element: Element, attribute: str, count: int, *, needed: bool = False
 ) -> tuple[float, ...] | None:
-    """Return the numbers in an attribute; None if it is absent, or wrong (then reported)."""
+    """Return the numbers in an attribute; None if it is absent, or wrong (then reported).
+
+    Args:
+        findings: takes what is wrong.
+        element: has the attribute.
+        attribute: its name.
+        count: how many numbers it takes.
+        needed: whether nothing can be published without them.
+    """
     text = element.get(attribute)
     if text is None:
         return None
@@ -164,20 +164,23 @@ def read_numbers(
     fault = next(filter(None, map(_fault, words)), None)
     if fault is None and len(words) == count:
         return tuple(map(float, words))
+    report = findings.error if needed else findings.problem
     written = f'{attribute}="{_cut(text)}"'
     if "," in text and len(text.replace(",", " ").split()) == count:
-        findings.error(element, f"{written} has commas; separate the numbers by spaces")
+        report(element, f"{written} has commas; separate the numbers by spaces")
     elif fault is not None:
-        findings.error(element, f"{written}: {fault}")
+        report(element, f"{written}: {fault}")
     else:
         noun = "number" if count == 1 else "numbers"
-        findings.error(element, f"{written} holds {len(words)}; it takes {count} {noun}")
+        report(element, f"{written} holds {len(words)}; it takes {count} {noun}")
     return None
 
 
-def read_triple(findings: Findings, element: Element, attribute: str) -> Triple | None:
+def read_triple(
+    findings: Findings, element: Element, attribute: str, *, needed: bool = False
+) -> Triple | None:
     """Return three numbers; None if there is no such attribute, or it is wrong."""
-    numbers = read_numbers(findings, element, attribute, 3)
+    numbers = read_numbers(findings, element, attribute, 3, needed=needed)
     return None if numbers is None else (numbers[0], numbers[1], numbers[2])
 
 
@@ -195,18 +198,18 @@ def read_number(
         findings: takes what is wrong.
         element: has the attribute.
         attribute: its name.
-        required: whether its absence is an error.
+        required: whether its absence is a problem.
         negative: whether it may be below zero.
     """
     if element.get(attribute) is None:
         if required:
-            findings.error(element, f'has no {attribute}; write {attribute}="..."')
+            findings.problem(element, f'has no {attribute}; write {attribute}="..."')
         return None
     numbers = read_numbers(findings, element, attribute, 1)
     if numbers is None:
         return None
     if not negative and numbers[0] < 0:
-        findings.error(element, f'{attribute}="{numbers[0]:g}" is negative; it must not be')
+        findings.problem(element, f'{attribute}="{numbers[0]:g}" is negative; it must not be')
         return None
     return numbers[0]
 
@@ -227,47 +230,52 @@ def _cut(text: str) -> str:
     return flat if len(flat) <= 60 else flat[:57] + "..."
 
 
-def _read_origin(findings: Findings, element: Element) -> Origin | None:
+def _read_origin(findings: Findings, element: Element, *, needed: bool = False) -> Origin | None:
     """Return the <origin> of ``element``; None if a number in it is wrong."""
     origin = element.find("origin")
     if origin is None:
         return Origin()
-    xyz = ZERO if origin.get("xyz") is None else read_triple(findings, origin, "xyz")
-    rpy = ZERO if origin.get("rpy") is None else read_triple(findings, origin, "rpy")
+    xyz, rpy = (
+        ZERO if origin.get(name) is None else read_triple(findings, origin, name, needed=needed)
+        for name in ("xyz", "rpy")
+    )
     return None if xyz is None or rpy is None else Origin(xyz, rpy)
 
 
-def read_links(
-    findings: Findings, materials: Mapping[Element, Material], shapes: Collection[str] = SHAPES
-) -> dict[Element, Link]:
+def read_links(findings: Findings, materials: Mapping[Element, Material]) -> dict[Element, Link]:
     """Read every link, those without a name or with a repeated one among them.
 
     Args:
         findings: takes what is wrong.
         materials: of the document, see ``read_materials``.
-        shapes: the shapes that are allowed in a geometry.
     """
     root = findings.document.root
     colors = _colors(root, materials)
-    links = {}
-    for element in root.iterfind("link"):
-        visuals: list[Geometry] = []
-        collisions: list[Geometry] = []
-        for part in element:
-            if part.tag in ("visual", "collision"):
-                geometry = _read_geometry(findings, part, colors, shapes)
-                if geometry is not None:
-                    (visuals if part.tag == "visual" else collisions).append(geometry)
-        friction = element.find("contact/lateral_friction")
-        links[element] = Link(
-            element.get("name", ""),
-            tuple(visuals),
-            tuple(collisions),
-            _read_inertial(findings, element),
-            None if friction is None else read_number(findings, friction, "value"),
-            findings.where(element),
-        )
-    return links
+    return {element: _read_link(findings, element, colors) for element in root.iterfind("link")}
+
+
+def _read_link(findings: Findings, element: Element, colors: Mapping[Element, Rgba]) -> Link:
+    visuals: list[Geometry] = []
+    collisions: list[Geometry] = []
+    left_out: list[str] = []
+    for part in element:
+        if part.tag in ("visual", "collision"):
+            before = len(findings.found)
+            geometry = _read_geometry(findings, part, colors)
+            if geometry is not None:
+                (visuals if part.tag == "visual" else collisions).append(geometry)
+            else:
+                left_out += [finding.text for finding in findings.found[before:]]
+    friction = element.find("contact/lateral_friction")
+    return Link(
+        element.get("name", ""),
+        tuple(visuals),
+        tuple(collisions),
+        _read_inertial(findings, element),
+        None if friction is None else read_number(findings, friction, "value"),
+        findings.where(element),
+        tuple(left_out),
+    )
 
 
 def _read_inertial(findings: Findings, link: Element) -> Inertial | None:
@@ -285,19 +293,22 @@ def _read_inertial(findings: Findings, link: Element) -> Inertial | None:
 def _read_mass(findings: Findings, inertial: Element) -> float | None:
     mass = inertial.find("mass")
     if mass is None:
-        findings.error(inertial, 'has no <mass>; write <mass value="..."/>, in kg')
+        findings.problem(inertial, 'has no <mass>; write <mass value="..."/>, in kg')
         return None
-    return read_number(findings, mass, "value", required=True, negative=False)
+    value = read_number(findings, mass, "value", required=True)
+    if value is not None and value < 0:
+        findings.problem(mass, f'value="{value:g}" is negative; it must not be')
+    return value
 
 
 def _read_inertia(findings: Findings, inertial: Element) -> Moments | None:
     inertia = inertial.find("inertia")
     if inertia is None:
         text = 'has no <inertia>; write ixx="..." iyy="..." izz="..." and the rest'
-        findings.error(inertial, text)
+        findings.problem(inertial, text)
         return None
     xx, xy, xz, yy, yz, zz = (
-        read_number(findings, inertia, name, required=True, negative=name[1] != name[2])
+        read_number(findings, inertia, name, required=True)
         for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     if xx is None or xy is None or xz is None or yy is None or yz is None or zz is None:
@@ -306,23 +317,23 @@ def _read_inertia(findings: Findings, inertial: Element) -> Moments | None:
 
 
 def _read_geometry(
-    findings: Findings, part: Element, colors: Mapping[Element, Rgba], shapes: Collection[str]
+    findings: Findings, part: Element, colors: Mapping[Element, Rgba]
 ) -> Geometry | None:
     """Read a <visual> or <collision>; None if anything in it is wrong."""
     origin = _read_origin(findings, part)
     geometry = part.find("geometry")
-    known = f"one of: {', '.join(shapes)}"
+    known = f"one of: {', '.join(_SHAPES)}"
     if geometry is None:
-        findings.error(part, f"has no <geometry>; it takes {known}")
+        findings.problem(part, f"has no <geometry>; it takes {known}")
         return None
-    found = [_read_shape(findings, element, shapes) for element in geometry]
+    found = [_read_shape(findings, element) for element in geometry]
     if len(found) == 1 and found[0] is not None and origin is not None:
         return Geometry(found[0], origin, colors.get(part), findings.where(part))
     if not found:
-        findings.error(geometry, f"is empty; it takes {known}")
+        findings.problem(geometry, f"is empty; it takes {known}")
     elif len(found) > 1:
         names = listing(str(element.tag) for element in geometry)
-        findings.error(
+        findings.problem(
             geometry,
             f"holds {len(found)} shapes ({names}); it takes one; "
             f"give the link a second <{part.tag}>",
@@ -330,15 +341,17 @@ def _read_geometry(
     return None
 
 
-def _read_shape(findings: Findings, element: Element, shapes: Collection[str]) -> Shape | None:
-    if element.tag not in shapes:
-        findings.error(element, f"unknown shape{findings.hint(str(element.tag), shapes)}")
+def _read_shape(findings: Findings, element: Element) -> Shape | None:
+    if element.tag == "capsule":
+        findings.problem(element, "is no shape of URDF; other programs refuse the robot")
+    elif element.tag not in _SHAPES:
+        findings.problem(element, f"unknown shape{findings.hint(str(element.tag), _SHAPES)}")
         return None
     if element.tag == "mesh":
         return _read_mesh(findings, element)
     if element.tag == "box":
         if element.get("size") is None:
-            findings.error(element, 'has no size; write size="x y z", in m')
+            findings.problem(element, 'has no size; write size="x y z", in m')
         size = read_triple(findings, element, "size")
         return Box(size) if size and _is_size(findings, element, "size", size) else None
     radius = _read_size(findings, element, "radius")
@@ -362,14 +375,14 @@ def _is_size(
     if min(sizes) == 0:
         findings.warning(element, f"{written} is zero; sizes are in m and above 0")
     elif min(sizes) < 0:
-        findings.error(element, f"{written} is negative; sizes are in m and above 0")
+        findings.problem(element, f"{written} is negative; sizes are in m and above 0")
     return min(sizes) >= 0
 
 
 def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
     uri = element.get("filename")
     if not uri:
-        findings.error(element, 'names no file; write filename="package://<package>/<path>"')
+        findings.problem(element, 'names no file; write filename="package://<package>/<path>"')
     scale: Triple | None = (1.0, 1.0, 1.0)
     if element.get("scale") is not None:
         scale = read_triple(findings, element, "scale")
@@ -414,12 +427,12 @@ def _read_material(findings: Findings, element: Element) -> Material:
 
 def _read_color(findings: Findings, color: Element) -> Rgba | None:
     if color.get("rgba") is None:
-        findings.error(color, 'has no rgba; write <color rgba="red green blue alpha"/>')
+        findings.problem(color, 'has no rgba; write <color rgba="red green blue alpha"/>')
     rgba = read_numbers(findings, color, "rgba", 4)
     if rgba is None:
         return None
     if not all(0 <= value <= 1 for value in rgba):
-        findings.error(
+        findings.problem(
             color, f'rgba="{color.get("rgba")}" leaves 0 to 1; divide values of 0 to 255 by 255'
         )
     red, green, blue, alpha = rgba
@@ -467,7 +480,7 @@ def read_joint(
 ) -> Joint:
     """Read one joint; what is wrong is reported and replaced by a default."""
     kind = _read_kind(findings, element)
-    origin = _read_origin(findings, element)
+    origin = _read_origin(findings, element, needed=True)
     lower, upper, velocity, effort = _read_limit(findings, element, kind)
     soft_lower, soft_upper = _read_soft_limits(findings, element)
     damping, friction = _read_dynamics(findings, element)
@@ -509,8 +522,8 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
     if axis is None:
         return _DEFAULT_AXIS
     if axis.get("xyz") is None:
-        findings.error(axis, 'has no xyz; write for example <axis xyz="0 0 1"/>')
-    xyz = read_triple(findings, axis, "xyz")
+        findings.problem(axis, 'has no xyz; write for example <axis xyz="0 0 1"/>')
+    xyz = read_triple(findings, axis, "xyz", needed=kind in _AXIS_KINDS)
     if xyz is None or kind not in _AXIS_KINDS:
         return _DEFAULT_AXIS
     largest = max(abs(value) for value in xyz)
@@ -540,14 +553,13 @@ def _read_limit(
     bounded = kind in _LIMITED_KINDS
     if limit is None:
         if bounded:
-            findings.error(
+            findings.problem(
                 element,
                 f"a {kind} joint needs a limit; write "
                 '<limit lower="..." upper="..." effort="..." velocity="..."/>',
             )
-        return (0.0, 0.0, None, None) if bounded else (None, None, None, None)
-    lower = read_number(findings, limit, "lower")
-    upper = read_number(findings, limit, "upper")
+        return None, None, None, None
+    lower, upper = _read_range(findings, limit)
     needed = kind in MOVING_KINDS
     effort = read_number(findings, limit, "effort", required=needed, negative=False)
     velocity = read_number(findings, limit, "velocity", required=needed, negative=False)
@@ -555,14 +567,24 @@ def _read_limit(
         if kind == "continuous" and (lower or upper):
             findings.warning(limit, "a continuous joint has no lower or upper; make it revolute")
         return None, None, velocity, effort
-    low, high = lower or 0.0, upper or 0.0  # as the specification has it
-    if low > high:
-        findings.error(limit, f"lower {low:g} is above upper {high:g}; swap them")
-    elif low == high == 0:
+    if lower is not None and upper is not None and lower > upper:
+        findings.problem(limit, f"lower {lower:g} is above upper {upper:g}; swap them")
+        lower, upper = upper, lower
+    elif lower == upper == 0:
         findings.warning(limit, "lower and upper are both 0, so the joint cannot move")
     if velocity == 0:
         findings.warning(limit, "velocity is 0, so the joint cannot move")
-    return low, high, velocity, effort
+    return lower, upper, velocity, effort
+
+
+def _read_range(findings: Findings, limit: Element) -> tuple[float | None, float | None]:
+    """Return the least and the greatest position; None if either cannot be read."""
+    # An end that is not given is 0, as the specification has it.
+    lower, upper = (
+        0.0 if limit.get(end) is None else read_number(findings, limit, end)
+        for end in ("lower", "upper")
+    )
+    return (None, None) if lower is None or upper is None else (lower, upper)
 
 
 def _read_soft_limits(findings: Findings, element: Element) -> tuple[float | None, float | None]:
@@ -588,8 +610,10 @@ def _read_mimic(findings: Findings, element: Element) -> Mimic | None:
         return None
     joint = mimic.get("joint")
     if not joint:
-        findings.error(mimic, 'names no joint; write <mimic joint="..."/>')
+        findings.problem(mimic, 'names no joint; write <mimic joint="..."/>')
         return None
-    multiplier = read_number(findings, mimic, "multiplier")
-    offset = read_number(findings, mimic, "offset")
-    return Mimic(joint, 1.0 if multiplier is None else multiplier, offset or 0.0)
+    multiplier, offset = (
+        default if mimic.get(name) is None else read_number(findings, mimic, name)
+        for name, default in (("multiplier", 1.0), ("offset", 0.0))
+    )
+    return None if multiplier is None or offset is None else Mimic(joint, multiplier, offset)

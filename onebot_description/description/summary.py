@@ -25,7 +25,7 @@ _Row = tuple[str, ...]
 
 
 def describe(description: Description) -> str:
-    """Return a table of links as a tree, with the joint that moves each; then the warnings.
+    """Return a table of links as a tree, with the joint that moves each.
 
     Angles are shown in degrees, everything else in SI units.
     """
@@ -37,10 +37,6 @@ def describe(description: Description) -> str:
         first, *others = map(_cell, cells)
         rows.append((branch + first, *others))
     lines = [_title(description), "", *_table(rows)]
-    if description.warnings:
-        count = len(description.warnings)
-        lines += ["", f"{_count(count, 'warning')}:"]
-        lines += [f"  ! {warning}" for warning in description.warnings]
     return "\n".join(lines)
 
 
@@ -71,13 +67,14 @@ def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
         below.setdefault(joint.parent, []).append(joint)
     result = []
     # Link, its joint, drawing before itself, drawing before its children.
-    waiting: list[tuple[str, Joint | None, str, str]] = [(description.root_link, None, "", "")]
+    waiting: list[tuple[str, Joint | None, str, str]]
+    waiting = [(root, None, "", "") for root in reversed(description.roots)]
     while waiting:
         link, above, branch, inner = waiting.pop()
         result.append((branch, link, above))
-        children = below.get(link, [])
-        for joint in reversed(children):
-            last = joint is children[-1]
+        joints = below.get(link, [])
+        for joint in reversed(joints):
+            last = joint is joints[-1]
             mark, rest = ("└─ ", "   ") if last else ("├─ ", "│  ")
             waiting.append((joint.child, joint, inner + mark, _shortened(inner + rest)))
     return result

@@ -37,8 +37,7 @@ def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[Limits, list[P
 
     Returns:
         The limits, and a problem for each revolute or prismatic joint without limits, which stays
-        at 0, with limits the wrong way round, or whose soft limits leave no range, which are then
-        not applied.
+        at 0, or whose soft limits leave no range, which are then not applied.
     """
     problems: list[Problem] = []
     ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)
@@ -60,10 +59,7 @@ def _range(joint: Joint, soft: bool, problems: list[Problem]) -> tuple[float, fl
         text = f'Limits must be specified for joint "{joint.name}" of type "{joint.kind}"'
         problems.append(Problem("", f"{text}; it stays at 0"))
         return 0.0, 0.0
-    hard = min(joint.lower, joint.upper), max(joint.lower, joint.upper)
-    if joint.lower > joint.upper:
-        text = f"lower {joint.lower:g} is above upper {joint.upper:g}; it moves between the two"
-        problems.append(Problem("", f'joint "{joint.name}": {text}'))
+    hard = joint.lower, joint.upper
     if not soft:
         return hard
     soft_lower = -math.inf if joint.soft_lower is None else joint.soft_lower

@@ -217,7 +217,12 @@ class RobotModel:
     """
 
     def __init__(self, description: Description) -> None:
-        """Convert a checked description to arrays."""
+        """Convert a description to arrays.
+
+        Raises:
+            OneBotError: its links are not one tree.
+        """
+        description.require_tree()
         self.name = description.robot_name
         self.root_link = description.root_link
         self.links = description.link_names
@@ -233,7 +238,7 @@ class RobotModel:
 
     @classmethod
     def from_description(cls, description: Description) -> "RobotModel":
-        """Return the model of a checked description (see ``load_description``)."""
+        """Return the model of a description; see ``__init__``."""
         return cls(description)
 
     def row(self, joint: str) -> int:

@@ -579,6 +579,32 @@ def _declare(
         node.set_descriptor(name, final)
 
 
+def refuse_undeclared(node: "Node", kind: type) -> None:
+    """Refuse to set what ``node`` does not have, with its name and what would be right.
+
+    rclpy refuses it as well, but names nothing.
+
+    Args:
+        node: that declared its parameters.
+        kind: their dataclass.
+    """
+    from rclpy.exceptions import ParameterNotDeclaredException
+
+    def check(parameters: list["Parameter"]) -> list["Parameter"]:
+        names = [one.name for one in parameters if not node.has_parameter(one.name)]
+        problems = [
+            next(iter(unknown_parameters(kind, [name])), Problem(name, "no such parameter"))
+            for name in names
+        ]
+        if problems:
+            error = ParameterNotDeclaredException(names)
+            error.args = ("\n".join(problem.message() for problem in problems),)
+            raise error
+        return parameters
+
+    node.add_pre_set_parameters_callback(check)
+
+
 def descriptor(kind: type, name: str) -> "ParameterDescriptor":
     """Return what a node publishes about the parameter ``name`` of the dataclass ``kind``."""
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor

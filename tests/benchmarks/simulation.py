@@ -196,7 +196,7 @@ def _bare(fleet: Fleet, cycles: int) -> None:
 
 def _per_cycle(config: ControlConfig) -> int:
     """Physics steps a control cycle."""
-    return Settings().steps(1.0 / config.update_rate)
+    return Settings().fitted(config.update_rate).steps(1.0 / config.update_rate)
 
 
 def _timed(work: Callable[[Fleet, int], None], fleet: Fleet, cycles: int) -> Took:

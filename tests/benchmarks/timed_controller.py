@@ -29,7 +29,7 @@ def install(watch: Watch) -> None:
     accept, finish = DrivenRobot.accept, DrivenRobot.finish
 
     def timed_accept(
-        robot: DrivenRobot, linear: float, angular: float, age: float = 0.0
+        robot: DrivenRobot, linear: float, angular: float, age: float | None = None
     ) -> str | None:
         refused = accept(robot, linear, angular, age)
         if refused is None:

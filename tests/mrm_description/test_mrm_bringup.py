@@ -160,7 +160,7 @@ def test_the_end_of_a_node_that_matters_ends_all(
 def test_the_end_of_the_viewer_ends_nothing(
     start: Start, transforms: Transforms, mark: str, tmp_path: Path
 ) -> None:
-    """The viewer can crash; the robot goes on."""
+    """The viewer can crash; the robot goes on, and the exit code reports it."""
     recording = tmp_path / "mrm.rrd"
     running = start(f"save:={recording}", f"joints:={write_joints(tmp_path, 0.5)}")
     wait_for_robot(running, transforms, "link1")
@@ -170,7 +170,10 @@ def test_the_end_of_the_viewer_ends_nothing(
     wait_for(lambda: "going on without rerun_viewer" in running.err, "the report")
     transforms.latest.clear()
     wait_for(lambda: transforms.of("link1"), "more transforms")
-    stop(running)
+    running.send(signal.SIGINT)
+    assert running.wait() == 1
+    last = "[mrm_bringup] failed: rerun_viewer (ended by SIGKILL, perhaps the system ran out of"
+    assert running.err.splitlines()[-1].startswith(last)
 
 
 def test_interrupt_during_the_start_is_clean(start: Start) -> None:

@@ -19,7 +19,14 @@ from onebot_bringup.launch.arguments import (
     description_arguments,
     simulation_arguments,
 )
-from onebot_bringup.launch.bringup import Bringup, bring_up, help_text, nodes_to_start, summary_text
+from onebot_bringup.launch.bringup import (
+    Bringup,
+    bring_up,
+    help_text,
+    nodes_to_start,
+    summary_text,
+    with_params_file,
+)
 from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launcher.process import NodeProcess, module_command
@@ -215,13 +222,64 @@ def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> No
 def test_velocity_controller_takes_the_rest_from_its_file(
     make: Make, monkeypatch: pytest.MonkeyPatch, arm: Path
 ) -> None:
-    """No rate means the file's; no prefix means none; a relative file is made absolute."""
+    """No rate, x, y or yaw means the file's; no prefix means none; a relative file is absolute."""
     monkeypatch.chdir(arm.parent)
     node = make(params_file="control.yaml").velocity_controller()
     found = parameters(node)
-    assert "update_rate" not in found
+    assert not {"update_rate", "x", "y", "yaw"} & set(found)
     assert found["tf_frame_prefix_enable"] is False and found["tf_frame_prefix"] == ""
     assert str(arm.parent / "control.yaml") in node.command[_MODULE + 1 :]
+
+
+SPACE = {"namespace": "left"}
+ENABLED = "tf_frame_prefix_enable: true"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "given", "wanted"),
+    [
+        ("x: 1.0", {}, {"frame_prefix": "", "use_sim_time": "false", "x": ""}),
+        (ENABLED, SPACE, {"frame_prefix": "left/"}),
+        (ENABLED, {}, {"frame_prefix": ""}),
+        ("tf_frame_prefix: a", {}, {"frame_prefix": "a/"}),
+        ("tf_frame_prefix: /a/b/", SPACE, {"frame_prefix": "a/b/"}),
+        (f"tf_frame_prefix: a, {ENABLED}", {}, {"frame_prefix": "a/"}),
+        ("tf_frame_prefix: a, tf_frame_prefix_enable: false", SPACE, {"frame_prefix": ""}),
+        ("tf_frame_prefix: a", {"frame_prefix": "b/"}, {"frame_prefix": "b/"}),
+        ("tf_frame_prefix: a", {"frame_prefix": ""}, {"frame_prefix": ""}),
+        ("tf_frame_prefix: a", {"sim": "false"}, {"frame_prefix": ""}),
+        ("use_sim_time: true", {}, {"use_sim_time": "true"}),
+        ("use_sim_time: false", {}, {"use_sim_time": "false"}),
+        ("use_sim_time: true", {"use_sim_time": "false"}, {"use_sim_time": "false"}),
+    ],
+)
+def test_the_command_line_overrides_the_file_and_that_the_defaults(
+    make: Make, arm: Path, parameters: str, given: dict[str, str], wanted: dict[str, str]
+) -> None:
+    """All nodes name the frames, and take the time, as the controller's file has it."""
+    file = arm.parent / "control.yaml"
+    file.write_text(f"/**/velocity_controller:\n  ros__parameters: {{{parameters}}}\n")
+    found = with_params_file(make(**given).values, given)
+    assert wanted.items() <= found.items()
+    assert set(found) == set(make().values)
+
+
+def test_a_wrong_prefix_in_the_file_is_refused_with_its_line(make: Make, arm: Path) -> None:
+    """Before anything starts."""
+    text = "velocity_controller:\n  ros__parameters:\n    tf_frame_prefix: 5\n"
+    (arm.parent / "control.yaml").write_text(text)
+    with pytest.raises(OneBotError, match=r"control.yaml:3: tf_frame_prefix: 5 is a number; write"):
+        with_params_file(make().values, {})
+
+
+def test_the_robot_is_not_taken_from_the_controller_s_file(
+    make: Make, arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It would be another one than the other nodes have: a warning says what to write."""
+    text = "velocity_controller: {ros__parameters: {robot_description: a.urdf}}\n"
+    (arm.parent / "control.yaml").write_text(text)
+    with_params_file(make().values, {})
+    assert "control.yaml:1: robot_description is not used" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -478,7 +536,10 @@ def test_the_summary_says_nothing_of_what_is_not_there(make: Make) -> None:
         (True, {"host": "::1"}, "add steer:=true"),
         (True, {"token": "t"}, "add steer:=true"),
         (True, {"rate": "1001"}, "rate:=1001"),
-        (True, {"rate": "-1"}, "rate:=-1"),
+        (True, {"rate": "-1"}, "write a number from 0.001 to 1000"),
+        (True, {"rate": "0"}, "rate:=0"),
+        (True, {"rate": "nan"}, "rate:=nan"),
+        (True, {"rate": "inf"}, "rate:=inf"),
         (False, {"domain_id": "233"}, "domain_id:=233"),
         (False, {"namespace": "1a"}, "namespace:=1a"),
     ],
@@ -499,7 +560,8 @@ def test_values_that_are_not_possible(make: Make, sim: bool, given: Any, said: s
         (True, {"frame_prefix": "left", "sim": "false"}),
         (True, {"frame_prefix": "left/"}),
         (True, {"steer": "true", "port": "65535", "host": "0.0.0.0", "token": "t"}),
-        (True, {"rate": "1"}),
+        (True, {"rate": "33.3"}),
+        (True, {"rate": "0.001", "x": "0", "y": "-1e3", "yaw": "7"}),
         (True, {"rate": "1000"}),
         (False, {"domain_id": "232", "namespace": "/a/b"}),
     ],

@@ -91,11 +91,33 @@ def test_without_simulation_its_joints_move_from_yaml(ros_domain):
         assert not peer.node.count_publishers(ODOM)
 
 
-def test_namespace_and_rate(ros_domain):
-    """In a namespace its topics move with it; rate sets the control cycles a second."""
-    words = ["namespace:=left", "rate:=50", "viewer:=none"]
-    with NodeProcess(MODULE, *words), Peer(ros_domain) as peer:
+def test_namespace_rate_and_params_file(ros_domain, tmp_path):
+    """Its topics are in the namespace; rate and y override params_file, which has x and prefix."""
+    words = ["namespace:=left", "rate:=50", "y:=0.5", "viewer:=none"]
+    file = tmp_path / "control.yaml"
+    # rcl would take y of the last section that this file has, whatever later files have.
+    file.write_text("""\
+/left/velocity_controller:
+  ros__parameters: {x: 2.0, y: 9.0, world_frame_id: world}
+/**/velocity_controller:
+  ros__parameters:
+    left_wheel_names: [left_wheel_joint]
+    right_wheel_names: [right_wheel_joint]
+    y: 7.0
+    tf_frame_prefix: left
+""")
+    truth_topic = "/left/velocity_controller/ground_truth"
+    with NodeProcess(MODULE, f"params_file:={file}", *words), Peer(ros_domain) as peer:
         joints = peer.hear(JointState, "/left/joint_states")
+        truth, static = (
+            peer.hear(Odometry, truth_topic),
+            peer.hear(TFMessage, "/tf_static", LATCHED),
+        )
+        wait_for(lambda: truth and static, "the truth and the static transforms")
+        assert _position(truth[0]) == pytest.approx((2.0, 0.5), abs=1e-3)
+        assert truth[0].child_frame_id == "left/base_link"
+        edges = {e.child_frame_id for m in static for e in m.transforms}
+        wait_for(lambda: any(e.startswith("left/") for e in edges), "the prefix of the description")
         wait_for(lambda: len(joints) > 60, "joint states in the namespace")
         steps = [_seconds(b) - _seconds(a) for a, b in zip(joints[5:], joints[6:], strict=False)]
         assert sorted(steps)[len(steps) // 2] == pytest.approx(0.02, rel=0.2)

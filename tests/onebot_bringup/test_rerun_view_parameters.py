@@ -80,6 +80,8 @@ def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(ros_domain, tmp
         view.write_text(VIEW + "collision: maybe\n")
         wait_for(lambda: "keeping the view shown so far" in node.output, "the warning")
         assert _value(peer, "collision") is False
+        view.write_text("".join(f"{' ' * level}a:\n" for level in range(3000)))
+        wait_for(lambda: "nested more than 64 deep" in node.output, "the second warning")
         view.write_text(VIEW)
         wait_for(lambda: f"{view} is right again: it is in use" in node.output, "the mended file")
         assert "was edited" not in node.output
@@ -90,7 +92,7 @@ def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(ros_domain, tmp
         view.write_text(VIEW + "trails: {way: {topic: other}}\n")
         wait_for(lambda: peer.node.count_subscribers("/other") == 1, "the other topic")
         wait_for(lambda: peer.node.count_subscribers("/way") == 0, "the end of the first")
-        assert node.output.count("keeping the view") == 1
+        assert node.output.count("keeping the view") == 2
 
 
 def test_the_robot_s_own_view_is_found_by_its_name(ros_domain, tmp_path):

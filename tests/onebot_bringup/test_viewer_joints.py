@@ -21,7 +21,7 @@ from onebot_bringup.viewer.displays.joint_plot import JointStream, joint_colors
 from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.description import load_description, read_description
+from onebot_description.description import load_description, parse_description
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -45,7 +45,7 @@ TURNING = ARM.replace('type="prismatic"', 'type="revolute"').replace('"0 1 0"', 
 def _joint(body: str, kind="revolute"):
     body = body.replace("<limit", '<limit effort="1" velocity="1"')
     return limited_joints(
-        read_description(
+        parse_description(
             f'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="{kind}">'
             f'<parent link="a"/><child link="b"/>{body}</joint></robot>',
             "robot_description",
@@ -69,12 +69,8 @@ def test_ranges_are_those_of_the_urdf():
     [
         "",
         '<limit lower="1" upper="1"/>',
-        '<limit lower="2" upper="1"/>',
         '<limit lower="x" upper="1"/>',
         '<limit lower="-inf" upper="1"/>',
-        '<limit lower="0" upper="1"/><axis xyz="0 0 0"/>',
-        '<limit lower="0" upper="1"/><axis xyz="1 0"/>',
-        '<limit lower="0" upper="1"/><origin xyz="nan 0 0"/>',
     ],
 )
 def test_a_joint_without_a_range_has_none(body):

@@ -172,24 +172,23 @@ def test_a_form_that_cannot_be_kept_is_refused_and_left_alone(tmp_path):
 
 def test_an_edit_counts_where_it_changes_something(tmp_path):
     """What was switched meanwhile stays, unless the edit is of the same setting."""
-    source = _source(tmp_path)
+    source, file = _source(tmp_path), tmp_path / "view.yaml"
     source.change("collision", True)
     source.change("axes.visible", False)
-    (tmp_path / "view.yaml").write_text(TEXT.replace("true", "false") + "axes: {length: 2}\n")
-    assert source.reload()
+    file.write_text(TEXT.replace("true", "false") + "axes: {length: 2}\n")
+    assert source.reload(file, load_view(file))
     assert source.view.collision and not source.view.axes.visible
     assert source.view.axes.length == 2.0 and not source.view.grid.visible
-    (tmp_path / "view.yaml").write_text("axes: {visible: true, length: 3}\ncollision: true\n")
-    assert source.reload()
+    file.write_text("axes: {visible: true, length: 3}\ncollision: true\n")
+    assert source.reload(file, load_view(file))
     assert not source.view.axes.visible, "the file says nothing new of it"
     assert source.view.trails == {} and source.view.axes.length == 3.0
-    (tmp_path / "view.yaml").write_text("axes: {visible: maybe}")
-    before = source.view
+    file.write_text("axes: {visible: maybe}")
     with pytest.raises(
         OneBotError, match=r'axes\.visible: "maybe" is a string; write true or false'
     ):
-        source.reload()
-    assert source.view == before
+        load_view(file)
+    assert not source.reload(tmp_path / "other.yaml", ViewConfig()), "it has another file now"
 
 
 def test_without_a_file_the_robot_s_own_view_is_taken(tmp_path):

@@ -90,6 +90,12 @@ def test_a_wheel_is_on_one_side() -> None:
         ({"wheel_separation_multiplier": 0.0}, "wheel_separation_multiplier: 0 is not above 0"),
         ({"wheel_radius": math.inf}, "wheel_radius: inf is not finite"),
         ({"cmd_vel_timeout": -1.0}, "cmd_vel_timeout: -1 is below 0"),
+        ({"update_rate": 1001}, "update_rate: 1001 is above 1000; write a number from 0.001"),
+        ({"update_rate": math.nan}, "update_rate: nan is not finite"),
+        ({"update_rate": math.inf}, "update_rate: inf is not finite"),
+        ({"update_rate": 1e-320}, "is below 0.001"),
+        ({"left_wheel_noise": -0.1}, "left_wheel_noise: -0.1 is below 0"),
+        ({"right_wheel_noise": 2}, "right_wheel_noise: 2 is above 1"),
         ({"open_loop": 1}, "open_loop: 1 is a number; write true or false"),
         (
             {"publish_rate": 0.0},
@@ -132,7 +138,7 @@ def test_a_wheel_is_on_one_side() -> None:
             {"publish_rate": 10_000.1},
             "publish_rate: 10000.1 is above 10000",
         ),
-        ({"update_rate": -1}, "update_rate: -1 is not above 0; write a number above 0"),
+        ({"update_rate": -1}, "update_rate: -1 is below 0.001; write a number from 0.001 to 1000"),
         ({"pose_covariance_diagonal": [0.0] * 7}, "7 numbers; write 6"),
         (
             {"pose_covariance_diagonal": [0.0] * 5 + [-0.1]},
@@ -164,6 +170,18 @@ def test_a_wheel_is_on_one_side() -> None:
 def test_wrong_values(values: dict[str, Any], said: str) -> None:
     """Each error names the parameter, the value and the remedy."""
     assert said in problem(**values)
+
+
+def test_a_limit_that_does_nothing_is_surprising() -> None:
+    """It is named, with the one that it needs."""
+    values = {"linear.x.min_velocity": -0.1, "angular.z.max_deceleration": -1.0}
+    config = ControlConfig.from_parameters({**WHEELS, **values})
+    assert [problem.message() for problem in config.surprises()] == [
+        "linear.x.min_velocity: limits nothing while linear.x.max_velocity is not given",
+        "angular.z.max_deceleration: limits nothing while angular.z.max_acceleration is not given",
+    ]
+    values |= {"linear.x.max_velocity": 0.1, "angular.z.max_acceleration": 1.0}
+    assert not list(ControlConfig.from_parameters({**WHEELS, **values}).surprises())
 
 
 def test_all_problems_are_said_at_once() -> None:
@@ -211,6 +229,7 @@ def test_each_parameter_is_the_one_of_its_name() -> None:
             values[name] = [name]
         elif isinstance(default, str):
             values[name] = name
+    values |= {"left_wheel_noise": 0.25, "right_wheel_noise": 0.125}
     values |= {"cmd_vel_type": "Twist", "joint_state_broadcaster.interfaces": ["effort"]}
     config = ControlConfig.from_parameters(values)
     groups = {

@@ -88,7 +88,7 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
         ("wheel_radius: 0.1", "wheel_radius: big", ':13: wheel_radius: "big" is a string'),
         ("wheel_radius: 0.1", "wheel_radius: -0.1", ":13: wheel_radius: -0.1 is below 0"),
         ("update_rate: 200", "update_rat: 200", ":3: update_rat: no such parameter (did you mean"),
-        ("update_rate: 200", "update_rate: 0", ":3: update_rate: 0 is not above 0; write a number"),
+        ("update_rate: 200", "update_rate: 0", ":3: update_rate: 0 is below 0.001; write a number"),
         ("joints: [", "joint: [", ':8: joint: no such parameter (did you mean "joints"?'),
         (
             "diff_drive_controller/DiffDriveController",

@@ -200,6 +200,41 @@ def test_cycles_left_out_are_reported() -> None:
     assert stamps == sorted(stamps)
 
 
+def spin(seconds: float) -> None:
+    """Let nothing else happen in this thread."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        pass
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_command_ages_by_the_clock_in_force(simulated: bool) -> None:
+    """A stall longer than the timeout ends it, unless simulated time stood still meanwhile."""
+    with Run(simulated=simulated, cmd_vel_timeout=0.2) as run:
+
+        def stall() -> int:
+            run.loop.robot.accept(0.6, 0.0, 0.0)
+            spin(0.3)
+            return len(run.published)
+
+        at = run.loop.call(stall) + 1  # the cycle of the stall is under way
+        wait_for(lambda: len(run.published) > at, "the cycle after the stall")
+        speeds = [snapshot.command.linear for snapshot, _ in run.published]
+        assert speeds[at] == (0.6 if simulated else 0.0)
+
+
+def test_a_command_ages_while_paused_on_the_systems_time() -> None:
+    """After the pause it is as old as its clock says."""
+    with Run(cmd_vel_timeout=0.2) as run:
+        run.loop.call(lambda: setattr(run.loop, "paused", True))
+        run.loop.call(lambda: run.loop.robot.accept(0.6, 0.0))
+        count = len(run.published)
+        wait_for(lambda: len(run.published) > count + 30, "0.3 s of pause")
+        at = run.loop.call(lambda: setattr(run.loop, "paused", False) or len(run.published))
+        wait_for(lambda: len(run.published) > at, "a cycle")
+        assert run.published[at][0].command.linear == 0.0
+
+
 def test_stamps_of_the_systems_time_are_the_systems() -> None:
     """Between the start and the end of the run, and 0.01 s apart."""
     began = time.time_ns()
@@ -297,6 +332,20 @@ def test_lag_is_not_caught_up() -> None:
         pacer.next(machine.wait)
         assert pacer.lag == 0.0
         assert machine.now == pytest.approx(stalled + 0.01 * cycle)
+
+
+def test_a_stop_while_it_waits_is_lag() -> None:
+    """The next cycle knows, and is due when the process goes on."""
+    machine = Machine()
+    pacer = machine.pacer(period=0.25)
+
+    def stopped(seconds: float) -> None:
+        machine.now += seconds + 5.0
+
+    pacer.next(stopped)
+    assert (pacer.lag, pacer.due) == (5.0, 105.25)
+    pacer.next(machine.wait)
+    assert (pacer.lag, machine.now) == (0.0, 105.5)
 
 
 @pytest.mark.parametrize(("factor", "expected"), [(2.0, 0.005), (0.5, 0.02), (0.0, 0.0)])

@@ -82,6 +82,51 @@ def test_a_stamp_ahead_of_time_does_not_drive_for_longer() -> None:
     assert updates(drive, 60).linear == 0.0
 
 
+def test_time_without_cycles_counts() -> None:
+    """Neither a pause nor a stall lets a command live longer; it brakes through the limiter."""
+    for passes in (DiffDriveController.wait, DiffDriveController.stalled):
+        drive = controller(linear_x_max_acceleration=10.0)
+        drive.accept(0.2, 0.0)
+        assert updates(drive, 5).linear == 0.2
+        passes(drive, 0.3)
+        assert updates(drive, 15).linear == 0.2
+        passes(drive, 0.3)
+        assert drive.timed_out
+        assert updates(drive, 1).linear == pytest.approx(0.1)
+        assert updates(drive, 2).linear == 0.0
+
+
+def test_a_stall_before_the_first_cycle_of_a_command_counts() -> None:
+    """That cycle adds nothing to its age, the stall does."""
+    drive = controller()
+    drive.accept(0.2, 0.0)
+    drive.stalled(5.0)
+    assert updates(drive, 1).linear == 0.0
+
+
+def test_commands_without_an_age_are_ignored_after_a_long_stall() -> None:
+    """They may have waited since before it; for one timeout. Those that say their age count."""
+    drive = controller(cmd_vel_timeout=0.5)
+    drive.stalled(0.6)
+    refused = drive.accept(0.2, 0.0)
+    assert refused is not None and "no stamp" in refused
+    assert drive.accept(0.1, 0.0, age=0.1) is None
+    assert updates(drive, 30).linear == 0.1
+    assert drive.accept(0.2, 0.0) is not None
+    updates(drive, 21)
+    assert drive.accept(0.2, 0.0) is None
+    assert updates(drive, 1).linear == 0.2
+
+
+@pytest.mark.parametrize(("timeout", "lag"), [(0.5, 0.5), (0.5, 0.05), (0.0, 1e6)])
+def test_commands_without_an_age_count_after_a_short_stall(timeout: float, lag: float) -> None:
+    """None can be older than the timeout, if there is one."""
+    drive = controller(cmd_vel_timeout=timeout)
+    drive.stalled(lag)
+    assert drive.accept(0.2, 0.0) is None
+    assert updates(drive, 1).linear == 0.2
+
+
 def test_timeout_of_zero_keeps_a_command_for_ever() -> None:
     """Neither a late command nor a long silence matters then."""
     drive = controller(cmd_vel_timeout=0.0)

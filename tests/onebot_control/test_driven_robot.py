@@ -237,6 +237,25 @@ def test_a_cycle_is_seen_as_it_begins() -> None:
     assert drive.true_pose.x == pytest.approx(0.012)
 
 
+def test_covariance_is_of_the_way_since_the_odometry_was_set() -> None:
+    """It grows on the way, not by a teleport; where the pose is set it is zero."""
+    drive = ideal_drive(left_wheel_noise=0.01, right_wheel_noise=0.02)
+    grown = run(drive, 0.5, 0.3, 100).covariance
+    assert grown.yaw_yaw == pytest.approx(
+        (0.01**2 * (0.5 - 0.045) + 0.02**2 * (0.5 + 0.045)) / 0.3**2, rel=0.02
+    )
+    drive.teleport(PlanarPose(5.0, 6.0, 1.0))
+    assert drive.cycle().covariance == grown
+    drive.place_odometry(PlanarPose(1.0, 2.0, 3.0))
+    assert drive.cycle().covariance == (0.0,) * 6
+    assert run(drive, 0.5, 0.3, 10).covariance.xx > 0.0
+    drive.configure(config(left_wheel_noise=0.0, right_wheel_noise=0.0))
+    kept = drive.cycle().covariance.yaw_yaw
+    assert run(drive, 0.5, 0.3, 10).covariance.yaw_yaw == kept
+    drive.reset()
+    assert drive.cycle().covariance == (0.0,) * 6
+
+
 class FourWheels(IdealPlant):
     """Two wheels a side; the second ones have turned further, and stand first in the list."""
 
@@ -332,6 +351,7 @@ def test_replaced_robot_stands_where_the_old_one_stood() -> None:
     assert other.geometry == pytest.approx((0.4, 0.07))
     assert other.true_pose == pytest.approx(truth, abs=1e-9)
     assert (other.odom_in_world, other.ticks, other.config) == (origin, ticks, drive.config)
+    assert other.snapshot().covariance == drive.snapshot().covariance != (0.0,) * 6
     for _ in range(3):  # at rest, without a command
         snapshot = other.cycle()
         assert snapshot.odometry == pytest.approx(before, abs=1e-6)

@@ -2,9 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from onebot_control.odometry import DiffDriveKinematics, Odometry, RollingMean
 from onebot_control.poses import PlanarPose
@@ -289,6 +291,168 @@ def test_twist_by_velocities() -> None:
     assert odometry.linear == pytest.approx((1.0 + 3.0) / 2.0 * 0.06)
     assert odometry.angular == pytest.approx((0.0 + 2.0) / 2.0 * 0.06 / 0.3)
     assert odometry.heading == pytest.approx(2.0 * 0.06 / 0.3 * 0.5)
+
+
+# Covariance ---------------------------------------------------------------------------------
+
+NOISE = (0.02**2, 0.03**2)  # of the left and the right wheels, m^2 a metre
+steps = st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), max_size=20)
+
+
+def noisy(noise: tuple[float, float] = NOISE, separation: float = 0.3) -> Odometry:
+    """Odometry of noisy wheels."""
+    odometry = Odometry(DiffDriveKinematics(separation, 0.06, 0.06))
+    odometry.noise = noise
+    return odometry
+
+
+def matrix(odometry: Odometry) -> NDArray[np.float64]:
+    """The covariance of x, y and yaw."""
+    xx, xy, yy, xt, yt, tt = odometry.uncertainty.covariance
+    return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+
+
+def propagated(before: NDArray[np.float64], start: PlanarPose, end: PlanarPose, left, right):
+    """The book's error propagation, of wheels that went ``left`` and ``right`` m."""
+    b, (kl, kr) = 0.3, NOISE
+    middle, way = (start.yaw + end.yaw) / 2.0, (left + right) / 2.0
+    c, s = math.cos(middle), math.sin(middle)
+    of_pose = np.array([[1, 0, start.y - end.y], [0, 1, end.x - start.x], [0, 0, 1]])
+    of_wheels = np.array(
+        [
+            [c / 2 + way / (2 * b) * s, c / 2 - way / (2 * b) * s],
+            [s / 2 - way / (2 * b) * c, s / 2 + way / (2 * b) * c],
+            [-1 / b, 1 / b],
+        ]
+    )
+    noise = np.diag([kl * abs(left), kr * abs(right)])
+    return of_pose @ before @ of_pose.T + of_wheels @ noise @ of_wheels.T
+
+
+@given(steps)
+def test_covariance_is_that_of_the_book(ways: list[tuple[float, float]]) -> None:
+    """Each step adds what the formula says, whatever was before."""
+    odometry, expected, pose = noisy(), np.zeros((3, 3)), PlanarPose()
+    for left, right in ways:
+        odometry.update_open_loop((left + right) / 2.0, (right - left) / 0.3, 1.0)
+        reached = PlanarPose(odometry.x, odometry.y, odometry.heading)
+        expected, pose = propagated(expected, pose, reached, left, right), reached
+    np.testing.assert_allclose(matrix(odometry), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_covariance_of_a_straight_line() -> None:
+    """Along it the root of the distance, across it far more; 5 mm and 1.35 degrees after 1 m."""
+    odometry = noisy((0.005**2, 0.005**2))
+    for _ in range(100):
+        odometry.update_open_loop(1.0, 0.0, 0.01)
+    deviations = np.sqrt(np.diag(matrix(odometry)))
+    heading = 0.005 * math.sqrt(2.0) / 0.3
+    assert deviations == pytest.approx(
+        [0.005 / math.sqrt(2.0), heading / math.sqrt(3.0), heading], rel=1e-3
+    )
+    assert math.degrees(heading) == pytest.approx(1.35, abs=0.01)
+
+
+@pytest.mark.parametrize(("linear", "angular"), [(0.3, 0.0), (0.3, 0.6), (-0.2, 0.5), (0.0, 1.0)])
+def test_covariance_does_not_depend_on_the_control_rate(linear: float, angular: float) -> None:
+    """Ten cycles or ten thousand: the same way has the same covariance."""
+    found = []
+    for cycles in (200, 10_000):
+        odometry = noisy()
+        for _ in range(cycles):
+            odometry.update_open_loop(linear, angular, 2.0 / cycles)
+        found.append(matrix(odometry))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-3, atol=1e-8)
+
+
+def test_errors_of_noisy_wheels_scatter_as_the_covariance_says() -> None:
+    """Of 300 drives with random errors of each wheel; the squared distance has a mean of 3."""
+    random = np.random.default_rng(1)
+    noise, cycles, robots = (0.004**2, 0.006**2), 100, 300
+    reckoned = noisy(noise)
+    ends = np.zeros((robots, 3))
+    wanted = [(0.3, 0.8) if cycle < 60 else (0.4, -0.5) for cycle in range(cycles)]
+    for linear, angular in wanted:
+        reckoned.update_open_loop(linear, angular, 0.05)
+    for row in range(robots):
+        real = noisy()
+        for linear, angular in wanted:
+            left, right = (linear - 0.15 * angular) * 0.05, (linear + 0.15 * angular) * 0.05
+            left += random.normal(0.0, math.sqrt(noise[0] * abs(left)))
+            right += random.normal(0.0, math.sqrt(noise[1] * abs(right)))
+            real.update_open_loop((left + right) / 2.0, (right - left) / 0.3, 1.0)
+        ends[row] = real.x - reckoned.x, real.y - reckoned.y, real.heading - reckoned.heading
+    distances = np.einsum("ni,ij,nj->n", ends, np.linalg.inv(matrix(reckoned)), ends)
+    assert distances.mean() == pytest.approx(3.0, rel=0.15)
+    assert (distances < 11.34).mean() == pytest.approx(0.99, abs=0.02)
+    np.testing.assert_allclose(np.cov(ends.T), matrix(reckoned), rtol=0.5, atol=2e-5)
+
+
+anything = st.floats(-1e9, 1e9) | st.floats(-1.0, 1.0)
+noises = st.sampled_from([0.0, 1e-12, 1e-6, 1.0]) | st.floats(0.0, 1.0)
+
+
+@given(
+    st.lists(st.tuples(anything, anything, st.integers(1, 30)), max_size=10),
+    st.tuples(noises, noises),
+    st.floats(1e-3, 1e3),
+)
+def test_covariance_is_one_after_any_way(
+    ways: list[tuple[float, float, int]], noise: tuple[float, float], separation: float
+) -> None:
+    """Finite and positive semi-definite, out and back, of one noisy wheel too."""
+    odometry = noisy(noise, separation)
+    for linear, angular, times in ways:
+        for _ in range(times):
+            odometry.update_open_loop(linear, angular, 1.0)
+    found = matrix(odometry)
+    assert np.isfinite(found).all()
+    scale = np.sqrt(np.maximum(np.diag(found), 1e-300))
+    assert np.linalg.eigvalsh(found / np.outer(scale, scale)).min() >= -1e-9
+
+
+def test_covariance_of_an_endless_way_stays_finite() -> None:
+    """Nothing is known of the pose then, and nothing is added any more."""
+    odometry = noisy()
+    for way in (1e5, 1e300, 1e308, -1e308):
+        odometry.update_open_loop(way, 1e-3, 1.0)
+        assert np.isfinite(matrix(odometry)).all()
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_covariance_is_in_the_frame_of_the_odometry(yaw: float, way: float) -> None:
+    """From another heading it is the same, turned."""
+    turned, straight = noisy(), noisy()
+    turned.set_pose(5.0, -3.0, yaw)
+    for odometry in (turned, straight):
+        odometry.update_open_loop(way, 0.5, 1.0)
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    np.testing.assert_allclose(matrix(turned), turn @ matrix(straight) @ turn.T, atol=1e-9)
+
+
+def test_a_pose_that_is_set_is_exact() -> None:
+    """So is that of a reset; forgotten wheels change nothing, nor does rest."""
+    odometry = noisy()
+    odometry.update_open_loop(0.5, 0.2, 1.0)
+    grown = matrix(odometry)
+    odometry.forget_wheels()
+    for _ in range(10):
+        odometry.update_from_positions(1.0, 2.0, DT)
+    assert (matrix(odometry) == grown).all() and grown[0, 0] > 0.0
+    odometry.set_pose(1.0, 2.0, 3.0)
+    assert not matrix(odometry).any()
+    odometry.update_open_loop(0.5, 0.2, 1.0)
+    assert matrix(odometry)[2, 2] == pytest.approx(grown[2, 2])
+    odometry.reset()
+    assert not matrix(odometry).any()
+
+
+def test_exact_wheels_have_no_covariance() -> None:
+    """Also after a long way."""
+    odometry = noisy((0.0, 0.0))
+    odometry.update_open_loop(50.0, 2.0, 1.0)
+    assert not matrix(odometry).any()
 
 
 # Kinematics ---------------------------------------------------------------------------------

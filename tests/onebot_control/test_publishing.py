@@ -83,6 +83,9 @@ class Subscriptions:
 
     def __init__(self, peer: Peer, listener: Peer) -> None:
         self.publishers = Publishers(peer.node, simulated=True)
+        self.publishers.use(
+            driven()[0]
+        )  # ~/cmd_vel_out is there because a robot's parameters want it
         self.received = {name: listener.hear(kind, name) for name, kind in TOPICS.items()}
         counts = [listener.node.count_publishers, peer.node.count_subscribers]
         for name, count in product(TOPICS, counts):
@@ -152,6 +155,35 @@ def test_all_is_received_as_it_is(subscriptions: Subscriptions) -> None:
     assert same(received["/clock"], Clock(clock=header(STAMP, "").stamp))
     joints = joint_state(STAMP, "base_link", IdealPlant.joints, *map(list, snapshot.joints))
     assert same(received["joint_states"], joints)
+
+
+def test_covariance_of_the_odometry(subscriptions: Subscriptions) -> None:
+    """It is that of dead reckoning, unless a constant one is given; then also if that changes."""
+    for variances in ([0.0] * 6, VARIANCES, [0.0] * 6):
+        drive, snapshot = driven(pose_covariance_diagonal=variances)
+        drive.finish()
+        snapshot = drive.begin()
+        received = subscriptions.last(drive, snapshot)["peer/odom"]
+        expected = np.diag(variances)
+        if not any(variances):
+            xx, xy, yy, xt, yt, tt = snapshot.covariance
+            expected[np.ix_([0, 1, 5], [0, 1, 5])] = [[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]
+            expected[[2, 3, 4], [2, 3, 4]] = 1e-6
+            assert tt > 0.0 and xt != 0.0
+        np.testing.assert_array_equal(received.pose.covariance.reshape(6, 6), expected)
+        twist = np.diag(VARIANCES[::-1])
+        np.testing.assert_array_equal(received.twist.covariance.reshape(6, 6), twist)
+
+
+def test_the_limited_command_has_a_topic_only_while_it_is_published(peer: Peer) -> None:
+    """The parameter decides, while it runs too."""
+    publishers = Publishers(peer.node, simulated=False)
+    for wanted in (False, True, True, False, True):
+        drive, snapshot = driven(publish_limited_velocity=wanted)
+        publishers.use(drive)
+        publishers.publish(snapshot, STAMP)
+        count = peer.node.count_publishers
+        wait_for(lambda: count("peer/cmd_vel_out") == wanted, f"the topic: {wanted}")  # noqa: B023
 
 
 def test_each_cycle_is_published_as_it_was(subscriptions: Subscriptions) -> None:

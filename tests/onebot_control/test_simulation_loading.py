@@ -8,7 +8,11 @@ import pytest
 from onebot_control.simulation import Settings, Simulation
 from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import engine
-from onebot_description.description import load_description, parse_description
+from onebot_description.description import (
+    DescriptionError,
+    load_description,
+    parse_description,
+)
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import LEFT, ROBOTS, bits, drive, robot, simulate
 from tests.random_robots import chain
@@ -44,11 +48,6 @@ def silence(capfd):
         ('<limit effort="3" velocity="20"/>', "", [LEFT, '<limit effort="..."']),
         ('effort="3"', 'effort="0"', [LEFT, "above 0"]),
         ('type="fixed"', 'type="floating"', ["lidar_joint", "floating", "revolute"]),
-        (
-            '<child link="caster_wheel"/>',
-            r'\g<0><dynamics damping="x"/>',
-            ["caster_wheel_joint", 'damping="x"'],
-        ),
         (
             '<child link="caster_wheel"/>',
             r'\g<0><dynamics damping="-1"/>',
@@ -243,8 +242,11 @@ def test_a_robot_that_is_but_balanced_is_watched_until_it_tips_over(caplog):
 
 def test_robots_of_the_description_tests_load_or_are_refused():
     """Every well-formed robot in the folder, driven by its first joint, gives no crash."""
-    for file in sorted([*ROBOTS.glob("good_*.urdf"), *ROBOTS.glob("warn_*.urdf")]):
-        description = load_description(file)
+    for file in sorted(ROBOTS.glob("*.urdf")):
+        try:
+            description = load_description(file)
+        except DescriptionError:
+            continue
         moving = [joint.name for joint in description.joints if joint.kind != "fixed"]
         try:
             Simulation(description, driven=moving[:1], settings=Settings(settling=0.1)).close()

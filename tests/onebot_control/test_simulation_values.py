@@ -83,15 +83,14 @@ def test_each_setting_is_above_zero_and_finite(name, value):
     assert str(caught.value) == f"simulation: {name} must be above 0 and finite, not {value}"
 
 
-@pytest.mark.parametrize("name", ["rate", "iterations"])
-def test_whole_settings_are_whole(name):
+def test_iterations_are_whole():
     """A float that is whole will do."""
-    assert getattr(Settings(**{name: 50.0}), name) == 50
-    with pytest.raises(OneBotError, match=f"simulation: {name} must be an integer, not 50.5"):
-        Settings(**{name: 50.5})
+    assert Settings(iterations=50.0).iterations == 50
+    with pytest.raises(OneBotError, match="simulation: iterations must be an integer, not 50.5"):
+        Settings(iterations=50.5)
 
 
-@pytest.mark.parametrize("name", ["gravity", "friction", "settling"])
+@pytest.mark.parametrize("name", ["rate", "gravity", "friction", "settling"])
 def test_other_settings_may_be_fractions(name):
     """However small."""
     assert getattr(Settings(**{name: 1e-9}), name) == 1e-9
@@ -102,6 +101,42 @@ def test_settings_are_what_was_measured():
     assert Settings() == Settings(400, 200, 9.81, 1.0, 2.0)
     assert Settings().steps(0.01) == 4
     assert Settings(rate=1000).steps(0.01) == 10
+
+
+@pytest.mark.parametrize("cycles", [1, 2.5, 10, 16, 20, 40, 50, 80, 100, 100.0, 200, 400])
+def test_settings_that_fit_a_control_rate_stay_as_they_are(cycles):
+    """To the bit, for the motion to be the same."""
+    assert Settings().fitted(cycles) == Settings()
+
+
+@pytest.mark.parametrize(
+    ("cycles", "rate", "steps"),
+    [
+        (0.001, 400, 400_000),
+        (33.3, 399.6, 12),
+        (60, 420, 7),
+        (75, 375, 5),
+        (150, 450, 3),
+        (250, 500, 2),
+        (267, 267, 1),
+        (333, 333, 1),
+        (1000, 1000, 1),
+    ],
+)
+def test_settings_fitted_to_a_control_rate(cycles, rate, steps):
+    """The nearest rate of which a control period has a whole number of steps."""
+    fitted = Settings(gravity=3.0).fitted(cycles)
+    assert fitted == Settings(rate=fitted.rate, gravity=3.0)
+    assert fitted.rate == pytest.approx(rate)
+    assert fitted.steps(1.0 / cycles) == steps
+
+
+@given(st.floats(0.001, 1000.0))
+def test_any_control_rate_has_whole_steps(cycles):
+    """Of 1 to 3.75 ms."""
+    fitted = Settings().fitted(cycles)
+    assert fitted.steps(1.0 / cycles) >= 1
+    assert 400.0 / 1.5 <= fitted.rate * (1.0 + 1e-9) and fitted.rate <= 1000.0 * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize(

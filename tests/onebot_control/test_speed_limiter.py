@@ -27,6 +27,34 @@ ACCELERATIONS = SpeedLimits(
 )
 
 
+@pytest.mark.parametrize(
+    ("name", "needed"),
+    [
+        ("min_velocity", "max_velocity"),
+        ("max_deceleration", "max_acceleration"),
+        ("max_deceleration_reverse", "max_acceleration"),
+        ("max_acceleration_reverse", "max_acceleration"),
+        ("min_jerk", "max_jerk"),
+    ],
+)
+def test_limits_that_do_nothing(name: str, needed: str) -> None:
+    """As in control_toolbox, a stage without its maximum is off: that is reported."""
+    value = {name: -1.0 if name in NEGATIVE else 1.0}
+    alone = SpeedLimits(**value)
+    assert list(alone.idle()) == [(name, needed)]
+    assert SpeedLimiter(alone).limit(-100.0, 100.0, 100.0, 0.01) == -100.0
+    assert not list(SpeedLimits(**value, **{needed: 0.0}).idle())
+
+
+def test_every_limit_does_something_with_its_maximum() -> None:
+    """None is forgotten: all but the maxima need one."""
+    values = {name: -1.0 if name in NEGATIVE else 1.0 for name in NAMES}
+    maxima = {"max_velocity", "max_acceleration", "max_jerk"}
+    others = {name: value for name, value in values.items() if name not in maxima}
+    assert {name for name, _ in SpeedLimits(**others).idle()} == set(NAMES) - maxima
+    assert not list(SpeedLimits(**values).idle()) and not list(SpeedLimits().idle())
+
+
 def run(limits: SpeedLimits, commands: Iterable[float], dt: float = 0.01) -> list[float]:
     """Limit a sequence of commands from rest."""
     limiter, last, before = SpeedLimiter(limits), 0.0, 0.0

@@ -93,6 +93,13 @@ def test_only_the_distance_across_counts() -> None:
     assert wheel_separation(robot(left, right), LEFT, RIGHT) == pytest.approx(0.3)
 
 
+def test_wheels_in_one_line_are_as_far_apart_as_they_are() -> None:
+    """As diffbot.xacro of ros_controllers has them, one ahead of the other."""
+    left = turned(wheel("left", 0.0), 'xyz="0.3 0.1 0"')
+    right = turned(wheel("right", 0.0), 'xyz="-0.2 0.1 0"')
+    assert wheel_separation(robot(left, right), LEFT, RIGHT) == pytest.approx(0.5)
+
+
 def test_axes_are_seen_from_the_base() -> None:
     """A wheel whose joint is turned rolls about its own z axis, which is the left all the same."""
     left, right = (

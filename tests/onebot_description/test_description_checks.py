@@ -19,14 +19,16 @@ LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 def problems(text):
     """All problems of a text, without the name it is given."""
     with pytest.raises(DescriptionError) as caught:
-        parse_description(text, "r")
+        parse_description(text, "r").raise_problems()
     assert all(problem.startswith("r:") for problem in caught.value.problems)
     return [problem[2:] for problem in caught.value.problems]
 
 
 def warnings(text):
     """All warnings of a text that has no problem."""
-    return [warning.removeprefix("r:") for warning in parse_description(text, "r").warnings]
+    description = parse_description(text, "r")
+    assert description.problems == ()
+    return [warning.removeprefix("r:") for warning in description.warnings]
 
 
 def joint(inside=LIMIT, kind="revolute"):
@@ -690,12 +692,16 @@ def test_attributes_that_urdf_does_not_know():
     assert warnings(link("").replace('name="a"', 'name="a" type="t" x:y="1" xmlns:x="u"')) == []
 
 
-def test_typos_are_shown_with_the_problems_but_other_warnings_are_not():
-    """They may be the cause; a mass of zero is not."""
+def test_warnings_come_with_the_problems_and_stay_warnings():
+    """They may be the cause, so a message has them, too."""
     text = joint('<limit loer="-1" lower="2" upper="1" effort="1" velocity="0"/>')
-    found = problems(text)
-    assert len(found) == 2
-    assert "lower 2 is above" in found[0] and 'unknown attribute "loer"' in found[1]
+    with pytest.raises(DescriptionError) as caught:
+        parse_description(text, "r").raise_problems()
+    [problem], warnings = caught.value.problems, caught.value.warnings
+    assert "lower 2 is above" in problem and "velocity is 0" in warnings[0]
+    assert 'unknown attribute "loer"' in warnings[1]
+    lines = [problem, *(f"warning: {warning}" for warning in warnings)]
+    assert str(caught.value).splitlines() == lines
 
 
 @pytest.mark.parametrize("tag", ["origin", "axis", "limit", "mimic", "dynamics", "parent", "child"])

@@ -1,8 +1,8 @@
-"""What others publish of a robot is read as far as it can be: shapes, colours, what is left out."""
+"""Shapes and colours, and shapes that are left out."""
 
 import pytest
 
-from onebot_description.description import Description, read_description
+from onebot_description.description import Description, parse_description
 from onebot_description.description.description import Box, Capsule, Cylinder, Mesh, Sphere
 from onebot_description.errors import DescriptionError
 
@@ -23,7 +23,7 @@ ARM = """<robot name="arm">
 
 
 def _read(urdf: str) -> Description:
-    return read_description(urdf, "robot_description")
+    return parse_description(urdf, "robot_description")
 
 
 def _robot(inner: str) -> Description:
@@ -33,7 +33,7 @@ def _robot(inner: str) -> Description:
 def test_every_visual_and_collision_is_read_with_its_colour():
     """Shapes, kinds and colours (inline or by name) come out as the URDF says."""
     robot = _read(ARM)
-    assert (robot.robot_name, robot.root_link, robot.warnings) == ("arm", "base", ())
+    assert (robot.robot_name, robot.root_link, robot.notices) == ("arm", "base", ())
     base, tip = robot.links
     [body], [hand] = base.visuals, tip.visuals
     assert (base.name, body.shape, body.color) == ("base", Box((0.6, 0.6, 0.6)), (0.1, 0.3, 0.9, 1))
@@ -54,7 +54,7 @@ def test_a_material_is_found_wherever_it_is_defined():
 
 
 def test_capsules_and_scaled_meshes_are_read():
-    """The less usual shapes keep their numbers."""
+    """The less usual shapes keep their numbers, whether or not a mesh is there."""
     robot = _robot(
         '<visual><geometry><capsule radius=".2" length="1"/></geometry></visual>'
         '<visual><geometry><mesh filename="x.stl" scale="1 2 -3"/></geometry></visual>'
@@ -78,20 +78,21 @@ def test_capsules_and_scaled_meshes_are_read():
         ),
     ],
 )
-def test_a_bad_shape_is_left_out_with_a_warning(inner, words):
+def test_a_bad_shape_is_left_out(inner, words):
     """One wrong element does not hide the robot; it is named."""
     robot = _robot(inner)
     assert robot.links[0].visuals == ()
-    [warning] = robot.warnings
-    assert words in warning and 'link "a" <visual>' in warning
+    [problem] = robot.problems
+    assert words in problem and 'link "a" <visual>' in problem
+    assert robot.links[0].left_out == (problem,)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("nonsense", "is not XML"),
-        ("<sdf/>", "starts with <sdf>, not <robot>"),
-        ("<robot/>", "no root link"),
+        ("<sdf/>", "is a robot in SDF"),
+        ("<robot/>", "has no links"),
     ],
 )
 def test_what_is_no_urdf_is_refused(text, words):

@@ -30,12 +30,11 @@ def test_tree_nests_and_shows_mimics() -> None:
     assert "3 joints (3 movable, 2 following)" in text
 
 
-def test_masses_shapes_and_warnings() -> None:
-    """Mass, shapes and the number of meshes are shown, then the warnings."""
+def test_masses_and_shapes() -> None:
+    """Mass, shapes and the number of meshes are shown."""
     assert "6 meshes" in describe(load_description(ROBOTS / "good_meshes.urdf"))
     text = describe(load_description(ROBOTS / "warn_inertia_triangle.urdf"))
     assert "1 link · 0 joints (0 movable) · 1 kg" in text
-    assert "\n1 warning:\n  ! " in text and "exceeds the sum" in text
     text = describe(load_description(ROBOTS / "warn_size_zero.urdf"))
     assert "box 1×1×0 (no collision)" in text
 
@@ -175,18 +174,3 @@ def test_shapes_seen_are_shown_before_those_that_collide(
     )
     text = describe(parse_description(f'<robot name="r"><link name="a">{parts}</link></robot>'))
     assert text.splitlines()[4].removeprefix("a").strip() == cell
-
-
-@pytest.mark.parametrize("count", [0, 1, 2])
-def test_warnings_are_counted(count: int) -> None:
-    """Below the table, each in a line; none without a warning."""
-    extra = "".join(f'<link name="a {row}"/>' for row in range(count))
-    joints = "".join(
-        f'<joint name="j{row}" type="fixed"><parent link="a"/><child link="a {row}"/></joint>'
-        for row in range(count)
-    )
-    text = describe(parse_description(f'<robot name="r"><link name="a"/>{extra}{joints}</robot>'))
-    assert text.count("\n  ! ") == count
-    assert ("warning" in text) is bool(count)
-    if count:
-        assert f"\n\n{count} warning{'s' if count > 1 else ''}:\n  ! " in text

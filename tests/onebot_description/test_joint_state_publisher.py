@@ -205,6 +205,12 @@ def test_a_saved_file_moves_the_robot(
         (good.replace(JOINT, "elbow"), 'motions.elbow: the robot has no joint "elbow" (joints'),
         (good.replace("rate: 50", "rate: 5e3"), f"{file}:3: rate: 5000 is above 1000"),
         (good.replace("rate", "rates"), f'{file}:3: rates: no such parameter (did you mean "rate"'),
+        ("a: " + "[" * 20_000, f"{file}:3: maps and lists are nested more than 64 deep"),
+        ("a: " + "{a: " * 3000, f"{file}:3: maps and lists are nested more than 64 deep"),
+        (
+            good.replace("position: 0.3", "amplitude: 1.0e+308, frequency: 1.0e+308"),
+            f"{file}:5: motions.{JOINT}.amplitude: 1e+308 is beyond 1e+60",
+        ),
     ):
         file.write_text(yaml(bad))
         node.says(words)
@@ -473,9 +479,11 @@ def test_a_robot_that_cannot_move_publishes_nothing(
 ) -> None:
     """It says so, and waits for another description."""
     file = tmp_path / "fixed.urdf"
-    file.write_text(urdf(joint(0, "only", "fixed")))
+    # As in a test of the standard node: links without joints, <robot> within another element.
+    file.write_text('<urdf><robot name="zero"><link name="a"/><link name="b"/></robot></urdf>')
     node = start(str(file), "--ros-args", "-p", "rate:=100")
     node.says("no joint moves")
+    assert "let <robot> be the outermost element" in node.output
     file.write_text(MRM)
     listener.hears(lambda s: True, "a message")
     assert all(list(state.name) == [JOINT] for state in listener.states)

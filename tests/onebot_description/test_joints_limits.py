@@ -48,13 +48,6 @@ def test_soft_limits_that_leave_no_range_are_not_applied() -> None:
     assert (limits.lower.tolist(), limits.upper.tolist()) == ([-1.0], [1.0])
 
 
-def test_limits_the_wrong_way_round_are_reported() -> None:
-    """As the standard nodes, which take both as they are, it moves between the two."""
-    limits, text = reported([joint("a", lower=0.5, upper=-0.25)])
-    assert text == 'joint "a": lower 0.5 is above upper -0.25; it moves between the two'
-    assert (limits.lower.tolist(), limits.upper.tolist()) == ([-0.25], [0.5])
-
-
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 @pytest.mark.parametrize("missing", [("lower",), ("upper",), ("lower", "upper")])
 def test_a_joint_without_limits_stays(kind: str, missing: tuple[str, ...]) -> None:

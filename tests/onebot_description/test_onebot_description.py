@@ -17,7 +17,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import load_view
-from onebot_description.description import Description, load_description, read_description
+from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
 from onebot_description.description.packages import package_share
 from onebot_description.model.robot_model import RobotModel
@@ -57,7 +57,7 @@ def test_every_combination_is_clean(combination):
     """No problem and no warning, and the names and shapes that the arguments ask for."""
     mesh, namespace, prefix = combination
     description = _load(*combination)
-    assert description.warnings == ()
+    assert description.notices == ()
     before = NAMESPACES[namespace] + (prefix or "")
     assert sorted(description.link_names) == sorted(before + name for name in LINKS)
     assert [joint.name for joint in description.joints] == [before + name for name in JOINTS]
@@ -140,8 +140,8 @@ def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
 
 def test_rerun_shows_every_combination_without_complaint(combination):
     """The viewer finds nothing that it cannot draw, and every mesh in colours of its own."""
-    robot = read_description(_load(*combination).urdf, "robot_description")
-    assert robot.warnings == ()
+    robot = parse_description(_load(*combination).urdf, "robot_description")
+    assert robot.notices == ()
     assert Scene(rr.RecordingStream("onebot_test")).set_robot(robot) == []
     for visual in (visual for link in robot.links for visual in link.visuals):
         assert visual.color is not None

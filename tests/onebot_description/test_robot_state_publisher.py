@@ -106,7 +106,7 @@ def test_topics_have_the_genuine_types_and_qos(ros_domain, arm):
 
 def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, arm):
     """Description and frame_prefix change while it runs; a bad description changes nothing."""
-    with NodeProcess(MODULE, str(arm)), Peer(ros_domain) as peer:
+    with NodeProcess(MODULE, str(arm)) as node, Peer(ros_domain) as peer:
         static = peer.hear(TFMessage, "/tf_static", LATCHED)
         described = peer.hear(String, "robot_description", LATCHED)
         moving = peer.hear(TFMessage, "/tf")
@@ -157,6 +157,16 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
 
         wait_for(follows, "the mimic joint's transform")
         assert moving[-1].transforms[1].transform.rotation.z == pytest.approx(math.sin(0.5))
+
+        # As in the standard node's own test of a live change.
+        fixed = mimic.replace('name="follow" type="continuous"', 'name="follow" type="fixed"')
+        [result] = peer.set_parameters("robot_state_publisher", robot_description=fixed)
+        assert result.successful, result.reason
+        wait_for(lambda: len(static[-1].transforms) == 2, "the joint that is fixed now")
+        wait_for(lambda: "a fixed joint has no single position" in node.output, "the warning")
+        loose = fixed.replace("</robot>", '<link name="lost"/></robot>')
+        [result] = peer.set_parameters("robot_state_publisher", robot_description=loose)
+        assert not result.successful and "falls into 2 parts" in result.reason
 
 
 def test_publish_frequency_throttles_by_stamp(ros_domain, arm):

@@ -1,0 +1,223 @@
+"""What ``onebot check`` refuses and nodes take: what is left, and what is published of it."""
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+
+from onebot_control.simulation.bodies import rigid_bodies
+from onebot_description.description import Description, DescriptionError, parse_description
+from onebot_description.description.description import Capsule, Sphere
+from onebot_description.errors import OneBotError
+from onebot_description.joints.config import JointsConfig
+from onebot_description.joints.source import JointStateSource
+from onebot_description.model import RobotModel
+from onebot_description.wire.state_converter import StateConverter
+from onebot_description.wire.tf_message import TFMessage
+
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+MOMENTS = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+
+
+def hinge(name: str, child: str, inside: str = LIMIT, kind: str = "revolute") -> str:
+    """A joint of the base, and its link."""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="base"/><child link="{child}"/>'
+        f'{inside}</joint><link name="{child}"/>'
+    )
+
+
+def robot(*parts: str, base: str = "") -> str:
+    """A robot of a base and other parts."""
+    return f'<robot name="r"><link name="base">{base}</link>{"".join(parts)}</robot>'
+
+
+def taken(urdf: str, problem: str) -> Description:
+    """What nodes take of a robot with one problem."""
+    description = parse_description(urdf, "r")
+    [found] = description.problems
+    assert problem in found
+    assert description.notices == (found, *description.warnings)
+    with pytest.raises(DescriptionError) as caught:
+        description.raise_problems()
+    assert (caught.value.problems, caught.value.warnings) == ((found,), description.warnings)
+    again = parse_description(description.urdf, "again")
+    assert [link.name for link in again.links] == [link.name for link in description.links]
+    return description
+
+
+def moved(description: Description, **positions: float) -> dict[str, str]:
+    """Child and parent frames of what robot_state_publisher's core makes of joint states."""
+    converter = StateConverter(RobotModel.from_description(description))
+    message = JointState(name=list(positions), position=list(positions.values()))
+    message.header.stamp.sec = 5
+    data = converter.convert_bytes(serialize_message(message), 5 * 10**9)
+    transforms = [] if data is None else deserialize_message(data, TFMessage).transforms
+    transforms += converter.static_transforms(0).transforms
+    for transform in transforms:
+        rotation = transform.transform.rotation
+        norm = np.linalg.norm([rotation.x, rotation.y, rotation.z, rotation.w])
+        assert norm == pytest.approx(1.0)
+    return {transform.child_frame_id: transform.header.frame_id for transform in transforms}
+
+
+def at_rest(description: Description, **config: object) -> dict[str, float]:
+    """Positions that joint_state_publisher's core publishes."""
+    source = JointStateSource(
+        description.joints, JointsConfig.from_parameters(config) if config else None
+    )
+    return dict(zip(source.names, source.sample(0.0)[0].tolist(), strict=True))
+
+
+def test_limits_the_wrong_way_round_are_swapped() -> None:
+    """The joint moves between them."""
+    limit = '<limit lower="3" upper="1" effort="1" velocity="1"/>'
+    description = taken(robot(hinge("j", "a", limit)), "lower 3 is above upper 1; swap them")
+    assert (description.joints[0].lower, description.joints[0].upper) == (1.0, 3.0)
+    assert at_rest(description) == {"j": 2.0}
+    assert moved(description, j=0.5) == {"a": "base"}
+
+
+@pytest.mark.parametrize("name", ["effort", "velocity"])
+def test_a_limit_below_zero_is_none(name: str) -> None:
+    """The joint moves as if it were not written."""
+    description = taken(
+        robot(hinge("j", "a", LIMIT.replace(f'{name}="1"', f'{name}="-1"'))), "is negative"
+    )
+    assert getattr(description.joints[0], name) is None
+    assert at_rest(description, motions={"j": {"position": 0.5}}).keys() == {"j"}
+
+
+@pytest.mark.parametrize(
+    ("limit", "problem"),
+    [
+        ("", "a revolute joint needs a limit"),
+        ('<limit lower="low" upper="1" effort="1" velocity="1"/>', '"low" is not a number'),
+        ('<limit lower="-1" upper="inf" effort="1" velocity="1"/>', "not a finite number"),
+    ],
+)
+def test_a_joint_without_limits_stays_at_0(limit: str, problem: str) -> None:
+    """And has its transform, wherever another node says it is."""
+    description = taken(robot(hinge("j", "a", limit)), problem)
+    assert (description.joints[0].lower, description.joints[0].upper) == (None, None)
+    assert moved(description, j=2.0) == {"a": "base"}
+    assert at_rest(description, motions={"j": {"position": 0.5}}) == {"j": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("parts", "problem"),
+    [
+        ((hinge("j", "a", f'{LIMIT}<mimic joint="x"/>'),), 'no joint "x" to mimic'),
+        ((hinge("j", "a", f'{LIMIT}<mimic joint="j"/>'),), "mimics itself"),
+        ((hinge("j", "a", f"{LIMIT}<mimic/>"),), "names no joint"),
+        ((hinge("j", "a", f'{LIMIT}<mimic joint="k" offset="x"/>'), hinge("k", "b")), '"x" is not'),
+        ((hinge("j", "a", f'{LIMIT}<mimic joint="f"/>'), hinge("f", "b", "", "fixed")), "is fixed"),
+        (
+            (
+                hinge("j", "a", f'{LIMIT}<mimic joint="k"/>'),
+                hinge("k", "b", f'{LIMIT}<mimic joint="j"/>'),
+            ),
+            "j -> k -> j mimic each other",
+        ),
+    ],
+)
+def test_a_joint_that_can_follow_nothing_moves_by_itself(
+    parts: tuple[str, ...], problem: str
+) -> None:
+    """It has a joint state and a transform of its own."""
+    description = taken(robot(*parts), problem)
+    assert all(joint.mimic is None for joint in description.joints)
+    assert at_rest(description)["j"] == 0.0
+    assert moved(description, j=0.5)["a"] == "base"
+
+
+def test_a_mimic_on_a_fixed_joint_is_ignored() -> None:
+    """As in robot_state_publisher's own test, and in TALOS."""
+    urdf = robot(
+        hinge("second", "a", '<origin xyz="0 1 0"/>', "fixed"),
+        hinge("third", "b", '<mimic joint="second" multiplier="1" offset="0"/>', "fixed"),
+    )
+    description = taken(urdf, "a fixed joint has no single position, so it cannot mimic")
+    assert moved(description) == {"a": "base", "b": "base"}
+    assert at_rest(description) == {}
+
+
+def test_loose_links_have_joint_states_but_no_transforms() -> None:
+    """As with the standard nodes: joint_state_publisher wants joints only, TF wants one tree."""
+    arm = '<link name="arm"/>' + hinge("j", "hand").replace('link="base"', 'link="arm"')
+    description = taken(robot(hinge("k", "a"), arm), "the robot falls into 2 parts")
+    assert (description.root_link, at_rest(description)) == ("base", {"k": 0.0, "j": 0.0})
+    with pytest.raises(OneBotError, match="robot falls into 2 parts, whose roots are arm, b"):
+        RobotModel.from_description(description)
+
+
+def test_a_robot_may_lie_in_another_element() -> None:
+    """As in the tests of joint_state_publisher; what is published begins with <robot>."""
+    description = taken(
+        f"<urdf>\n{robot(hinge('j', 'a'))}</urdf>", 'r:2: robot "r": lies in <urdf>'
+    )
+    assert (description.robot_name, at_rest(description)) == ("r", {"j": 0.0})
+    assert parse_description(description.urdf).problems == ()
+    nested = parse_description(f"<urdf>{robot(hinge('j', 'a', ''))}</urdf>", "r")
+    assert 'r:1: joint "j": a revolute joint needs' in nested.problems[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ('<COLLADA xmlns="http://www.collada.org/2008/03/COLLADASchema"/>', "in COLLADA, which"),
+        ('<sdf version="1.6"><model name="r"/></sdf>', "is a robot in SDF, which is not read"),
+        ("<mujoco/>", "a robot in MJCF, which is not read; convert it to URDF"),
+    ],
+)
+def test_other_formats_are_refused(text: str, problem: str) -> None:
+    """By name."""
+    with pytest.raises(DescriptionError, match=problem):
+        parse_description(text)
+
+
+@pytest.mark.parametrize(
+    ("inside", "problem", "shapes"),
+    [
+        ('<sphere radius="x"/>', '"x" is not a number', []),
+        ('<sphere radius="-1"/>', "is negative", []),
+        ("<torus/>", "unknown shape", []),
+        ('<capsule radius="1" length="2"/>', "is no shape of URDF", [Capsule(1.0, 2.0)]),
+        ('<sphere radius="1"/><box size="1 1 1"/>', "holds 2 shapes", []),
+        ('<sphere radius="1"/>', "", [Sphere(1.0)]),
+    ],
+)
+def test_a_shape_that_cannot_be_read_is_left_out(
+    inside: str, problem: str, shapes: list[object]
+) -> None:
+    """The link knows why, so that the viewer says so."""
+    urdf = robot(base=f"<visual><geometry>{inside}</geometry></visual>")
+    description = taken(urdf, problem) if problem else parse_description(urdf)
+    [link] = description.links
+    assert [visual.shape for visual in link.visuals] == shapes
+    assert link.left_out == (() if shapes else description.problems)
+
+
+def test_moments_below_zero_by_rounding_are_a_warning() -> None:
+    """As iCub has them."""
+    moments = MOMENTS.replace('iyy="1"', 'iyy="-5e-20"')
+    description = parse_description(robot(base=f'<inertial><mass value="1"/>{moments}</inertial>'))
+    assert description.problems == ()
+    assert "not positive definite" in description.warnings[0]
+
+
+def test_the_simulation_names_what_it_cannot_do() -> None:
+    """All at once, with the lines."""
+    heavy = f'<inertial><mass value="-1"/>{MOMENTS}</inertial>'
+    urdf = robot(
+        "\n" + hinge("j", "a", ""),
+        '\n<link name="loose"/>',
+        base=f'{heavy}<collision><geometry><sphere radius="1"/></geometry></collision>',
+    )
+    with pytest.raises(OneBotError) as caught:
+        rigid_bodies(parse_description(urdf, "r.urdf"))
+    assert str(caught.value).splitlines() == [
+        'r.urdf:2: joint "j" has no limits; the simulation needs lower and upper',
+        'r.urdf:1: link "base" <mass>: -1 must be 0 or more',
+        'r.urdf:3: link "loose" is not connected with "base" by any joint',
+    ]
