@@ -10,7 +10,8 @@ HELP = """\
 usage: onebot check FILE [name:=value ...]
 
 Checks a URDF or xacro file. Prints all problems (exit code 1), or the tree of links and joints
-(exit code 0). name:=value are arguments that the xacro file declares; --show-args lists them."""
+(exit code 0); warnings either way. name:=value are arguments that the xacro file declares;
+--show-args lists them. Nodes are less strict: of many problems they only warn."""
 
 
 def run(argv: Sequence[str]) -> int:

@@ -86,6 +86,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     values = with_params_file(values, own)
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
+    description.require_tree()
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from onebot_description.errors import DescriptionError
+from onebot_description.errors import DescriptionError, listing
 
 Triple = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
@@ -178,6 +178,20 @@ class Description:
         """
         if self.problems:
             raise DescriptionError(self.problems, self.warnings)
+
+    def require_tree(self) -> None:
+        """Refuse a robot in parts, which TF cannot have.
+
+        Raises:
+            DescriptionError: the roots of the parts.
+        """
+        if len(self.roots) > 1:
+            raise DescriptionError(
+                [
+                    f"{self.source}: the robot falls into {len(self.roots)} parts, whose roots are "
+                    f"{listing(self.roots)}; connect them by joints"
+                ]
+            )
 
     @property
     def folder(self) -> Path | None:

@@ -7,6 +7,7 @@ An editable install moreover holds *copies* of urdf/, config/ and the like in th
 checkout itself, through a prefix of symbolic links, comes first, so an edit takes effect at once.
 """
 
+import contextlib
 import os
 import sys
 import zlib
@@ -145,15 +146,36 @@ def _checkout_prefix() -> Path | None:
     checkout = Path(__file__).resolve().parents[2]
     if not all((checkout / name / "package.xml").is_file() for name in PACKAGES):
         return None
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    digest = f"{zlib.crc32(str(checkout).encode()):08x}"
-    prefix = cache / "onebot" / f"ament-{digest}"
+    digest = f"{zlib.crc32(os.fsencode(checkout)):08x}"
+    prefix = cache_folder() / f"ament-{digest}"
     index = prefix / "share/ament_index/resource_index/packages"
     index.mkdir(parents=True, exist_ok=True)
     for name in PACKAGES:
         (index / name).touch()
         _link(prefix / "share" / name, checkout / name)
     return prefix
+
+
+def cache_folder() -> Path:
+    """Return a folder for files that can be made again: below HOME, or beside temporary files.
+
+    Raises:
+        OneBotError: neither can be written.
+    """
+    with contextlib.suppress(OSError, RuntimeError):  # no home, or one that cannot be written
+        home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        folder = Path(home, "onebot")
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    import tempfile  # slow to import
+
+    folder = Path(tempfile.gettempdir(), f"onebot-{os.getuid()}")
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.stat().st_uid == os.getuid():  # and not a trap of another user's
+            return folder
+    raise OneBotError(f"neither ~/.cache nor {folder} can be written; set XDG_CACHE_HOME")
 
 
 def _link(link: Path, target: Path) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from onebot_description.description.description import MOVING_KINDS, Description, Joint
-from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import quaternions
 from onebot_description.wire.library import load_library
 
@@ -222,11 +222,7 @@ class RobotModel:
         Raises:
             OneBotError: its links are not one tree.
         """
-        if len(description.roots) > 1:
-            raise OneBotError(
-                f"{description.source}: the robot falls into {len(description.roots)} parts, whose "
-                f"roots are {listing(description.roots)}; connect them by joints"
-            )
+        description.require_tree()
         self.name = description.robot_name
         self.root_link = description.root_link
         self.links = description.link_names

@@ -77,11 +77,36 @@ def test_check_shows_a_good_robot(arm: str) -> None:
 
 
 def test_check_reports_a_bad_robot(tmp_path: Path) -> None:
-    """Problems: a line each on standard error, exit code 1, no traceback."""
-    (tmp_path / "bad.urdf").write_text('<robot name="r"><link name="a"/><link name="b"/></robot>')
+    """Problems and warnings: a line each on standard error, exit code 1, no traceback."""
+    text = '<robot name="r"><link name="a"/><link name="b" nmae="c"/></robot>'
+    (tmp_path / "bad.urdf").write_text(text)
     done = onebot("check", str(tmp_path / "bad.urdf"))
-    assert done.returncode == 1 and done.stderr.startswith("error: ")
-    assert "Traceback" not in done.stderr and done.stdout == ""
+    assert done.returncode == 1 and done.stdout == ""
+    error, warning = done.stderr.splitlines()
+    assert error.startswith("error: ") and "falls into 2 parts" in error
+    assert warning.startswith("warning: ") and 'unknown attribute "nmae"' in warning
+
+
+@pytest.mark.parametrize("home", ["/dev/null", None])
+def test_check_works_without_a_home_or_a_locale(tmp_path: Path, home: str | None) -> None:
+    """Nor does it need a folder that can be written; what cannot be shown is escaped."""
+    file = tmp_path / "r\N{LATIN SMALL LETTER E WITH ACUTE}.xacro"
+    text = ARM.replace('"arm"', '"\N{RIGHT-TO-LEFT OVERRIDE}arm"').replace('"base"', '"ba&#155;se"')
+    file.write_text(text, encoding="utf-8")
+    limited = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    environment = {name: value for name, value in os.environ.items() if name != "HOME"}
+    environment |= limited | ({"HOME": home, "PYTHONIOENCODING": "ascii"} if home else {})
+    environment |= {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, "-m", "onebot_bringup.cli.main", "check", os.fsencode(file)],
+        capture_output=True,
+        cwd="/proc",
+        env=environment,
+        timeout=180,
+    )
+    assert done.returncode == 0 and b"Traceback" not in done.stderr, done.stderr
+    assert done.stdout.startswith(b"\\u202earm  (") and b"ba\\x9bse" in done.stdout
+    assert b"shoulder" in done.stdout
 
 
 def test_check_of_a_file_that_does_not_exist() -> None:
@@ -178,7 +203,8 @@ def test_missing_files_are_reported_before_anything_starts(arm: str, word: str) 
 
 def test_a_bad_robot_starts_nothing(tmp_path: Path) -> None:
     """The description is checked once, up front."""
-    (tmp_path / "bad.urdf").write_text("<robot")
-    done = onebot("view", str(tmp_path / "bad.urdf"))
-    assert done.returncode == 1 and "starting" not in done.stdout
-    assert "bad.urdf" in done.stderr and "Traceback" not in done.stderr
+    for text in ("<robot", '<robot name="r"><link name="a"/><link name="b"/></robot>'):
+        (tmp_path / "bad.urdf").write_text(text)
+        done = onebot("view", str(tmp_path / "bad.urdf"))
+        assert done.returncode == 1 and "starting" not in done.stdout
+        assert "bad.urdf" in done.stderr and "Traceback" not in done.stderr

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from onebot_description.description.packages import (
+    cache_folder,
     package_names,
     package_share,
     resolve,
@@ -100,3 +101,26 @@ def test_a_relative_path_needs_a_folder() -> None:
     """Text from a topic lies in none."""
     with pytest.raises(OneBotError, match='"a.stl" is relative.*or an absolute path'):
         resolve("a.stl", None)
+
+
+@pytest.mark.parametrize("home", ["/dev/null", "/proc", None])
+def test_without_a_home_that_can_be_written(monkeypatch, tmp_path, home):
+    """The folder for temporary files takes its place, unless somebody else has made it."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    monkeypatch.setattr(Path, "home", lambda: _home(home))
+    own = tmp_path / f"onebot-{os.getuid()}"
+    assert cache_folder() == own and own.stat().st_mode & 0o777 == 0o700
+    assert package_share("mrm_description") == Path(__file__).parents[2] / "mrm_description"
+    assert _prefixes()[0].startswith(str(own))
+    monkeypatch.setattr(os, "getuid", lambda: 4242)
+    (tmp_path / "onebot-4242").mkdir()
+    with pytest.raises(OneBotError, match="set XDG_CACHE_HOME"):
+        cache_folder()
+
+
+def _home(home: str | None) -> Path:
+    if home is None:
+        raise RuntimeError("Could not determine home directory.")
+    return Path(home)
