@@ -1,6 +1,7 @@
 """Each check reports once, with line and element, and accepts what is only nearly wrong."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -685,6 +686,14 @@ def test_warnings_come_with_the_problems_and_stay_warnings():
     assert str(caught.value).splitlines() == lines
 
 
+def test_two_of_a_kind_and_nothing_else_are_one_problem():
+    """Of the two, the second."""
+    (part,) = re.findall("<inertial>.*</inertial>", inertial())
+    assert problems(link(part + "\n" + part)) == [
+        '4: link "a" <inertial>: stands 2 times in link "a"; leave one'
+    ]
+
+
 @pytest.mark.parametrize("tag", ["origin", "axis", "limit", "mimic", "dynamics", "parent", "child"])
 def test_second_elements_are_one_problem(tag):
     """However many there are, at the second; ``leave one``."""
@@ -718,6 +727,8 @@ def test_xacro_that_was_not_expanded_is_one_problem():
     (problem,) = problems(text)
     assert problem.startswith("3: <wheel>: <xacro:wheel>")
     assert " and 2 more is xacro that was not expanded; name the file .xacro" in problem
+    (problem,) = problems(text.replace("<xacro:wheel/></robot>", "</robot>"))
+    assert " and 1 more is xacro that was not expanded" in problem
     (problem,) = problems('<robot name="r">\n<link name="$(arg a)"/></robot>')
     assert problem.startswith('2: link "$(arg a)": name="$(arg a)" is xacro that was not expanded')
     assert warnings('<robot name="r"><link name="a$"/></robot>') == []

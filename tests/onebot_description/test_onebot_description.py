@@ -1,5 +1,6 @@
 """OneBot's description under every combination of its arguments, in every reader of ours."""
 
+import functools
 import io
 import itertools
 import xml.etree.ElementTree as ET
@@ -40,6 +41,7 @@ MESHES = (None, "true", "false", "1", "0", "True", "False")
 COMBINATIONS = list(itertools.product(MESHES, NAMESPACES, PREFIXES))
 
 
+@functools.cache
 def _load(mesh=None, namespace=None, prefix=None) -> Description:
     given = {"mesh_enabled": mesh, "robot_namespace": namespace, "prefix": prefix}
     return load_description(FILE, {key: value for key, value in given.items() if value is not None})
@@ -49,7 +51,8 @@ def _identify(combination) -> str:
     return "-".join("default" if value is None else value or "empty" for value in combination)
 
 
-@pytest.fixture(params=COMBINATIONS, ids=_identify)
+# Of the module: all the tests of a combination come after one another, and load it once.
+@pytest.fixture(params=COMBINATIONS, ids=_identify, scope="module")
 def combination(request):
     return request.param
 
