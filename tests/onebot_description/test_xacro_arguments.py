@@ -105,3 +105,9 @@ def test_includes_of_includes_end(tmp_path: Path) -> None:
     assert files == tuple(tmp_path / f"{number}.xacro" for number in range(15))
     (tmp_path / "self.xacro").write_text(robot('<xacro:include filename="self.xacro"/>'))
     assert included_files(str(tmp_path / "self.xacro")) == (tmp_path / "self.xacro",)
+
+
+def test_a_file_of_a_package() -> None:
+    """By the package's name, with what it includes."""
+    found = xacro_arguments("package://onebot_description/urdf/onebot.urdf.xacro")
+    assert "mesh_enabled" in {argument.name for argument in found.arguments} and found.complete
