@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.description import DescriptionError, Mimic, parse_description
-from onebot_description.description.checks import is_ascii_stl
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 CUBE = ROBOTS / "meshes" / "cube.stl"
@@ -534,24 +533,6 @@ def test_geometry_of_one_shape(tag):
     assert problem.startswith(f'3: link "a" <{tag}> <geometry> <bx>: unknown shape')
 
 
-@pytest.mark.parametrize(
-    ("mesh", "tag", "count"),
-    [
-        ("cube.stl", "collision", 0),
-        ("cube.obj", "collision", 0),
-        ("cube.glb", "collision", 1),
-        ("cube.glb", "visual", 0),
-        ("ascii.stl", "collision", 1),
-        ("ascii.stl", "visual", 0),
-    ],
-)
-def test_meshes_that_pybullet_does_not_read(mesh, tag, count):
-    """A warning only where it would."""
-    path = ROBOTS / "meshes" / mesh
-    text = link(f'<{tag}><geometry><mesh filename="{path}"/></geometry></{tag}>')
-    assert len(warnings(text)) == count
-
-
 def test_every_origin_is_checked():
     """Of inertial, visual, collision and joint: xyz and rpy, each once."""
     wrong = '<origin xyz="0 0" rpy="0"/>'
@@ -967,12 +948,3 @@ def test_nesting_ends_at_a_hundred(depth, good):
         assert warnings(text) == []
     else:
         assert problems(text) == ["1: elements are nested deeper than 100"]
-
-
-def test_text_and_binary_stl_are_told_apart(tmp_path: Path) -> None:
-    """A binary STL stays one when its header begins with "solid"."""
-    assert is_ascii_stl(ROBOTS / "meshes" / "ascii.stl")
-    assert not is_ascii_stl(CUBE)
-    disguised = tmp_path / "solid.stl"
-    disguised.write_bytes(b"solid" + CUBE.read_bytes()[5:])
-    assert not is_ascii_stl(disguised)

@@ -20,7 +20,8 @@ from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
-from onebot_description.description.packages import package_share
+from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.packages import Resources, package_share
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.viewer_support import describe, take_tf
@@ -137,7 +138,7 @@ def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
     found = np.array(pybullet.getAABB(body, physicsClientId=world))
     # Its boxes stand off by a margin.
     np.testing.assert_allclose(
-        found, load_shape(Mesh(str(path), (1.0, 1.0, 1.0))).bounds, atol=5e-3
+        found, load_shape(locate_mesh(Resources(None), str(path))).bounds, atol=5e-3
     )
 
 
