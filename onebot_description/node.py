@@ -9,6 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, ParamSpec
 
@@ -20,10 +21,16 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.time_source import TimeSource
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.packages import package_share, use_environment_prefix
+from onebot_description.description.packages import (
+    cache_folder,
+    package_share,
+    use_environment_prefix,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.signals import StopSignals
 
@@ -60,7 +67,9 @@ def run_node(
         The exit code: 0 when stopped by a signal, 1 for a user's mistake.
     """
     use_environment_prefix()
+    use_writable_log_folder()
     use_quick_discovery()
+    ignore_impossible_times()
     stop: Future = Future()
     with StopSignals(lambda: _finish(stop)) as signals:
         try:
@@ -213,6 +222,20 @@ def _fail(message: str) -> int:
     return 1
 
 
+def use_writable_log_folder() -> None:
+    """Have ROS log to the cache where there is no home or it cannot be written: else it fails."""
+    if os.environ.get("ROS_LOG_DIR") or os.environ.get("ROS_HOME"):
+        return
+    home = os.environ.get("HOME")
+    if home:
+        with suppress(OSError):
+            folder = Path(home, ".ros/log")
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return
+    os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
+
+
 def use_quick_discovery() -> None:
     """Announce this process often; call it before rclpy is initialised.
 
@@ -225,6 +248,21 @@ def use_quick_discovery() -> None:
     if not any(os.environ.get(name) for name in _PROFILES):
         profile = package_share("onebot_description") / "config/quick_discovery.xml"
         os.environ[_PROFILES[0]] = str(profile)
+
+
+@functools.cache
+def ignore_impossible_times() -> None:
+    """Have nodes ignore a /clock that no clock can show, such as one before 1970.
+
+    rclpy raises in its own callback of /clock, which would end the node.
+    """
+    take: Callable[[TimeSource, ClockMessage], None] = TimeSource.clock_callback
+
+    def take_possible(source: TimeSource, message: ClockMessage) -> None:
+        if message.clock.sec >= 0:
+            take(source, message)
+
+    TimeSource.clock_callback = take_possible
 
 
 class RosArguments(NamedTuple):

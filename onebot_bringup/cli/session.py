@@ -50,8 +50,10 @@ class Session:
         if not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         use_environment_prefix()
-        from onebot_description.node import use_quick_discovery  # imports rclpy, which is slow
+        # This imports rclpy, which is slow.
+        from onebot_description.node import use_quick_discovery, use_writable_log_folder
 
+        use_writable_log_folder()
         use_quick_discovery()
         self._interrupts = KeyboardInterrupts().__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):

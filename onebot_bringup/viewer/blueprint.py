@@ -1,6 +1,5 @@
 """The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
 
-import contextlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import Context, Display, LayoutPart, last
 from onebot_bringup.viewer.displays.tf import axes_entity
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
+from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene, marker_size
 from onebot_bringup.viewer.settings import Color
 from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import (
@@ -23,7 +22,7 @@ from onebot_bringup.viewer.view_config import (
     PanelsSettings,
     ViewConfig,
 )
-from onebot_description.description.description import Description, Geometry, Triple
+from onebot_description.description.description import Description, Geometry, Link, Triple
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
@@ -107,7 +106,12 @@ class BlueprintSender:
         if bounds is not None:
             eye, target = fitting_eye(bounds)
             size = float(np.linalg.norm(bounds[1] - bounds[0]))
-            self._context.fitting_length = fitting_length(size, len(robot.link_names))
+            longest = fitting_length(size, len(robot.link_names))
+            self._context.fitting_length = longest
+            self._context.axes_lengths = {
+                self._context.frame_of(link): min(longest, length)
+                for link, length in axes_lengths(robot).items()
+            }
         camera = replace(
             layout.camera, eye=layout.camera.eye or eye, target=layout.camera.target or target
         )
@@ -225,18 +229,33 @@ def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Float
         description: the robot.
         poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
     """
-    points = []
+    clouds = []
+    marker = marker_size(description)
     for link in description.links:
-        if link.name not in poses:
-            continue
-        pose = poses[link.name]
-        for geometry in link.visuals:
-            with contextlib.suppress(OneBotError):  # reported when it was drawn
-                points.append(corners(geometry) @ pose[:3, :3].T + pose[:3, 3])
-    if not points:
-        return None
-    cloud = np.concatenate(points)
-    return np.array([cloud.min(axis=0), cloud.max(axis=0)])
+        if link.name in poses and (cloud := link_corners(link, marker)) is not None:
+            pose = poses[link.name]
+            clouds.append(cloud @ pose[:3, :3].T + pose[:3, 3])
+    return _box(np.concatenate(clouds)) if clouds else None
+
+
+def link_corners(link: Link, marker: float) -> Floats | None:
+    """Return the corners (N, 3) of the boxes around the visuals, metres; None without any.
+
+    Args:
+        link: has the visuals.
+        marker: the size of the boxes in place of those that cannot be drawn, m.
+    """
+    found = []
+    for geometry in link.visuals:
+        try:
+            found.append(corners(geometry))
+        except OneBotError:  # reported when it was drawn
+            found.append(geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3]))
+    return np.concatenate(found) if found else None
+
+
+def _box(points: Floats) -> Floats:
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:
@@ -254,9 +273,35 @@ def _vector(values: Floats) -> Triple:
     return x, y, z
 
 
+_SHORTEST = 0.05  # of a robot's size: axes of a hundred links are seen, too
+_OF_LINK = 0.75  # of a link's size
+
+
 def fitting_length(size: float, links: int) -> float:
     """Return how long axes should be for a robot of ``size`` (its diagonal), both in metres.
 
     Long enough to come out of a few big links, short enough for many small ones.
     """
-    return round(0.55 * size / links**0.7, 3) if links else 0.0
+    return round(size * max(0.55 / links**0.7, _SHORTEST), 3) if links else 0.0
+
+
+def axes_lengths(robot: Description) -> dict[str, float]:
+    """Return how long the axes of each link may be so that they do not hide it, metres.
+
+    In proportion to its visuals; those of a link without any are as those of its parent.
+    """
+    parents = {joint.child: joint.parent for joint in robot.joints}
+    marker = marker_size(robot)
+    lengths = {}
+    for link in robot.links:
+        cloud = link_corners(link, marker)
+        if cloud is not None:
+            lengths[link.name] = round(_OF_LINK * float(np.linalg.norm(np.ptp(cloud, axis=0))), 3)
+    for name in robot.link_names:
+        way = []
+        while name not in lengths and name in parents:
+            way.append(name)
+            name = parents[name]
+        if name in lengths:
+            lengths.update(dict.fromkeys(way, lengths[name]))
+    return lengths

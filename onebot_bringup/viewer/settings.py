@@ -37,5 +37,5 @@ def setting(default: Any, description: str, rules: Rules | None = None) -> Any:
         description: what it does, with its unit.
         rules: what it may be; by default a number is at least 0.
     """
-    usual = length if isinstance(default, float) else {}
+    usual = length if type(default) in (int, float) else {}
     return parameter(default, description, **(usual if rules is None else rules))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+ROBOTS = Path(__file__).parents[1] / "robots"
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="reach" default="1.0"/>
   <link name="base"/><link name="tip"/>
@@ -85,6 +86,28 @@ def test_check_reports_a_bad_robot(tmp_path: Path) -> None:
     error, warning = done.stderr.splitlines()
     assert error.startswith("error: ") and "falls into 2 parts" in error
     assert warning.startswith("warning: ") and 'unknown attribute "nmae"' in warning
+
+
+@pytest.mark.parametrize("home", ["/dev/null", None])
+def test_check_works_without_a_home_or_a_locale(tmp_path: Path, home: str | None) -> None:
+    """Nor does it need a folder that can be written; what cannot be shown is escaped."""
+    file = tmp_path / "r\N{LATIN SMALL LETTER E WITH ACUTE}.xacro"
+    text = ARM.replace('"arm"', '"\N{RIGHT-TO-LEFT OVERRIDE}arm"').replace('"base"', '"ba&#155;se"')
+    file.write_text(text, encoding="utf-8")
+    limited = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    environment = {name: value for name, value in os.environ.items() if name != "HOME"}
+    environment |= limited | ({"HOME": home, "PYTHONIOENCODING": "ascii"} if home else {})
+    environment |= {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, "-m", "onebot_bringup.cli.main", "check", os.fsencode(file)],
+        capture_output=True,
+        cwd="/proc",
+        env=environment,
+        timeout=180,
+    )
+    assert done.returncode == 0 and b"Traceback" not in done.stderr, done.stderr
+    assert done.stdout.startswith(b"\\u202earm  (") and b"ba\\x9bse" in done.stdout
+    assert b"shoulder" in done.stdout
 
 
 def test_check_of_a_file_that_does_not_exist() -> None:
@@ -186,3 +209,35 @@ def test_a_bad_robot_starts_nothing(tmp_path: Path) -> None:
         done = onebot("view", str(tmp_path / "bad.urdf"))
         assert done.returncode == 1 and "starting" not in done.stdout
         assert "bad.urdf" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_check_opens_the_meshes_and_takes_a_package_path(tmp_path: Path) -> None:
+    """A package elsewhere is found where ``package_path:=`` says; what is in it must be a mesh."""
+    parts = tmp_path / "elsewhere/parts"
+    parts.mkdir(parents=True)
+    (parts / "package.xml").write_text("<package><name>parts</name></package>")
+    (parts / "a.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:1\n")
+    mesh = '<geometry><mesh filename="package://parts/a.stl"/></geometry>'
+    file = tmp_path / "robot/r.urdf"
+    file.parent.mkdir()
+    file.write_text(
+        f'<robot name="r"><link name="a"><visual>{mesh}</visual>\n'
+        f"<collision>{mesh}</collision></link><gazbo/></robot>"
+    )
+    done = onebot("check", str(file))
+    assert done.returncode == 1 and done.stdout == ""
+    missing, warning = done.stderr.splitlines()
+    assert missing.startswith(f'error: {file}:1: link "a"') and "package_path:=FOLDER" in missing
+    assert '2 meshes: no ROS package "parts"' in missing
+    assert warning.startswith("warning: ") and "gazbo" in warning
+    done = onebot("check", str(file), f"package_path:={tmp_path / 'elsewhere'}")
+    assert done.returncode == 1
+    [broken, warning] = done.stderr.splitlines()
+    assert broken.startswith(f'error: {file}:1: link "a": mesh ') and "git lfs pull" in broken
+    assert warning.startswith("warning: ")
+    (parts / "a.stl").write_bytes((ROBOTS / "meshes/cube.stl").read_bytes())
+    done = onebot("check", str(file), f"package_path:={tmp_path / 'elsewhere'}")
+    assert done.returncode == 0 and "1 mesh" in done.stdout
+    assert [line.startswith("warning: ") for line in done.stderr.splitlines()] == [True]
+    done = onebot("check", str(file), f"package_path:={tmp_path / 'nowhere'}")
+    assert done.returncode == 1 and "there is no folder" in done.stderr

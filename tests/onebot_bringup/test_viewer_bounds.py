@@ -1,8 +1,15 @@
 """The box around a robot's visuals, and the eye that sees all of it."""
 
 import numpy as np
+import pytest
 
-from onebot_bringup.viewer.blueprint import corners, fitting_eye, robot_bounds
+from onebot_bringup.viewer.blueprint import (
+    axes_lengths,
+    corners,
+    fitting_eye,
+    fitting_length,
+    robot_bounds,
+)
 from onebot_description.description import parse_description
 from tests.onebot_bringup.viewer_support import ARM
 
@@ -29,3 +36,24 @@ def test_corners_turn_with_the_origin():
     )
     points = corners(robot.links[0].visuals[0])
     np.testing.assert_allclose(np.ptp(points, axis=0), [2, 4, 2], atol=1e-12)
+
+
+def test_axes_are_in_proportion_to_links_and_robot():
+    """Those of a link without shapes are as its parent's; a hundred links have some, too."""
+    sizes = {"root": "", "hand": "0.3 1e-9 0.4", "finger": "0.03 0.04 1e-9", "tip": ""}
+    links = "".join(
+        f'<link name="{name}">{_VISUAL.format(size) if size else ""}</link>'
+        for name, size in sizes.items()
+    )
+    joints = "".join(
+        f'<joint name="{child}" type="fixed"><parent link="{parent}"/><child link="{child}"/>'
+        "</joint>"
+        for parent, child in (("root", "hand"), ("hand", "finger"), ("finger", "tip"))
+    )
+    robot = parse_description(f'<robot name="r">{links}{joints}</robot>')
+    assert axes_lengths(robot) == pytest.approx({"hand": 0.375, "finger": 0.038, "tip": 0.038})
+    assert fitting_length(2.0, 0) == 0.0
+    assert fitting_length(2.0, 2) > fitting_length(2.0, 20) > fitting_length(2.0, 100) == 0.1
+
+
+_VISUAL = '<visual><geometry><box size="{}"/></geometry></visual>'

@@ -7,7 +7,7 @@ import pytest
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import Context
-from onebot_bringup.viewer.displays.tf import TfDisplay, TransformStream
+from onebot_bringup.viewer.displays.tf import AxesSettings, TfDisplay, TransformStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_description.description import parse_description
 from onebot_description.wire.messages import TfArrays
@@ -181,6 +181,16 @@ class _Shown:
         """Draw what there is."""
         self._display.flush()
 
+    def apply(self, settings: AxesSettings) -> None:
+        """Draw as these settings have it."""
+        self._display.apply(settings)
+
+    def named(self, frame: str) -> list[bool]:
+        """Whether the name was shown, each time that axes were drawn in a frame."""
+        self._recording.close()
+        shown = column(self._file, f"/frames/a_{frame}", "TransformAxes3D:show_frame")
+        return [name for [name] in shown]
+
     def drawn(self, frame: str) -> int:
         """How often axes were drawn in a frame; the file is complete then."""
         self._recording.close()
@@ -232,3 +242,22 @@ def test_another_robot_within_the_second_is_waited_for_anew(shown: _Shown) -> No
     shown.now += 0.9
     shown.receive("old", "new")
     assert shown.drawn("old") == 2 and shown.drawn("new") == 1
+
+
+def test_names_are_shown_of_few_frames_or_on_request(tmp_path: Path) -> None:
+    """Of a robot with many frames they would hide it; drawn anew only when that changes."""
+    shown = _Shown(tmp_path / "x.rrd")
+    shown.receive("old")
+    shown.set_robot("old")
+    shown.receive(*(f"frame{number}" for number in range(15)))
+    shown.receive("old", "frame3")
+    for settings in (
+        AxesSettings(names_up_to=17),
+        AxesSettings(),
+        AxesSettings(names=False),
+        AxesSettings(frames=("a_base", "a_old")),
+    ):
+        shown.apply(settings)
+        shown.flush()
+    # At first 2 frames, then 17, and at last 2 again.
+    assert shown.named("base") == [True, False, True, False, True]

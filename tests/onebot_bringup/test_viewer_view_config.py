@@ -109,7 +109,7 @@ def test_the_view_of_mrm_is_valid():
         ("axes: {length: long}", 'axes.length: "long" is a string; write a number from 0'),
         ("axes: {length: -1}", "axes.length: -1 is below 0; write a number from 0"),
         ("axes: {visible: 1}", "axes.visible: 1 is a number; write true or false"),
-        ("axes: 3", "axes: 3 is a number; write a map with visible, length, names, frames"),
+        ("axes: 3", "axes: 3 is a number; write a map with visible, length, names, names_up_to,"),
         ("axes: {frames: odom}", 'axes.frames: "odom" is a string; write a list of names'),
         ("grid: {height: high}", 'grid.height: "high" is a string; write a number'),
         ("trails: [odom]", "write a map of names, each a map with topic, color"),

@@ -10,7 +10,7 @@ from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import joint_limits
 from onebot_description.joints.mimic import resolve
 
-COUNT = 20_000
+COUNT = 6_000
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 

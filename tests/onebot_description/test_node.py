@@ -1,13 +1,20 @@
 """What nodes share: their ROS arguments, and warnings that are logged only so often."""
 
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from onebot_description.node import Lasting, RosArguments, Throttled, ros_arguments
+from onebot_description.node import (
+    Lasting,
+    RosArguments,
+    Throttled,
+    ros_arguments,
+    use_writable_log_folder,
+)
 
 
 def test_files_and_names_are_found() -> None:
@@ -125,3 +132,22 @@ def test_what_lasts_is_reported_once() -> None:
         (36.0, ["a"], True),
     ]
     assert [lasting.new(what, now) for now, what, _ in moments] == [new for _, _, new in moments]
+
+
+@pytest.mark.parametrize("home", ["/dev/null", "/proc", None])
+def test_ros_logs_where_it_can(monkeypatch, tmp_path: Path, home: str | None) -> None:
+    """In the cache, where there is no home to write in; a folder of the user's own stays."""
+    for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    if home:
+        monkeypatch.setenv("HOME", home)
+    use_writable_log_folder()
+    assert os.environ["ROS_LOG_DIR"] == str(tmp_path / "cache/onebot/log")
+    monkeypatch.setenv("ROS_LOG_DIR", "mine")
+    use_writable_log_folder()
+    assert os.environ["ROS_LOG_DIR"] == "mine"
+    monkeypatch.delenv("ROS_LOG_DIR")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    use_writable_log_folder()
+    assert "ROS_LOG_DIR" not in os.environ and (tmp_path / ".ros/log").is_dir()

@@ -172,6 +172,7 @@ class Context:
         self.clock = clock
         self.robot: Description | None = None
         self.fitting_length = 0.0  # of axes and arcs, metres, by the robot's size; 0: not known yet
+        self.axes_lengths: Mapping[str, float] = {}  # of the frames of links, by the links' sizes
         self.joint_colors: dict[str, Color] = {}  # of every joint whose state has come
         self._fixed_frame = fixed_frame
         self._frame_prefix = frame_prefix

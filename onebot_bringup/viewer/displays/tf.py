@@ -1,7 +1,7 @@
 """TF: logs every transform, so that what lies in a frame moves with it, and draws frames' axes."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import compress
 from typing import Any, NamedTuple, Protocol
@@ -52,6 +52,7 @@ class AxesSettings:
     visible: bool = setting(True, "draw the axes of the frames")
     length: float = setting(0.0, "of the axes, metres; 0 to choose it by the robot's size")
     names: bool = setting(True, "write the frames' names beside their axes")
+    names_up_to: int = setting(16, "frames with axes; of more, no names are written")
     frames: tuple[str, ...] = setting((), "of these frames only; empty for all", name_list)
 
 
@@ -65,7 +66,7 @@ class TfDisplay(Display[AxesSettings]):
         """Draw no axes yet."""
         super().__init__(context)
         self._settings = AxesSettings()
-        self._length = _DEFAULT_LENGTH
+        self._look: tuple[object, ...] = ()  # what the axes drawn depend on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
         self._robot: Description | None = None
@@ -80,13 +81,12 @@ class TfDisplay(Display[AxesSettings]):
 
     def apply(self, settings: AxesSettings) -> None:
         """Draw other axes, if they change."""
-        before, self._settings = self._settings, settings
+        self._settings = settings
         frame_of = self.context.frame_of
         self._only = {*settings.frames, *map(frame_of, settings.frames)}
         if self._only:
             self._hide(self._drawn - self._only)
-        if settings.names != before.names:
-            self._draw(self._drawn)
+        self._draw(())
 
     def set_robot(self) -> None:
         """Draw the axes of the links; hide those of links that are no more."""
@@ -116,10 +116,6 @@ class TfDisplay(Display[AxesSettings]):
         if self._retired and self.context.clock() - self._retired_at > _STRAGGLING:
             self.context.transforms.forget(self._retired)
             self._retired = set()
-        length = self._settings.length or self.context.fitting_length or _DEFAULT_LENGTH
-        if length != self._length:
-            self._length = length
-            self._draw(self._drawn)
         self._show(self.context.frames.names - self._retired)
 
     def warnings(self) -> list[str]:
@@ -140,10 +136,17 @@ class TfDisplay(Display[AxesSettings]):
         self._drawn |= new
         self._draw(new)
 
-    def _draw(self, frames: Iterable[str]) -> None:
-        axes = rr.TransformAxes3D(self._length, show_frame=self._settings.names)
+    def _draw(self, frames: Collection[str]) -> None:
+        """Draw axes in ``frames``; in all of them if their look has changed."""
+        settings, lengths = self._settings, self.context.axes_lengths
+        names = settings.names and len(self._drawn) <= settings.names_up_to
+        usual = self.context.fitting_length or _DEFAULT_LENGTH
+        look = settings.length, usual, lengths, names
+        if look != self._look:
+            self._look, frames = look, self._drawn
         for frame in frames:
-            self._log(frame, frame, axes)
+            length = settings.length or lengths.get(frame) or usual
+            self._log(frame, frame, rr.TransformAxes3D(length, show_frame=names))
 
     def _hide(self, frames: Iterable[str]) -> None:
         # Static data cannot be cleared, only overwritten; a frame that is gone would be an error.
