@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import os
 import signal
 from collections.abc import Iterator
 
@@ -8,6 +9,8 @@ from hypothesis import HealthCheck, settings
 
 from tests.benchmarks.domains import claimed_domain
 from tests.orphans import end_with_this_process
+
+_MOST_WORKERS = 16  # each may need more than one of the 100 ROS domains
 
 # nohup and a shell's & make all their children deaf to these, and so what the tests interrupt.
 for _number, _handler in (
@@ -25,6 +28,12 @@ settings.register_profile(
     "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("any machine")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """How many processes run the tests: most tests wait for others; pictures take all cores."""
+    cores = len(os.sched_getaffinity(0))
+    return cores if config.option.markexpr == "slow" else min(2 * cores, _MOST_WORKERS)
 
 
 @pytest.fixture

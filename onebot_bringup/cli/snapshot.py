@@ -31,7 +31,8 @@ from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
-from onebot_description.description.description import Triple
+from onebot_description.description.description import Mesh, Triple
+from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, listing
 from onebot_description.joints.limits import zero_position
 from onebot_description.model import RobotModel
@@ -59,6 +60,7 @@ def run(argv: Sequence[str]) -> int:
     from onebot_bringup.viewer.pictures import check_picture  # slower to import
 
     check_picture(args.file)
+    use_package_path(args.package_path)
     with KeyboardInterrupts(), tempfile.TemporaryDirectory(prefix="onebot-") as folder:
         _draw(args, Path(folder) / "scene.rrd")
     print(f"wrote {args.file} ({args.width} x {args.height})")
@@ -127,7 +129,8 @@ _SUMMARY = """\
 draw a robot into a PNG file, without any display: the running robot as it is now; or with
 SOURCE, a URDF or xacro file at given joint positions, or the end of a recording (.rrd, .mcap, or a
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
-messages, namespace:= chooses the robot, where several are recorded"""
+messages, namespace:= chooses the robot, where several are recorded. package_path:= holds the
+folders, joined by :, in which ROS packages are looked for first"""
 NAMESPACE = "namespace"  # the one argument of a bag
 _WIDTH, _HEIGHT = 1280, 720
 # Pixels: the viewer's window does not become smaller, and software renders no larger one for sure.
@@ -139,7 +142,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
 
     Returns:
         file, source, joints (by name), width, height, camera (eye and target, or None), dashboard,
-        view, frame_prefix, arguments (by name; of xacro, or of a bag) and ros_args.
+        view, frame_prefix, package_path, arguments (by name; of xacro, or of a bag) and ros_args.
 
     Raises:
         UsageError: the command line is not understood.
@@ -181,6 +184,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     )
     words, given = _take_out_arguments(argv)
     args = parser.parse(words)
+    args.package_path = given.pop(PACKAGE_PATH, "")
     args.arguments = given
     args.joints = dict(_joint(word) for word in args.joints)
     _check(args)
@@ -438,6 +442,7 @@ def _record_running(args: Namespace, recording: rr.RecordingStream) -> None:
 
 Floats = NDArray[np.float64]
 
+_DESCRIPTION_TOPIC = "robot_description"
 _SLACK = 1e-9  # rad or m beyond a limit: rounding
 # Any moment will do, but always the same: a picture with a clock in it stays the same, too.
 _NOW_NS = 1_700_000_000_000_000_000
@@ -510,7 +515,7 @@ def record_pose(
         header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
     )
     for topic, kind, data in (
-        ("robot_description", DESCRIPTION, serialize_message(String(data=description.urdf))),
+        (_DESCRIPTION_TOPIC, DESCRIPTION, serialize_message(String(data=description.urdf))),
         ("/tf_static", TF, _tf_message(model.fixed, model.fixed.constant)),
         ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
         ("joint_states", JOINT_STATE, serialize_message(joints)),
@@ -528,9 +533,19 @@ def _record_description(args: Namespace, recording: rr.RecordingStream) -> None:
     from onebot_description.description import load_description
 
     description = load_description(args.source, args.arguments)
-    _warn_of(description.notices)
+    lacking = _mesh_problems(description)  # of which the view warns
+    _warn_of([text for text in description.notices if not text.endswith(lacking)])
     positions = pose_of(RobotModel.from_description(description), description, args.joints)
-    _warn_of(record_pose(description, positions, args.view, recording))
+    warnings = record_pose(description, positions, args.view, recording)
+    # What is wrong with the text itself was reported with the lines of its file.
+    _warn_of([text for text in warnings if not text.startswith(f"{_DESCRIPTION_TOPIC}:")])
+
+
+def _mesh_problems(description: Description) -> tuple[str, ...]:
+    shapes = (
+        part.shape for link in description.links for part in (*link.visuals, *link.collisions)
+    )
+    return tuple({shape.problem for shape in shapes if isinstance(shape, Mesh) and shape.problem})
 
 
 # --- a bag --------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from onebot_bringup.launch.arguments import (
     simulation_arguments,
     split,
     table,
+    take_package_path,
     unknown,
 )
 from onebot_bringup.launch.nodes import NodeFactory, output_path
@@ -72,6 +73,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     declared = description_arguments(command.model, command.joints, command.view)
     if command.control:
         declared += simulation_arguments(command.control)
+    take_package_path(given)  # the model's includes may need it
     model = given.get("model", command.model)
     of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:

@@ -19,9 +19,7 @@ import trimesh
 import yourdfpy
 from numpy.typing import NDArray
 
-from onebot_description.description import packages
 from onebot_description.description.description import (
-    MESH_SUFFIXES,
     Box,
     Capsule,
     Cylinder,
@@ -29,6 +27,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
+from onebot_description.description.meshes import fault_of
 from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72
@@ -57,19 +56,17 @@ def file_state(shape: Shape) -> FileState | None:
     """Return the file of a mesh; None for other shapes.
 
     Raises:
-        OneBotError: no such package, file or kind of address.
+        OneBotError: it has none.
     """
     if not isinstance(shape, Mesh):
         return None
+    if shape.path is None:
+        raise OneBotError(f"mesh {shape.problem}")
     try:
-        path = packages.resolve(shape.uri, None)
-        status = path.stat()
-    except OneBotError as error:
-        raise OneBotError(f"mesh {error}") from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise OneBotError(f'mesh "{shape.uri}": {reason}') from error
-    return FileState(path, status.st_mtime_ns, status.st_size)
+        status = shape.path.stat()
+    except OSError as error:
+        raise OneBotError(f"mesh {shape.path}: {error.strerror}") from error
+    return FileState(shape.path, status.st_mtime_ns, status.st_size)
 
 
 def load_shape(shape: Shape) -> ShapeAsset:
@@ -86,9 +83,8 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
     if file is None or not isinstance(shape, Mesh):
         return _asset(_with_normals(_scene(shape, None)), colored=False)
     path, suffix = file.path, file.path.suffix.lower()
-    if suffix not in MESH_SUFFIXES:
-        known = ", ".join(MESH_SUFFIXES)
-        raise OneBotError(f"mesh {path}: {suffix or 'no suffix'} is none of {known}")
+    if fault := fault_of(path):
+        raise OneBotError(f"mesh {path} {fault}")
     try:
         return _mesh_asset(shape, path, suffix)
     except OneBotError:

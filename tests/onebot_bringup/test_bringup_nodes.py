@@ -196,8 +196,7 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
         "use_sim_time": False,
     }
     swing = parameters(make().joint_state_publisher())
-    assert swing["motions"]["shoulder"]["offset"] == pytest.approx(0.75)
-    assert "config_file" not in swing
+    assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
 
 
 def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 import rerun as rr
 
 from onebot_bringup.cli.snapshot import (
+    _record_description,
     parse_camera,
     parse_command_line,
     pose_of,
@@ -292,3 +293,19 @@ def test_what_is_in_a_recording(tmp_path):
     recording.close()
     cut.write_bytes(something.read_bytes()[:-100])
     assert [has_content(file) for file in (nothing, something, cut)] == [False, True, None]
+
+
+def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
+    """Of the picture, not of the file, too; other warnings of the file are given as well."""
+    mesh = '<visual><geometry><mesh filename="no.stl"/></geometry></visual>'
+    file = tmp_path / "r.urdf"
+    file.write_text(f'<robot name="r"><link name="a">{mesh * 2}</link><gazbo/></robot>')
+    recording = open_recording(save=tmp_path / "r.rrd")
+    _record_description(
+        parse_command_line(["a.png", str(file), "--view", "none"]), recording.stream
+    )
+    recording.close()
+    typo, missing = sorted(capsys.readouterr().err.splitlines())
+    assert "gazbo" in typo
+    assert missing.startswith("warning: link a: not drawn but marked by a box: mesh ")
+    assert f"{tmp_path / 'no.stl'}: no such file" in missing

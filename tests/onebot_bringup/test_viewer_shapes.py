@@ -5,15 +5,21 @@ import pytest
 import trimesh
 
 from onebot_bringup.viewer.shapes import file_state, load_shape
-from onebot_description.description.description import Box, Capsule, Cylinder, Mesh, Sphere
+from onebot_description.description.description import Box, Capsule, Cylinder, Sphere
+from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.packages import Resources
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.viewer_support import ORANGE, box, write_collada, write_obj
 
 BOUNDS = [[-0.5, -0.3, -0.15], [0.5, 0.3, 0.15]]
 
 
+def _mesh(uri, scale=(1.0, 1.0, 1.0)):
+    return locate_mesh(Resources(None), uri, scale)
+
+
 def _load(path, scale=(1.0, 1.0, 1.0)):
-    return load_shape(Mesh(str(path), scale))
+    return load_shape(_mesh(str(path), scale))
 
 
 def _glb(asset) -> trimesh.Scene:
@@ -94,7 +100,8 @@ def test_a_mesh_is_converted_once_until_its_file_changes(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("x.step", b"", "none of"),
+        ("x.step", b"?", "x.step"),
+        ("x.stl", b"version https://git-lfs.github.com/spec/v1\noid", "git lfs pull"),
         ("x.stl", b"not an stl", "x.stl"),
         ("x.dae", b"<COLLADA", "x.dae"),
         ("x.obj", b"v 0 0 0\n", "x.obj"),
@@ -111,12 +118,20 @@ def test_addresses_are_resolved(tmp_path):
     """file:// and absolute paths lead to files; what leads nowhere is said."""
     path = tmp_path / "a b.stl"
     box().export(path)
-    unit = (1.0, 1.0, 1.0)
     for uri in (path.as_uri(), str(path)):
-        assert file_state(Mesh(uri, unit)).path == path
-    for uri in ("package://no_such_package/x.stl", "http://x/y.stl", "x.stl", "/nowhere/x.stl"):
-        with pytest.raises(OneBotError, match=uri.rpartition("/")[2].replace(".", r"\.")):
-            file_state(Mesh(uri, unit))
+        assert file_state(_mesh(uri)).path == path
+    for uri, words in {
+        "package://no_such_package/x.stl": "no_such_package",
+        "http://x/y.stl": "y.stl",
+        "x.stl": "x.stl",
+        "/nowhere/x.stl": "/nowhere",
+    }.items():
+        with pytest.raises(OneBotError, match=f"mesh .*{words}"):
+            file_state(_mesh(uri))
+    gone = _mesh(str(path))
+    path.unlink()
+    with pytest.raises(OneBotError, match="a b.stl: No such file"):
+        file_state(gone)
 
 
 @pytest.mark.parametrize(

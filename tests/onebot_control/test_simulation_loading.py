@@ -96,6 +96,23 @@ def test_a_place_too_far_away():
         simulate(x=2e4)
 
 
+def test_missing_collision_meshes_are_named_and_visual_ones_are_not_needed():
+    """All at once; those of one package by one reason. Physics has no use of a visual."""
+    lost = '<mesh filename="package://no_such_package/{}.stl"/>'
+    broken = robot(_SPHERE, lost.format("a")).urdf
+    broken = broken.replace('<box size="0.3 0.24 0.1" />', lost.format("b"))
+    with pytest.raises(OneBotError) as caught:
+        simulate(parse_description(broken))
+    message = str(caught.value)
+    assert message.startswith(
+        'link base_link, caster_wheel: collision mesh no ROS package "no_such_package"'
+    )
+    visual = f"<visual><geometry>{lost.format('c')}</geometry></visual>"
+    shown = robot().urdf.replace("<collision>", f"{visual}<collision>", 1)
+    with simulate(parse_description(shown)) as simulation:
+        assert simulation.base_pose().translation[2] > 0
+
+
 @pytest.mark.parametrize("name", ["broken.dae", "broken.obj", "broken.stl"])
 def test_broken_meshes_are_refused(tmp_path, name):
     """Some of them crash PyBullet's own readers."""
