@@ -84,6 +84,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
+    # No matrix of a node is large enough for threads; without them xacro can run in a fork here.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_files(values, own)
     values = with_params_file(values, own)
     before = file_states(included_files(model))

@@ -7,6 +7,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from onebot_control.poses import Transform, inverse
 from onebot_control.simulation.bodies import Body, physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import captured, engine, log
@@ -216,9 +219,23 @@ def _as_obj(mesh: Mesh) -> str:
         raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles")
-    lines, before = [], 1
-    for part in parts:
-        lines += ["v " + " ".join(map(repr, vertex)) for vertex in part.vertices.tolist()]
-        lines += ["f " + " ".join(map(str, face)) for face in (part.faces + before).tolist()]
-        before += len(part.vertices)
+    corners = np.concatenate([part.vertices for part in parts])
+    faces = _hull(corners)
+    used, faces = np.unique(faces, return_inverse=True)
+    lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
+    lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
     return "\n".join(lines) + "\n"
+
+
+def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The faces (N, 3) of the convex hull of (M, 3) corners.
+
+    It is all that PyBullet makes of a mesh, but in minutes.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(ConvexHull(corners).simplices, np.intp)
+    except QhullError:  # it is flat: any faces will do, as only the corners count
+        count = len(corners)
+        return np.arange(3 * -(-count // 3), dtype=np.intp).reshape(-1, 3) % count
