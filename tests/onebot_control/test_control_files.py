@@ -252,7 +252,8 @@ def test_the_lines_of_what_the_command_line_overrides_are_not_named(
     rclpy.init(args=ros_args(wheel_radius=0.3, **{"linear.x.max_velocity": 0.5}))
     node = Node("velocity_controller")
     try:
-        parameters = ControlParameters(node, RosArguments((file,)))
+        given = (("", "wheel_radius"), ("velocity_controller", "linear.x.max_velocity"))
+        parameters = ControlParameters(node, RosArguments((file,), given))
         assert (parameters.config.wheel_radius, parameters.config.linear.max_velocity) == (0.3, 0.5)
         names = ("wheel_radius", "linear.x.max_velocity", "update_rate")
         error = parameters.located(ConfigError(Problem(name, "is odd") for name in names))

@@ -153,6 +153,22 @@ def test_limits_that_are_hardly_meant(limit, kind, texts):
         assert warning.startswith(f'4: joint "j" <limit>: {text}')
 
 
+@pytest.mark.parametrize(
+    ("dynamics", "damping", "friction"),
+    [
+        ("", 0.0, 0.0),
+        ("<dynamics/>", 0.0, 0.0),
+        ('<dynamics damping="0" friction="0"/>', 0.0, 0.0),
+        ('<dynamics damping="0.5"/>', 0.5, 0.0),
+        ('<dynamics friction="0.25"/>', 0.0, 0.25),
+    ],
+)
+def test_damping_and_friction(dynamics, damping, friction):
+    """None where none is written."""
+    (read,) = parse_description(joint(LIMIT + dynamics), "r").joints
+    assert (read.damping, read.friction) == (damping, friction)
+
+
 @pytest.mark.parametrize("kind", ["continuous", "floating", "planar", "fixed"])
 def test_kinds_without_limits_have_none(kind):
     """Speed and effort are read all the same."""
