@@ -31,7 +31,7 @@ def test_messages_between_two_flushes_make_one_chunk_with_their_own_times(tmp_pa
     stream = TransformStream(recording.stream, FrameTree())
     assert not stream.flush()
     for step in range(50):
-        stream.add(0, transforms("base", "tip", float(step), START_NS + step))
+        stream.add(START_NS, transforms("base", "tip", float(step), START_NS + step))
     assert stream.flush() and not stream.flush()
     recording.close()
     [chunk] = _chunks(tmp_path / "x.rrd", "/tf")
@@ -68,10 +68,10 @@ def test_slow_transforms_are_repeated_among_fast_ones(tmp_path, monkeypatch):
     monkeypatch.setattr(tf, "REPEAT_AFTER", 0.0)
     recording = open_recording(save=tmp_path / "x.rrd")
     stream = TransformStream(recording.stream, FrameTree())
-    stream.add(0, transforms("odom", "base", 3.0))
+    stream.add(START_NS, transforms("odom", "base", 3.0))
     stream.flush()
     for step in range(1, 4):
-        stream.add(0, transforms("base", "tip", 0.0, START_NS + step))
+        stream.add(START_NS, transforms("base", "tip", 0.0, START_NS + step))
         stream.flush()
     recording.close()
     rows = [
