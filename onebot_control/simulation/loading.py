@@ -3,15 +3,19 @@
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, inverse
 from onebot_control.simulation.bodies import Body, physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
 from onebot_description.description.description import Description, Mesh
-from onebot_description.description.meshes import fault_of
+from onebot_description.description.meshes import fault_of, without_materials
 from onebot_description.errors import OneBotError, listing
 
 # The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
@@ -203,18 +207,35 @@ def _as_obj(mesh: Mesh) -> str:
     if fault := fault_of(path):
         raise OneBotError(f"{path} {fault}")
     try:
-        scene = trimesh.load_scene(str(path), process=False)
         if path.suffix.lower() == ".dae":
+            surfaces = BytesIO(without_materials(path))
+            scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
             scene = scene.convert_units("meters")
+        else:
+            scene = trimesh.load_scene(str(path), process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     except Exception as error:  # trimesh and its parsers raise exceptions of many types
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles")
-    lines, before = [], 1
-    for part in parts:
-        lines += ["v " + " ".join(map(repr, vertex)) for vertex in part.vertices.tolist()]
-        lines += ["f " + " ".join(map(str, face)) for face in (part.faces + before).tolist()]
-        before += len(part.vertices)
+    corners = np.concatenate([part.vertices for part in parts])
+    faces = _hull(corners)
+    used, faces = np.unique(faces, return_inverse=True)
+    lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
+    lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
     return "\n".join(lines) + "\n"
+
+
+def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The faces (N, 3) of the convex hull of (M, 3) corners.
+
+    It is all that PyBullet makes of a mesh, but in minutes.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(ConvexHull(corners).simplices, np.intp)
+    except QhullError:  # it is flat: any faces will do, as only the corners count
+        count = len(corners)
+        return np.arange(3 * -(-count // 3), dtype=np.intp).reshape(-1, 3) % count

@@ -174,18 +174,6 @@ EQUIVALENT = (
         "there are no more ends than joints",
     ),
     Equivalent(
-        "onebot_description/description/checks.py",
-        "check_tree",
-        'return roots[0] if len(roots) >= 1 else ""',
-        "several roots are a problem, and then no description is returned",
-    ),
-    Equivalent(
-        "onebot_description/description/reading.py",
-        "_read_limit",
-        "elif low >= high == 0:",
-        "the branch before took what is above",
-    ),
-    Equivalent(
         "onebot_description/description/reading.py",
         "read_links",
         '(visuals if part.tag >= "visual" else collisions).append(geometry)',

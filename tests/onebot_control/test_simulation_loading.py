@@ -1,13 +1,16 @@
 """Any robot loads faithfully or is refused by one clear error; nothing reaches stdout."""
 
 import logging
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from onebot_control.simulation import Settings, Simulation
 from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import engine
+from onebot_control.simulation.loading import converted_meshes
 from onebot_description.description import (
     DescriptionError,
     load_description,
@@ -139,6 +142,22 @@ def test_units_of_collada_count():
         size = np.subtract(high, low)
         assert size.min() > 0.09
         assert size.max() < 0.4
+
+
+@pytest.mark.parametrize(("flat", "corners"), [(False, 8), (True, 81)])
+def test_pybullet_gets_only_the_hull_of_a_mesh(tmp_path, flat, corners):
+    """It makes one of all the corners, which would take minutes; what is flat has none."""
+    mesh = trimesh.creation.box((0.1, 0.1, 0.1))
+    for _ in range(3):
+        mesh = mesh.subdivide()
+    if flat:
+        mesh.update_faces(mesh.face_normals[:, 2] > 0.9)
+        mesh.remove_unreferenced_vertices()
+    mesh.export(tmp_path / "fine.obj")
+    bodies = rigid_bodies(robot(_SPHERE, f'<mesh filename="{tmp_path}/fine.obj"/>'))
+    with converted_meshes(bodies.values()) as files:
+        [text] = [Path(file).read_text() for file in files.values()]
+    assert sum(line.startswith("v ") for line in text.splitlines()) == corners
 
 
 def test_a_changed_mesh_is_read_again(tmp_path):
