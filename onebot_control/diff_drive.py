@@ -76,7 +76,7 @@ class DiffDriveController:
             return f"not finite: linear.x {linear}, angular.z {angular}"
         timeout = self._config.cmd_vel_timeout
         if age is None:
-            if timeout and self._unsure > 0.0:
+            if self._unsure > 0.0:
                 return "it has no stamp, and may be from before the process was stopped"
             age = 0.0
         if timeout and age >= timeout:

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 # Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
 _STRAIGHT = 1e-6
-# m^2 and rad^2. A pose this uncertain is unknown; its covariance stays as it is, and finite.
-_UNKNOWN = 1e12
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,8 @@ class PoseUncertainty:
             xy += rest * step.cos * step.sin + apart * ex * ey
             yy += rest * step.sin * step.sin + apart * ey * ey
             mx, my, tt = mx + share * ex, my + share * ey, tt + added
-        if xx + yy + tt * (1.0 + mx * mx + my * my) < _UNKNOWN:
+        # Else nothing is known of the pose, and the covariance stays as it is.
+        if math.isfinite(xx + yy + tt * (1.0 + mx * mx + my * my)):
             self._heading, self._lever, self._rest = tt, (mx, my), (xx, xy, yy)
 
 

@@ -32,6 +32,8 @@ Parameters (all can be changed while it runs; a change takes effect or is refuse
     sequence.poses (string[]), .durations (double[], s), .blend (string, minimum_jerk), .loop
         (bool, true): poses to go through, for the joints without a motion of their own.
     delta (double, default 0.0): step per message of joints that nothing else moves.
+    swing (double, s, default 0.0): period in which these swing within their limits, where delta is
+        0.0; 0.0: they rest.
     robot_description (string, default ""): the URDF, or the path of a URDF or xacro file.
     config_file (string, default ""): a parameter file to read and watch as --params-file is.
 """

@@ -21,6 +21,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.time_source import TimeSource
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
@@ -67,6 +69,7 @@ def run_node(
     use_environment_prefix()
     use_writable_log_folder()
     use_quick_discovery()
+    ignore_impossible_times()
     stop: Future = Future()
     with StopSignals(lambda: _finish(stop)) as signals:
         try:
@@ -245,6 +248,21 @@ def use_quick_discovery() -> None:
     if not any(os.environ.get(name) for name in _PROFILES):
         profile = package_share("onebot_description") / "config/quick_discovery.xml"
         os.environ[_PROFILES[0]] = str(profile)
+
+
+@functools.cache
+def ignore_impossible_times() -> None:
+    """Have nodes ignore a /clock that no clock can show, such as one before 1970.
+
+    rclpy raises in its own callback of /clock, which would end the node.
+    """
+    take: Callable[[TimeSource, ClockMessage], None] = TimeSource.clock_callback
+
+    def take_possible(source: TimeSource, message: ClockMessage) -> None:
+        if message.clock.sec >= 0:
+            take(source, message)
+
+    TimeSource.clock_callback = take_possible
 
 
 class RosArguments(NamedTuple):

@@ -10,7 +10,8 @@ Publishes:
     /tf_static (tf2_msgs/msg/TFMessage, reliable, transient local, depth 1): those that do not.
 
 Subscribes:
-    joint_states (sensor_msgs/msg/JointState, best effort, depth 5): positions in rad or m.
+    joint_states (sensor_msgs/msg/JointState, best effort, depth 5): positions in rad or m; ignored
+        if older than the last one of their joints, but by 10 s or more the new stamp counts.
 
 Parameters (all can be changed while it runs):
     robot_description (string, required unless FILE is given): the URDF.

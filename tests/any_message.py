@@ -1,8 +1,10 @@
 """Messages of any type and any content, for property tests."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rosidl_parser.definition import (
@@ -12,21 +14,24 @@ from rosidl_parser.definition import (
     BasicType,
     NamespacedType,
 )
+from sensor_msgs.msg import JointState
 
 from onebot_bringup.introspection.interfaces import nested_class
 
-_TIME = ["builtin_interfaces", "msg", "Time"]
 _INTEGERS = {f"{sign}int{bits}": (sign, bits) for sign in ("", "u") for bits in (8, 16, 32, 64)}
 # Ordinary numbers, too: most of what reacts at all reacts to messages that are nearly right.
-_doubles = st.floats(width=64) | st.sampled_from([0.0, 0.5, 1.0, -1.0, 1e6, 1e300, -1.7e308])
+_NUMBERS = [0.0, 0.5, -1.0, 1e6, 1e300, 1.7e308, -1.7e308, math.nan, math.inf]
+_doubles = st.sampled_from(_NUMBERS) | st.floats(width=64)
 _characters = st.characters(exclude_categories=("Cs",), exclude_characters="\0")
-_seconds = st.integers(-(2**31), 2**31 - 1) | st.sampled_from([0, 1, 10**9, 2**31 - 1])
-_nanoseconds = st.integers(0, 2**32 - 1) | st.sampled_from([0, 10**9, 2**32 - 1])
+_LATEST = (2**31 - 1, 2**32 - 1)
+_times = st.sampled_from([_LATEST, (0, 0), (10**9, 5), (-(2**31), 0), (-1, 10**9)]) | st.tuples(
+    st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)
+)
 
 
 def messages(kind: Any, names: Sequence[str] = ()) -> st.SearchStrategy[Any]:
     """Messages of the class ``kind``; strings in it are often one of ``names``."""
-    return st.builds(lambda values: _filled(kind, values), _values(kind, tuple(names)))
+    return _values(kind, names).map(lambda values: _filled(kind, values))
 
 
 def _filled(kind: Any, values: dict[str, Any]) -> Any:
@@ -36,29 +41,24 @@ def _filled(kind: Any, values: dict[str, Any]) -> Any:
     return message
 
 
-def _values(kind: Any, names: tuple[str, ...]) -> st.SearchStrategy[dict[str, Any]]:
+def _values(kind: Any, names: Sequence[str]) -> st.SearchStrategy[dict[str, Any]]:
+    if kind is Time:
+        return _times.map(lambda time: {"sec": time[0], "nanosec": time[1]})
     slots = dict(zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True))
-    return _named_alike(
-        st.fixed_dictionaries({name: _value(slot, names) for name, slot in slots.items()})
-        if kind.__module__ != "builtin_interfaces.msg._time"
-        else st.fixed_dictionaries({"sec": _seconds, "nanosec": _nanoseconds})
-    )
+    values = st.fixed_dictionaries({name: _value(slot, names) for name, slot in slots.items()})
+    return st.builds(_of_equal_length, values, st.integers(0, 3)) if kind is JointState else values
 
 
-def _named_alike(values: st.SearchStrategy[dict[str, Any]]) -> st.SearchStrategy[dict[str, Any]]:
-    """Joint states often with a position for each name, as those have that count."""
-    return st.builds(_with_positions, values, st.booleans())
+def _of_equal_length(values: dict[str, Any], chosen: int) -> dict[str, Any]:
+    """Mostly as many positions as names, and as many or no velocities: others are ignored."""
+    if not chosen:
+        return values
+    count, kept = len(values["name"]), {"position": values["position"] or [0.5]}
+    kept |= {what: values[what] for what in ("velocity", "effort")}
+    return {**values, **{what: (given * count)[:count] for what, given in kept.items()}}
 
 
-def _with_positions(values: dict[str, Any], matching: bool) -> dict[str, Any]:
-    if matching and "position" in values and "name" in values:
-        given = list(values["position"]) or [0.5]
-        count = len(values["name"])
-        values = {**values, "position": (given * count)[:count]}
-    return values
-
-
-def _value(slot: Any, names: tuple[str, ...]) -> st.SearchStrategy[Any]:
+def _value(slot: Any, names: Sequence[str]) -> st.SearchStrategy[Any]:
     if isinstance(slot, BasicType):
         return _number(slot.typename)
     if isinstance(slot, AbstractGenericString):
@@ -84,7 +84,7 @@ def _number(kind: str) -> st.SearchStrategy[Any]:
     return st.integers(least, least + 2**bits - 1)
 
 
-def _strings(names: tuple[str, ...]) -> st.SearchStrategy[str]:
+def _strings(names: Sequence[str]) -> st.SearchStrategy[str]:
     some = st.text(_characters, max_size=20) | st.sampled_from(["", "/", "x" * 100_000])
     return st.sampled_from(names) | some if names else some
 

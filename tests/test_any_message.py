@@ -2,35 +2,43 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMessage
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from yarl import URL
 
 from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.introspection.interfaces import message_class
-from onebot_bringup.introspection.message_text import to_csv
+from onebot_bringup.introspection.message_text import Style, to_csv, to_yaml
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
-from onebot_control.parameters import default_control_file
 from onebot_control.velocity_controller import VelocityController
-from onebot_description.description import load_description
+from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
-from onebot_description.node import RosArguments
+from onebot_description.node import RosArguments, ignore_impossible_times
 from onebot_description.robot_state_publisher import RobotStatePublisher
+from onebot_description.wire.tf_message import TFMessage
 from tests.any_message import broken, messages, received, serialized
 from tests.ros_support import ros_args
 from tests.support import wait_for
 
 ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
 NAMES = ("left_wheel_joint", "right_wheel_joint", "base_link", "left_wheel", "odom", "world")
-any_content = settings(max_examples=100, suppress_health_check=list(HealthCheck))
+EXAMPLES = 60
+any_content = settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
 
 
 @pytest.fixture
@@ -53,27 +61,35 @@ class Published:
     """Looks at all that a node publishes, as it does."""
 
     def __init__(self, node: Node) -> None:
-        self.not_finite: list[str] = []
+        self.count, self.not_finite = 0, list[str]()
         for publisher in node.publishers:
             publisher.publish = partial(self._look, publisher, publisher.publish)
 
     def _look(self, publisher: Any, publish: Callable[[Any], None], message: Any) -> None:
         if isinstance(message, bytes):
-            shown = to_csv(rclpy.serialization.deserialize_message(message, publisher.msg_type))
-        else:
-            shown = to_csv(message)
+            message = deserialize_message(message, publisher.msg_type)
+        self.count += 1
+        shown = to_csv(message)
         if re.search(r"(^|,)-?(nan|inf)(,|$)", shown):
             self.not_finite.append(f"{publisher.topic_name}: {shown}")
         publish(message)
 
 
-def feed(node: Node, check: Callable[[], None], topics: tuple[str, ...] = ()) -> None:
+def feed(
+    node: Node,
+    check: Callable[[], object],
+    topics: Sequence[str] = (),
+    names: Sequence[str] = NAMES,
+    examples: int = EXAMPLES,
+) -> None:
     """Give a node messages of any content on ``topics`` (by default all that it subscribes to).
 
     Args:
         node: the node.
         check: called after each message.
         topics: parts of their names.
+        names: that strings often are.
+        examples: how many messages.
     """
     chosen = [
         one
@@ -82,22 +98,38 @@ def feed(node: Node, check: Callable[[], None], topics: tuple[str, ...] = ()) ->
     ]
     assert chosen
 
-    @any_content
+    @settings(any_content, max_examples=examples)
     @given(st.data())
     def any_messages(data: st.DataObject) -> None:
         subscription = data.draw(st.sampled_from(chosen))
-        message = serialized(data.draw(messages(subscription.msg_type, NAMES)))
+        message = serialized(data.draw(messages(subscription.msg_type, names)))
         received(subscription, broken(data.draw, message))
         check()
 
     any_messages()
 
 
+# A joint that follows another one ten times as far.
+ARM = """<robot name="arm"><link name="base"/><link name="a"/><link name="b"/>
+  <joint name="lead" type="prismatic"><parent link="base"/><child link="a"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="follow" type="prismatic"><parent link="a"/><child link="b"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+    <mimic joint="lead" multiplier="10"/></joint>
+</robot>"""
+
+
 def test_robot_state_publisher(start: Callable[..., Node]) -> None:
-    """Bytes of any kind; it also gives transforms afterwards."""
-    node = start(lambda: RobotStatePublisher(load_description(ONEBOT)))
+    """Bytes of any kind; the next good message is published, whatever the stamps before it were."""
+    node = start(lambda: RobotStatePublisher(parse_description(ARM)))
     published = Published(node)
-    feed(node, lambda: None)
+    feed(node, lambda: None, names=("lead", "follow"), examples=400)
+    for second in (100, 200):
+        state = JointState(name=["lead"], position=[0.5])
+        state.header.stamp.sec = second
+        published.count = 0
+        node._on_joint_state(serialized(state))
+    assert published.count == 1
     assert published.not_finite == []
 
 
@@ -107,41 +139,47 @@ def test_joint_state_publisher(start: Callable[..., Node]) -> None:
         lambda: JointStatePublisher(None, RosArguments(names=(("", "robot_description"),))),
         source_list="[others]",
     )
-    description = load_description(ONEBOT).urdf
     published = Published(node)
     for subscription in node.subscriptions:
         if "robot_description" in subscription.topic_name:
-            subscription.callback(message_class("std_msgs/msg/String")(data=description))
-    feed(node, node._output.publish)
+            subscription.callback(String(data=ARM))
+    published.count = 0
+    feed(node, node._output.publish, names=("lead", "follow"), examples=200)
+    assert published.count > 0
     assert published.not_finite == []
 
 
 @pytest.mark.parametrize("kind", ["Twist", "TwistStamped"])
-@pytest.mark.parametrize("limited", [True, False])
-def test_velocity_controller(start: Callable[..., Node], kind: str, limited: bool) -> None:
-    """Commands, poses and descriptions, also without any limit; then the robot still drives."""
-    wheels = "left_wheel_names:=[left_wheel_joint]", "right_wheel_names:=[right_wheel_joint]"
-    urdf = load_description(ONEBOT).urdf
-    if not limited:
-        urdf = re.sub(r'velocity="[^"]*"', 'velocity="1e300"', urdf)
+def test_velocity_controller(start: Callable[..., Node], kind: str) -> None:
+    """Commands, poses and descriptions, without any limit; then the robot still drives."""
+    urdf = re.sub(r'velocity="[^"]*"', 'velocity="1e300"', load_description(ONEBOT).urdf)
     node = start(
-        lambda: VelocityController(None, RosArguments((default_control_file(),) * limited)),
+        lambda: VelocityController(None, RosArguments()),
         robot_description=json.dumps(urdf),
         cmd_vel_type=kind,
-        **({} if limited else dict(word.split(":=") for word in wheels)),
+        left_wheel_names="[left_wheel_joint]",
+        right_wheel_names="[right_wheel_joint]",
     )
-    published = Published(node)
+    published, driving = Published(node), node._driving
 
-    def alive() -> None:
-        assert node._driving._failure is None
+    def driven() -> None:
+        # The control loop takes the message before the next one comes.
+        driving._loop.call(lambda: None)
+        assert driving._failure is None
 
-    feed(node, alive, ("cmd_vel", "teleport", "set_odometry", "description"))
-    ticks = node._driving._loop.robot.ticks
-    wait_for(
-        lambda: node._driving._failure or node._driving._loop.robot.ticks > ticks + 10, "cycles"
-    )
-    alive()
+    feed(node, driven, ("teleport", "set_odometry", "description"))
+    feed(node, driven, ("cmd_vel",), examples=100)
+    ticks = driving._loop.robot.ticks
+    wait_for(lambda: driving._failure or driving._loop.robot.ticks > ticks + 10, "control cycles")
+    assert driving._failure is None
     assert published.not_finite == []
+
+
+def test_clock(start: Callable[..., Node]) -> None:
+    """Of any node with use_sim_time."""
+    ignore_impossible_times()
+    node = start(lambda: RobotStatePublisher(load_description(ONEBOT)), use_sim_time="true")
+    feed(node, lambda: node.get_clock().now().to_msg(), ("/clock",))
 
 
 def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
@@ -173,10 +211,33 @@ def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
 
 
 def test_steering_page(start: Callable[..., Node]) -> None:
-    """Odometry that is shown, and the address of a view."""
+    """Odometry and the address of a view, which the page shows as JSON and as a link."""
     node = start(SteeringPage, port=0, open_browser="false", odom_topic="/odom")
     node._poll_graph()
-    feed(node, lambda: node._robot())
+
+    def shown() -> None:
+        json.dumps(node._robot().odometry, allow_nan=False)
+        if node._view.view is not None:
+            assert URL(node._view.view.path("robot:8080")).path == "/view/"
+
+    page = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"
+    feed(node, shown, names=(page, f"{page}&x=%\x01\xe9"))
+
+
+@pytest.mark.parametrize("kind", [JointState, TFMessage, Odometry, PathMessage, String])
+def test_text(kind: Any) -> None:
+    """As ``onebot topic echo`` prints it."""
+
+    @any_content
+    @given(messages(kind, NAMES))
+    def any_messages(message: Any) -> None:
+        message = deserialize_message(serialized(message), kind)
+        for style in (Style(), Style(longest=None), Style(flow=True, arrays=False, strings=False)):
+            assert to_yaml(message, style).encode()
+            assert isinstance(to_csv(message, style).encode(), bytes)
+        assert list(yaml.safe_load(to_yaml(message))) == list(kind.get_fields_and_field_types())
+
+    any_messages()
 
 
 def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:

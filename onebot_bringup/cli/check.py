@@ -2,16 +2,26 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 
-from onebot_bringup.launch.arguments import Argument, UsageError, split, table
+from onebot_bringup.launch.arguments import (
+    PACKAGES,
+    Argument,
+    UsageError,
+    split,
+    table,
+    take_package_path,
+)
 from onebot_description.description.xacro import xacro_arguments
 
 HELP = """\
-usage: onebot check FILE [name:=value ...]
+usage: onebot check FILE [name:=value ...] [package_path:=FOLDER]
 
 Checks a URDF or xacro file. Prints all problems (exit code 1), or the tree of links and joints
 (exit code 0); warnings either way. name:=value are arguments that the xacro file declares;
---show-args lists them. Nodes are less strict: of many problems they only warn."""
+--show-args lists them. Nodes are less strict: of many problems they only warn. ROS packages are
+looked for in package_path (folders joined by :), ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, this
+environment, and the source tree around FILE."""
 
 
 def run(argv: Sequence[str]) -> int:
@@ -27,15 +37,19 @@ def run(argv: Sequence[str]) -> int:
     if len(arguments.positional) != 1:
         raise UsageError(f"onebot check takes one file, not {len(arguments.positional)}")
     file = arguments.positional[0]
+    given = take_package_path(arguments.given)
     if arguments.show:
         declared = [Argument(*argument) for argument in xacro_arguments(file).arguments]
-        print(table(declared) or f"{file} declares no arguments")
+        print(table([PACKAGES, *declared]))
         return 0
 
-    from onebot_description.description import describe, load_description  # slower to import
+    # Slower to import.
+    from onebot_description.description import describe, load_description
+    from onebot_description.description.meshes import mesh_faults
 
-    description = load_description(file, arguments.given)
-    description.raise_problems()
+    description = load_description(file, given)
+    problems = (*description.problems, *mesh_faults(description))
+    replace(description, problems=problems).raise_problems()
     print(describe(description))
     for warning in description.warnings:
         print(f"warning: {warning}", file=sys.stderr)

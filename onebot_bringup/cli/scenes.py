@@ -27,6 +27,7 @@ from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
+from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.joints.limits import zero_position
 from onebot_description.model import RobotModel
@@ -267,6 +268,7 @@ class RunningRobot:
 
 Floats = NDArray[np.float64]
 
+_DESCRIPTION_TOPIC = "robot_description"
 _SLACK = 1e-9  # rad or m beyond a limit: rounding
 # Any moment will do, but always the same: a picture with a clock in it stays the same, too.
 _NOW_NS = 1_700_000_000_000_000_000
@@ -339,7 +341,7 @@ def record_pose(
         header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
     )
     for topic, kind, data in (
-        ("robot_description", DESCRIPTION, serialize_message(String(data=description.urdf))),
+        (_DESCRIPTION_TOPIC, DESCRIPTION, serialize_message(String(data=description.urdf))),
         ("/tf_static", TF, _tf_message(model.fixed, model.fixed.constant)),
         ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
         ("joint_states", JOINT_STATE, serialize_message(joints)),
@@ -355,9 +357,19 @@ def _tf_message(joints: JointArrays, values: Floats) -> bytes:
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
     description = args.description
-    _warn_of(description.notices)
+    lacking = _mesh_problems(description)  # of which the view warns
+    _warn_of([text for text in description.notices if not text.endswith(lacking)])
     positions = pose_of(RobotModel.from_description(description), description, args.joints)
-    _warn_of(record_pose(description, positions, args.view, recording))
+    warnings = record_pose(description, positions, args.view, recording)
+    # What is wrong with the text itself was reported with the lines of its file.
+    _warn_of([text for text in warnings if not text.startswith(f"{_DESCRIPTION_TOPIC}:")])
+
+
+def _mesh_problems(description: Description) -> tuple[str, ...]:
+    shapes = (
+        part.shape for link in description.links for part in (*link.visuals, *link.collisions)
+    )
+    return tuple({shape.problem for shape in shapes if isinstance(shape, Mesh) and shape.problem})
 
 
 # --- a bag --------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from onebot_bringup.cli.options import Parser
 from onebot_description.description.description import Triple
+from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.signals import KeyboardInterrupts
 
@@ -23,6 +24,7 @@ def run(argv: Sequence[str]) -> int:
     """
     args = parse_command_line(argv)
     check_picture(args.file)
+    use_package_path(args.package_path)
     if kind_of(args.source) in ("rrd", "bag") and not os.path.exists(args.source):
         raise OneBotError(f"there is no recording {args.source}")
     if kind_of(args.source) == "description":
@@ -59,7 +61,8 @@ _SUMMARY = """\
 draw a robot into a PNG file, without any display: the running robot as it is now; or with
 SOURCE, a URDF or xacro file at given joint positions, or the end of a recording (.rrd, .mcap, or a
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
-messages, namespace:= chooses the robot, where several are recorded"""
+messages, namespace:= chooses the robot, where several are recorded. package_path:= holds the
+folders, joined by :, in which ROS packages are looked for first"""
 NAMESPACE = "namespace"  # the one argument of a bag
 _WIDTH, _HEIGHT = 1280, 720
 # Pixels: the viewer's window does not become smaller, and software renders no larger one for sure.
@@ -71,7 +74,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
 
     Returns:
         file, source, joints (by name), width, height, camera (eye and target, or None), dashboard,
-        view, frame_prefix, arguments (by name; of xacro, or of a bag) and ros_args.
+        view, frame_prefix, package_path, arguments (by name; of xacro, or of a bag) and ros_args.
 
     Raises:
         UsageError: the command line is not understood.
@@ -113,6 +116,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     )
     words, given = _take_out_arguments(argv)
     args = parser.parse(words)
+    args.package_path = given.pop(PACKAGE_PATH, "")
     args.arguments = given
     args.joints = dict(_joint(word) for word in args.joints)
     _check(args)

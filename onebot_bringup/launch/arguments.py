@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
@@ -204,6 +205,10 @@ def _row(left: str, right: str, width: int) -> str:
 
 # The arguments of several commands --------------------------------------------------------------
 
+PACKAGES = Argument(
+    PACKAGE_PATH, "", "folders in which ROS packages lie, joined by :; they are searched first"
+)
+
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
@@ -212,6 +217,16 @@ _CYCLES = 0.001, 1000.0  # of the controller, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
+
+
+def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
+    """Look for packages where ``package_path:=`` says; return the other arguments.
+
+    Raises:
+        OneBotError: there is no such folder.
+    """
+    use_package_path(given.get(PACKAGE_PATH, ""))
+    return {name: value for name, value in given.items() if name != PACKAGE_PATH}
 
 
 def ros_settings() -> list[Argument]:
@@ -239,6 +254,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
     namespace, *discovery = ros_settings()
     return [
         Argument("model", model, "the robot, a URDF or xacro file"),
+        PACKAGES,
         Argument("joints", joints, "parameters of joint_state_publisher, a YAML file"),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         Argument("viewer", "web", "where to see it", ("web", "native", "none")),

@@ -19,6 +19,7 @@ from onebot_bringup.launch.arguments import (
     simulation_arguments,
     split,
     table,
+    take_package_path,
     unknown,
 )
 from onebot_bringup.launch.nodes import NodeFactory, output_path
@@ -73,6 +74,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     declared = description_arguments(command.model, command.joints, command.view)
     if command.control:
         declared += simulation_arguments(command.control)
+    take_package_path(given)  # the model's includes may need it
     model = given.get("model", command.model)
     of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:
@@ -83,6 +85,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
+    # No matrix of a node is large enough for threads; without them xacro can run in a fork here.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_files(values, own)
     values = with_params_file(values, own)
     before = file_states(included_files(model))

@@ -5,7 +5,6 @@ What is too long, or too delicate, for a command line comes from ROS parameter f
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,15 +15,12 @@ from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.description_watcher import Known
-    from onebot_description.description import Description, Joint
+    from onebot_description.description import Description
 
 # Where processors are short, the robot comes before what shows it (see nice(2)).
 NICE_VIEWER, NICE_WATCHER = 5, 10
-_RATE = 30.0  # Hz, at which the joint states of a swinging robot are published
-_PERIOD = 8.0  # seconds for one swing, unless the joint's speed limit asks for more
-_SHARE_OF_RANGE = 0.9
-_SHARE_OF_SPEED = 0.5
-_FREE_SWING = math.pi / 2  # rad; a continuous joint has no limits
+# Of joint_state_publisher without a file: Hz, and seconds for one swing.
+_SWINGING: Mapping[str, object] = {"rate": 30.0, "swing": 8.0}
 # Launch arguments that are parameters of the controller.
 _OF_CONTROLLER = {"x": "x", "y": "y", "yaw": "yaw", "rate": "update_rate"}
 
@@ -60,7 +56,7 @@ class NodeFactory:
         """Return the node that moves the joints, by the YAML file or else within their limits."""
         module = "onebot_description.joint_state_publisher"
         file = self.values["joints"]
-        parameters = {"config_file": file} if file else sweep_parameters(self.description)
+        parameters = {"config_file": file} if file else _SWINGING
         return self._node("joint_state_publisher", module, parameters)
 
     def velocity_controller(self) -> NodeProcess:
@@ -264,39 +260,3 @@ def _character(character: str) -> str:
     if 0x20 <= code < 0x7F:
         return character
     return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
-
-
-def sweep_parameters(description: Description) -> dict[str, object]:
-    """Return parameters of joint_state_publisher that move each joint; mimic joints follow.
-
-    Each joint swings as ``offset + amplitude * sin(2 pi frequency t + phase)``, in rad or m. Its
-    highest speed, ``2 pi frequency amplitude``, is at most half of the joint's speed limit. The
-    phases are spread over the turn, so that the robot does not move as one piece.
-    """
-    joints = [joint for joint in description.moving_joints if joint.mimic is None]
-    motions = {joint.name: _swing(joint, i / len(joints)) for i, joint in enumerate(joints)}
-    return {"rate": _RATE, **({"motions": motions} if motions else {})}
-
-
-def _swing(joint: Joint, turn: float) -> dict[str, object]:
-    middle, amplitude = _range(joint)
-    frequency = 1.0 / _PERIOD
-    if joint.velocity and amplitude > 0.0:
-        frequency = min(frequency, _SHARE_OF_SPEED * joint.velocity / (math.tau * amplitude))
-    return {
-        "type": "sine",
-        "offset": middle,
-        "amplitude": amplitude,
-        "frequency": frequency,
-        "phase": math.tau * turn,
-    }
-
-
-def _range(joint: Joint) -> tuple[float, float]:
-    """Return middle and amplitude of the swing, in rad or m."""
-    if joint.lower is None or joint.upper is None:
-        return 0.0, _FREE_SWING if joint.kind == "continuous" else 0.0
-    if joint.kind == "continuous":
-        return 0.0, _FREE_SWING
-    half = (joint.upper - joint.lower) / 2
-    return joint.lower + half, _SHARE_OF_RANGE * half

@@ -1,6 +1,5 @@
 """The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
 
-import contextlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import Context, Display, LayoutPart, last
 from onebot_bringup.viewer.displays.tf import axes_entity
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
+from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene, marker_size
 from onebot_bringup.viewer.settings import Color
 from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import (
@@ -235,19 +234,27 @@ def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Float
         poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
     """
     clouds = []
+    marker = marker_size(description)
     for link in description.links:
-        if link.name in poses and (cloud := link_corners(link)) is not None:
+        if link.name in poses and (cloud := link_corners(link, marker)) is not None:
             pose = poses[link.name]
             clouds.append(cloud @ pose[:3, :3].T + pose[:3, 3])
     return _box(np.concatenate(clouds)) if clouds else None
 
 
-def link_corners(link: Link) -> Floats | None:
-    """Return the (8 N, 3) corners of the boxes around N visuals, metres; None without any."""
+def link_corners(link: Link, marker: float) -> Floats | None:
+    """Return the corners (N, 3) of the boxes around the visuals, metres; None without any.
+
+    Args:
+        link: has the visuals.
+        marker: the size of the boxes in place of those that cannot be drawn, m.
+    """
     found = []
     for geometry in link.visuals:
-        with contextlib.suppress(OneBotError):  # reported when it was drawn
+        try:
             found.append(corners(geometry))
+        except OneBotError:  # reported when it was drawn
+            found.append(geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3]))
     return np.concatenate(found) if found else None
 
 
@@ -288,9 +295,10 @@ def axes_lengths(robot: Description) -> dict[str, float]:
     In proportion to its visuals; those of a link without any are as those of its parent.
     """
     parents = {joint.child: joint.parent for joint in robot.joints}
+    marker = marker_size(robot)
     lengths = {}
     for link in robot.links:
-        cloud = link_corners(link)
+        cloud = link_corners(link, marker)
         if cloud is not None:
             lengths[link.name] = round(_OF_LINK * float(np.linalg.norm(np.ptp(cloud, axis=0))), 3)
     for name in robot.link_names:

@@ -12,6 +12,7 @@ from std_msgs.msg import String
 from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import (
+    OTHER_CLOCK_NS,
     WARN_AFTER,
     Context,
     Display,
@@ -37,7 +38,7 @@ _DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=Tr
 _PATIENCE = 1.0
 _MOST_WARNINGS = 100  # of one description
 _LONGEST_WARNING = 1000  # characters
-_SIM_TIME_OFFSET_NS = 10_000_000_000  # a greater one between stamp and receive time: simulated
+_SYSTEM_TIME_NS = 10**18  # of the year 2001: simulated times are less
 
 ReportBad = Callable[[str, Exception], object]
 
@@ -146,7 +147,7 @@ class RobotView:
             return self._warnings.waiting()
         wanted = self._view.fixed_frame
         self._lay_out(complete=self._resolution.is_complete(self.robot, wanted))
-        late = []
+        late = [self._stamps.warning] if self._stamps.warning else []
         for shown in self._displays:
             late += shown.display.warnings()
         if self._clock() - self._changed >= WARN_AFTER:
@@ -359,12 +360,14 @@ class Stamps:
     """Chooses the time at which a message is shown: its stamp, or without one the receive time.
 
     Messages without a stamp get the receive time, shifted to simulated time if the other stamps
-    differ from it by more than 10 s.
+    differ from it by more than 10 s. So do those from the future: one that is shown years ahead
+    would hold there the viewer that follows the latest.
     """
 
     def __init__(self) -> None:
         """Begin without a shift."""
         self._shift = 0  # ns, from the receive time to the time of the stamps
+        self.warning = ""  # that a stamp was of the future
 
     def display_time(self, stamp_ns: int, time_ns: int, *, live: bool = True) -> int:
         """Return the time, nanoseconds.
@@ -374,11 +377,15 @@ class Stamps:
             time_ns: when it was received.
             live: the stamp is the time when it was sent.
         """
+        if _SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
+            ahead = f"{(stamp_ns - time_ns) * 1e-9:.0f} s ahead of their receive time"
+            self.warning = self.warning or f"stamps {ahead} are ignored: is a clock wrong?"
+            stamp_ns = 0
         if not stamp_ns:
             return time_ns + self._shift
         if live:
             shift = stamp_ns - time_ns
-            self._shift = shift if abs(shift) > _SIM_TIME_OFFSET_NS else 0
+            self._shift = shift if abs(shift) > OTHER_CLOCK_NS else 0
         return stamp_ns
 
 

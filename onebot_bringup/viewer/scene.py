@@ -1,17 +1,22 @@
 """The robot in a Rerun recording: its shapes, each in the TF frame of its link.
 
 Entities: ``robot/visual/<link>/<n>`` and ``robot/collision/<link>/<n>`` (a subtree of its own, so
-that one click shows or hides it). All are static: a viewer that joins late, or opens the file
-later, has them. Where a frame is comes from /tf only.
+that one click shows or hides it). A shape that cannot be drawn is marked by a wireframe box at its
+origin, ``.../<n>/missing``. All are static: a viewer that joins late, or opens the file later, has
+them. Where a frame is comes from /tf only.
 """
 
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 import rerun as rr
 
 from onebot_bringup.viewer.shapes import file_state, load_shape
-from onebot_description.description.description import Description, Geometry, Rgba
-from onebot_description.errors import OneBotError
+from onebot_description.description.description import Description, Geometry, Mesh, Rgba
+from onebot_description.errors import OneBotError, listing
 from onebot_description.model.quaternions import from_rpy
 
 Bytes = tuple[int, int, int, int]  # sRGB and alpha
@@ -22,6 +27,11 @@ COLLISION_ENTITY = "robot/collision"
 # RViz paints what has no colour red (its "RVIZ/ShadedRed"), so that it is noticed.
 DEFAULT_COLOR: Bytes = (255, 0, 0, 255)
 COLLISION_COLOR: Bytes = (255, 170, 0, 110)
+# Of the box in place of a shape that cannot be drawn: a colour that few robots have.
+MISSING_COLOR: Bytes = (255, 0, 255, 255)
+_MISSING = "missing"
+_MOST_REASONS = 10  # why shapes are missing, that are named
+_MISSING_SIZE = 0.1  # m, where the robot gives no measure
 
 
 class Scene:
@@ -50,6 +60,8 @@ class Scene:
         """
         problems = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         wanted: set[str] = set()
+        failures: dict[str, list[str]] = {}  # reason to links
+        size = marker_size(robot)
         for link in robot.links:
             for entity, geometries in (
                 (VISUAL_ENTITY, link.visuals),
@@ -61,14 +73,15 @@ class Scene:
                     try:
                         self._draw(path, link.name, geometry, color)
                     except OneBotError as error:
-                        problems.append(f'link "{link.name}": {error}; not drawn')
-                        continue
+                        failures.setdefault(str(error), []).append(link.name)
+                        path = f"{path}/{_MISSING}"
+                        self._mark(path, link.name, geometry, size)
                     wanted.add(path)
         home = self.frame_of(robot.root_link)
         for path in set(self._drawn) - wanted:
             del self._drawn[path]
-            self._erase(path, rr.Asset3D, home)
-        return problems
+            self._erase(path, home)
+        return [*problems, *_not_drawn(failures)]
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
         """Draw ``geometry`` in its own colour, or else all of it in ``color``."""
@@ -77,28 +90,74 @@ class Scene:
             return
         asset = load_shape(geometry.shape)
         factor = None if asset.colored and color is None else color or _bytes(geometry.color)
-        x, y, z, w = from_rpy(geometry.origin.rpy).tolist()
         self._recording.log(
             path,
             rr.CoordinateFrame(self.frame_of(link)),
             rr.InstancePoses3D(
-                translations=[geometry.origin.xyz], quaternions=[rr.Quaternion(xyzw=(x, y, z, w))]
+                translations=[geometry.origin.xyz], quaternions=[_quaternion(geometry)]
             ),
             rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=factor),
             static=True,
         )
         self._drawn[path] = what
 
-    def _erase(self, path: str, archetype: Any, home: str) -> None:
+    def _mark(self, path: str, link: str, geometry: Geometry, size: float) -> None:
+        """Draw a box of ``size``, m, where ``geometry`` would be; its label shows on a click."""
+        what = (link, geometry, size)
+        if self._drawn.get(path) == what:
+            return
+        name = geometry.shape.uri if isinstance(geometry.shape, Mesh) else "shape"
+        radii: Any = [rr.Radius.ui_points(2.0)]
+        self._recording.log(
+            path,
+            rr.CoordinateFrame(self.frame_of(link)),
+            rr.Boxes3D(
+                half_sizes=[[size / 2] * 3],
+                centers=[geometry.origin.xyz],
+                quaternions=[_quaternion(geometry)],
+                colors=[MISSING_COLOR],
+                radii=radii,
+                labels=[f"missing: {name}"],
+                show_labels=False,
+            ),
+            static=True,
+        )
+        self._drawn[path] = what
+
+    def _erase(self, path: str, home: str) -> None:
         """Empty an entity. Static data cannot be cleared by rr.Clear, only be overwritten.
 
         The entity moves to the frame ``home``: one whose frame is gone would be reported forever.
         """
-        self._recording.log(path, rr.CoordinateFrame(home), archetype.cleared(), static=True)
+        kind = rr.Boxes3D if path.endswith(f"/{_MISSING}") else rr.Asset3D
+        self._recording.log(path, rr.CoordinateFrame(home), kind.cleared(), static=True)
+
+
+def marker_size(robot: Description) -> float:
+    """Return the edge of the box in place of what is missing, m: in proportion to the links."""
+    lengths = [math.hypot(*joint.origin.xyz) for joint in robot.joints]
+    known = [length for length in lengths if length > 0]
+    return statistics.median(known) / 2 if known else _MISSING_SIZE
+
+
+def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return a sentence for each reason why shapes are missing, with their links; the first few."""
+    found = [
+        f"link {listing(links, most=5)}: not drawn but marked by a box: {reason}"
+        for reason, links in islice(failures.items(), _MOST_REASONS)
+    ]
+    if len(failures) > _MOST_REASONS:
+        found.append(f"{len(failures) - _MOST_REASONS} more meshes are marked: see onebot check")
+    return found
 
 
 def _path(*parts: str) -> str:
     return rr.new_entity_path(list(parts)).lstrip("/")
+
+
+def _quaternion(geometry: Geometry) -> rr.Quaternion:
+    x, y, z, w = from_rpy(geometry.origin.rpy).tolist()
+    return rr.Quaternion(xyzw=(x, y, z, w))
 
 
 def _bytes(color: Rgba | None) -> Bytes:

@@ -12,6 +12,7 @@ import functools
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,9 +20,7 @@ import trimesh
 import yourdfpy
 from numpy.typing import NDArray
 
-from onebot_description.description import packages
 from onebot_description.description.description import (
-    MESH_SUFFIXES,
     Box,
     Capsule,
     Cylinder,
@@ -29,6 +28,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
+from onebot_description.description.meshes import fault_of, without_materials
 from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72
@@ -57,19 +57,17 @@ def file_state(shape: Shape) -> FileState | None:
     """Return the file of a mesh; None for other shapes.
 
     Raises:
-        OneBotError: no such package, file or kind of address.
+        OneBotError: it has none.
     """
     if not isinstance(shape, Mesh):
         return None
+    if shape.path is None:
+        raise OneBotError(f"mesh {shape.problem}")
     try:
-        path = packages.resolve(shape.uri, None)
-        status = path.stat()
-    except OneBotError as error:
-        raise OneBotError(f"mesh {error}") from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise OneBotError(f'mesh "{shape.uri}": {reason}') from error
-    return FileState(path, status.st_mtime_ns, status.st_size)
+        status = shape.path.stat()
+    except OSError as error:
+        raise OneBotError(f"mesh {shape.path}: {error.strerror}") from error
+    return FileState(shape.path, status.st_mtime_ns, status.st_size)
 
 
 def load_shape(shape: Shape) -> ShapeAsset:
@@ -86,9 +84,8 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
     if file is None or not isinstance(shape, Mesh):
         return _asset(_with_normals(_scene(shape, None)), colored=False)
     path, suffix = file.path, file.path.suffix.lower()
-    if suffix not in MESH_SUFFIXES:
-        known = ", ".join(MESH_SUFFIXES)
-        raise OneBotError(f"mesh {path}: {suffix or 'no suffix'} is none of {known}")
+    if fault := fault_of(path):
+        raise OneBotError(f"mesh {path} {fault}")
     try:
         return _mesh_asset(shape, path, suffix)
     except OneBotError:
@@ -100,7 +97,7 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
 
 
 def _mesh_asset(mesh: Mesh, path: Path, suffix: str) -> ShapeAsset:
-    scene = _scene(mesh, path)
+    scene = _collada_scene(mesh, path) if suffix == ".dae" else _scene(mesh, path)
     if not any(isinstance(part, trimesh.Trimesh) for part in scene.geometry.values()):
         raise OneBotError(f"mesh {path}: it holds no triangles")
     if suffix == ".glb" and mesh.scale == (1.0, 1.0, 1.0):
@@ -112,6 +109,19 @@ def _mesh_asset(mesh: Mesh, path: Path, suffix: str) -> ShapeAsset:
     if suffix == ".dae":
         scene.apply_transform(np.diag([*[collada_unit(path)] * 3, 1.0]))
     return _asset(scene, colored, linear=suffix in (".glb", ".gltf"))
+
+
+def _collada_scene(mesh: Mesh, path: Path) -> trimesh.Scene:
+    """Return the scene of a Collada file; without colours where a broken one costs surfaces."""
+    scene = _scene(mesh, path)
+    drawn = len(scene.graph.nodes_geometry)
+    if drawn >= path.read_bytes().count(b"<instance_geometry"):
+        return scene
+    with NamedTemporaryFile(suffix=".dae") as file:
+        file.write(without_materials(path))
+        file.flush()
+        plain = _scene(mesh, Path(file.name))
+    return plain if len(plain.graph.nodes_geometry) > drawn else scene
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:

@@ -3,16 +3,20 @@
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, inverse
 from onebot_control.simulation.bodies import Body, physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
 from onebot_description.description.description import Description, Mesh
-from onebot_description.description.packages import resolve
-from onebot_description.errors import OneBotError
+from onebot_description.description.meshes import fault_of, without_materials
+from onebot_description.errors import OneBotError, listing
 
 # The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
 # points where a rolling wheel has touched the ground, up to four per wheel, and solves them all:
@@ -105,7 +109,7 @@ def load_robot(
 def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
     with (
-        converted_meshes(description, bodies.values()) as meshes,
+        converted_meshes(bodies.values()) as meshes,
         _file(physics_urdf(description, bodies, meshes)) as path,
     ):
         try:
@@ -150,56 +154,88 @@ def _set_contact(
 
 
 @contextmanager
-def converted_meshes(
-    description: Description, bodies: Iterable[Body]
-) -> Iterator[Mapping[str, str]]:
+def converted_meshes(bodies: Iterable[Body]) -> Iterator[Mapping[str, str]]:
     """Convert the collision meshes of ``bodies`` to files that exist within the block.
 
     Yields:
         The file of each mesh by URI.
 
     Raises:
-        OneBotError: a mesh cannot be read.
+        OneBotError: meshes cannot be read; each is named with its link.
     """
     meshes = {
-        shape.uri: body.link
+        shape.uri: (shape, body.link)
         for body in bodies
         for shape, _ in body.collisions
         if isinstance(shape, Mesh)
     }
-    written: dict[str, str] = {}
     if not meshes:
-        yield written
+        yield {}
         return
     # Imported late, like trimesh below: most robots have no collision meshes.
     from tempfile import TemporaryDirectory
 
+    written: dict[str, str] = {}
+    failures: dict[str, list[str]] = {}  # reason to links
     with TemporaryDirectory() as folder:
-        for uri, link in meshes.items():
+        for uri, (mesh, link) in meshes.items():
+            try:
+                text = _as_obj(mesh)
+            except OneBotError as error:
+                failures.setdefault(str(error), []).append(link)
+                continue
             copy = Path(folder) / f"{len(written)}.obj"
-            copy.write_text(_as_obj(resolve(uri, description.folder), link))
+            copy.write_text(text)
             written[uri] = str(copy)
+        if failures:
+            raise OneBotError(
+                "\n".join(
+                    f"link {listing(links)}: collision mesh {reason}"
+                    for reason, links in failures.items()
+                )
+            )
         yield written
 
 
-def _as_obj(path: Path, link: str) -> str:
+def _as_obj(mesh: Mesh) -> str:
     """The triangles of a mesh file, in metres, as Wavefront OBJ."""
     import trimesh
 
-    owner = f'link "{link}": collision mesh {path}'
+    path = mesh.path
+    if path is None:
+        raise OneBotError(mesh.problem)
+    if fault := fault_of(path):
+        raise OneBotError(f"{path} {fault}")
     try:
-        scene = trimesh.load_scene(str(path), process=False)
         if path.suffix.lower() == ".dae":
+            surfaces = BytesIO(without_materials(path))
+            scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
             scene = scene.convert_units("meters")
+        else:
+            scene = trimesh.load_scene(str(path), process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     except Exception as error:  # trimesh and its parsers raise exceptions of many types
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise OneBotError(f"{owner} cannot be read: {reason}") from error
+        raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
-        raise OneBotError(f"{owner} holds no triangles")
-    lines, before = [], 1
-    for part in parts:
-        lines += ["v " + " ".join(map(repr, vertex)) for vertex in part.vertices.tolist()]
-        lines += ["f " + " ".join(map(str, face)) for face in (part.faces + before).tolist()]
-        before += len(part.vertices)
+        raise OneBotError(f"{path} holds no triangles")
+    corners = np.concatenate([part.vertices for part in parts])
+    faces = _hull(corners)
+    used, faces = np.unique(faces, return_inverse=True)
+    lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
+    lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
     return "\n".join(lines) + "\n"
+
+
+def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The faces (N, 3) of the convex hull of (M, 3) corners.
+
+    It is all that PyBullet makes of a mesh, but in minutes.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(ConvexHull(corners).simplices, np.intp)
+    except QhullError:  # it is flat: any faces will do, as only the corners count
+        count = len(corners)
+        return np.arange(3 * -(-count // 3), dtype=np.intp).reshape(-1, 3) % count

@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 _PAGE = mmap.PAGESIZE
@@ -96,6 +97,8 @@ def _result(data: bytes, code: int, bounds: Bounds, place: Place) -> Any:
     """The function's result, from its answer and the exit code of its process."""
     if code == -signal.SIGXCPU:
         raise BoundMet(f"{bounds.processor} s of processor time", place.read())
+    if code == -signal.SIGKILL:
+        raise BoundMet("the memory of this computer", place.read())
     answer = json.loads(data) if data and code == 0 else {}
     if "result" in answer:
         return answer["result"]
@@ -191,7 +194,7 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
         _limit(bounds)
-        answer = json.dumps(_answer(function, request, place)).encode()
+        answer = _answer(function, request, place)
         with suppress(BrokenPipeError), open(out, "wb") as file:  # Ctrl-C has ended who waits
             file.write(answer)
         code = 0
@@ -201,17 +204,19 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
         os._exit(code)  # nothing of the parent's is flushed or closed
 
 
-def _answer(function: str, request: Any, place: Place) -> dict[str, Any]:
+def _answer(function: str, request: Any, place: Place) -> bytes:
     module, _, name = function.partition(":")
     try:
-        return {"result": getattr(importlib.import_module(module), name)(request, place)}
+        result = getattr(importlib.import_module(module), name)(request, place)
+        return json.dumps({"result": result}).encode()
     except MemoryError:
-        return {"memory": True}
+        return b'{"memory": true}'
 
 
 def _limit(bounds: Bounds) -> None:
     """Bound this process; what it has already does not count."""
-    pages = int(open("/proc/self/statm").read().split()[0])
+    Path("/proc/self/oom_score_adj").write_text("1000")  # the first to go, not the robot's
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
     _lower(resource.RLIMIT_AS, pages * resource.getpagesize() + bounds.memory)
     _lower(resource.RLIMIT_CPU, math.ceil(time.process_time()) + bounds.processor)
     _lower(resource.RLIMIT_CORE, 0)

@@ -8,23 +8,20 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from onebot_description.description.description import (
-    MESH_SUFFIXES,
     MOVING_KINDS,
     Inertial,
     Joint,
     Material,
     Moments,
 )
-from onebot_description.description.packages import is_relative, resolve
 from onebot_description.description.reading import (
     Element,
     Findings,
     local_name,
 )
-from onebot_description.description.xml import XACRO_NAMESPACES, missing_file
+from onebot_description.description.xml import XACRO_NAMESPACES
 from onebot_description.errors import OneBotError, listing
 
 # Robots in other formats, by their outermost elements.
@@ -242,60 +239,14 @@ def _room(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> M
 
 
 def check_meshes(findings: Findings) -> None:
-    """Check the file of each mesh; a relative path becomes absolute, since a text has no folder."""
-    for link in findings.document.root.iterfind("link"):
-        for part in link:
-            if part.tag in ("visual", "collision"):
-                for mesh in part.iterfind("geometry/mesh"):
-                    if mesh.get("filename"):
-                        _check_mesh(findings, mesh, collision=part.tag == "collision")
-
-
-def _check_mesh(findings: Findings, mesh: Element, *, collision: bool) -> None:
-    uri = mesh.get("filename", "")
-    try:
-        path = resolve(uri, findings.document.folder)
-        if not path.is_file():
-            findings.problem(mesh, f'mesh "{uri}": {missing_file(path)}')
-            return
-        _check_mesh_file(findings, mesh, path, collision=collision)
-        if is_relative(uri):
-            mesh.set("filename", str(path.resolve()))
-    except OneBotError as error:
-        findings.problem(mesh, f"mesh {error}")
-    except (OSError, ValueError) as error:
-        findings.problem(mesh, f'mesh "{uri}" cannot be read: {error}')
-
-
-def _check_mesh_file(findings: Findings, mesh: Element, path: Path, *, collision: bool) -> None:
-    suffix = path.suffix.lower()
-    name = path.name
-    if suffix not in MESH_SUFFIXES:
-        known = ", ".join(MESH_SUFFIXES)
-        findings.problem(
-            mesh, f'mesh "{name}" is of an unsupported kind; convert it to one of: {known}'
-        )
-    elif path.stat().st_size == 0:
-        findings.problem(mesh, f'mesh "{name}" is an empty file; export it again')
-    elif collision and suffix in (".glb", ".gltf"):
-        findings.warning(
-            mesh, f'"{name}": PyBullet reads no {suffix} for collision; use .stl or .obj'
-        )
-    elif collision and suffix == ".stl" and is_ascii_stl(path):
-        findings.warning(
-            mesh, f'"{name}" is an ASCII STL, which PyBullet ignores; export it as binary STL'
-        )
-
-
-def is_ascii_stl(path: Path) -> bool:
-    """Return whether ``path`` is an STL in its text form."""
-    with path.open("rb") as file:
-        head = file.read(84)
-    if not head.lstrip().startswith(b"solid"):
-        return False
-    # Some binary files begin with "solid" too; their length gives them away.
-    triangles = int.from_bytes(head[80:84], "little")
-    return path.stat().st_size != 84 + 50 * triangles
+    """Report the meshes that have no file: each reason once, at the first of them."""
+    reasons: dict[str, list[Element]] = {}
+    for element, mesh in findings.meshes:
+        if mesh.problem:
+            reasons.setdefault(mesh.problem, []).append(element)
+    for reason, elements in reasons.items():
+        count = f"{len(elements)} meshes: " if len(elements) > 1 else ""
+        findings.problem(elements[0], f"{count}{reason}")
 
 
 def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
@@ -350,12 +301,15 @@ def _check_texture(findings: Findings, element: Element, material: Material) -> 
     if texture is None or material.texture is None:
         return
     try:
-        there = material.texture and resolve(material.texture, findings.document.folder).is_file()
-    except (OneBotError, OSError) as error:
+        path, uri = findings.resources.locate(material.texture)
+        there = path.is_file()
+    except (OneBotError, OSError, ValueError) as error:
         findings.warning(texture, str(error))
-    else:
-        if not there:
-            findings.warning(texture, f'there is no file "{material.texture}"')
+        return
+    if material.texture:
+        texture.set("filename", uri)
+    if not there:
+        findings.warning(texture, f'there is no file "{material.texture}"')
 
 
 # Other programs' parts, of which nothing is known here; they may hold anything.

@@ -61,10 +61,12 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh file, its axes scaled by ``scale``; ``packages.resolve`` finds it."""
+    """A mesh file, its axes scaled by ``scale``; ``meshes.locate_mesh`` finds it."""
 
-    uri: str
+    uri: str  # by which other programs find it, too: file://, or package:// of an installed package
     scale: Triple
+    path: Path | None = field(default=None, compare=False)  # None if there is no such file
+    problem: str = field(default="", compare=False)  # why there is none
 
 
 Shape = Box | Cylinder | Sphere | Capsule | Mesh
@@ -192,11 +194,6 @@ class Description:
                     f"{listing(self.roots)}; connect them by joints"
                 ]
             )
-
-    @property
-    def folder(self) -> Path | None:
-        """The folder of the file loaded; None for text that is in no file."""
-        return self.files[0].parent if self.files else None
 
     @cached_property
     def roots(self) -> tuple[str, ...]:

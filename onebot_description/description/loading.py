@@ -127,9 +127,9 @@ def _check(
     }
     for name in check_mimics(findings, joints, elements):
         joints[name] = replace(joints[name], mimic=None)
-    check_meshes(findings)
     materials = read_materials(findings)
     read = read_links(findings, materials)
+    check_meshes(findings)
     for element, link in read.items():
         if link.inertial is not None:
             check_inertial(findings, element, link.inertial)

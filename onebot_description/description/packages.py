@@ -1,6 +1,12 @@
 """Where packages and files lie: ``package://``, ``$(find pkg)``, ``file://`` and paths.
 
-Nothing is fetched from the network, and nobody has to set a variable.
+Nothing is fetched from the network, and nobody has to set a variable. A package is looked for, in
+this order:
+
+- in the folders of ``ROS_PACKAGE_PATH``, where ``package_path:=`` puts its own first
+- where packages are installed: the prefixes of ``AMENT_PREFIX_PATH`` and of this environment
+- in the source tree around the file that names it
+
 The ROS wheels lay themselves into the environment's prefix as an ament prefix but leave
 ``AMENT_PREFIX_PATH`` unset, so ``$(find pkg)``, ``package://`` and ament_index would find nothing.
 An editable install moreover holds *copies* of urdf/, config/ and the like in the prefix. Here the
@@ -8,16 +14,104 @@ checkout itself, through a prefix of symbolic links, comes first, so an edit tak
 """
 
 import contextlib
+import math
 import os
+import re
 import sys
+import time
 import zlib
+from collections import deque
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError, nearest, shortened
 
 PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
-_VARIABLE = "AMENT_PREFIX_PATH"
+PACKAGE_PATH = "package_path"  # the argument of commands
+_VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
+_ROS_PATH = "ROS_PACKAGE_PATH"
+_AMENT_PATH = "AMENT_PREFIX_PATH"
+# Bounds of a search below a folder, which may be anybody's home.
+_DEEPEST = 4
+_MOST_FOLDERS = 2000
+_FRESH = 1.0  # s that the result of one is kept; searching takes some 0.1 s
+_NO_SOURCES = ("build", "node_modules", "__pycache__")
+
+
+class Resource(NamedTuple):
+    """The file that a URI leads to, whether or not it is there."""
+
+    path: Path
+    # By which other programs find it without knowing where it was named: package:// if the package
+    # is installed, else file://.
+    uri: str
+
+
+class Package(NamedTuple):
+    """Where a package lies."""
+
+    folder: Path
+    installed: bool  # in an ament index, where all ROS programs look
+
+
+class Resources:
+    """Resolves the URIs of one description; each package is looked for once."""
+
+    def __init__(self, folder: Path | None) -> None:
+        """Resolve what is named in a file in ``folder``; None: in a text that lies in no file."""
+        self._folder = folder
+        self._packages: dict[str, Package | OneBotError] = {}
+
+    def locate(self, uri: str) -> Resource:
+        """Return the file that ``package://name/path``, ``file:///path`` or a path names.
+
+        Raises:
+            OneBotError: it names no file; the message says what to write.
+        """
+        scheme = _scheme(uri)
+        try:
+            if scheme == "package":
+                return self._in_package(uri)
+            if scheme == "file":
+                return Resource(_in_file_system(uri), uri)
+        except ValueError as error:
+            raise OneBotError(f'"{uri}": {error}') from None
+        if scheme:
+            network = scheme in ("http", "https", "ftp")
+            raise OneBotError(
+                f'"{uri}": {scheme}:// is not loaded; '
+                f"{'nothing is fetched from the network; ' if network else ''}"
+                "write package://<package>/<path>, file:///<path> or a path"
+            )
+        if self._folder is None and not uri.startswith("/"):
+            raise OneBotError(
+                f'"{uri}" is relative, but this text lies in no folder; '
+                "write package://<package>/<path> or an absolute path"
+            )
+        path = Path(uri) if self._folder is None else self._folder / uri
+        return Resource(path, _file_uri(path))
+
+    def _in_package(self, uri: str) -> Resource:
+        name, _, inner = uri.partition("://")[2].partition("/")
+        if not name or not inner:
+            raise OneBotError(f'"{uri}" must read package://<package>/<path>')
+        found = self._package(name)
+        path = found.folder / inner
+        return Resource(path, uri if found.installed else _file_uri(path))
+
+    def _package(self, name: str) -> Package:
+        found = self._packages.get(name)
+        if found is None:
+            try:
+                found = _find(name, self._folder)
+            except OneBotError as error:
+                found = error
+            self._packages[name] = found
+        if isinstance(found, OneBotError):
+            raise OneBotError(str(found))
+        return found
 
 
 def resolve(uri: str, folder: Path | None) -> Path:
@@ -28,34 +122,9 @@ def resolve(uri: str, folder: Path | None) -> Path:
         folder: of the file that names it, where relative paths start; None for text in no file.
 
     Raises:
-        OneBotError: it names no file; the message begins with ``uri`` and says what to write.
+        OneBotError: it names no file; the message says what to write.
     """
-    scheme = _scheme(uri)
-    try:
-        if scheme == "package":
-            return _in_package(uri, folder)
-        if scheme == "file":
-            return _in_file_system(uri)
-    except ValueError as error:
-        raise OneBotError(f'"{uri}": {error}') from None
-    if scheme:
-        network = scheme in ("http", "https", "ftp")
-        raise OneBotError(
-            f'"{uri}": {scheme}:// is not loaded; '
-            f"{'nothing is fetched from the network; ' if network else ''}"
-            "write package://<package>/<path>, file:///<path> or a path"
-        )
-    if folder is None and is_relative(uri):
-        raise OneBotError(
-            f'"{uri}" is relative, but this text lies in no folder; '
-            "write package://<package>/<path> or an absolute path"
-        )
-    return Path(uri) if folder is None else folder / uri
-
-
-def is_relative(uri: str) -> bool:
-    """Whether ``uri`` is a path that starts from some folder."""
-    return not _scheme(uri) and not uri.startswith("/")
+    return Resources(folder).locate(uri).path
 
 
 def _scheme(uri: str) -> str:
@@ -66,16 +135,6 @@ def _scheme(uri: str) -> str:
     return scheme.lower() if is_scheme else ""
 
 
-def _in_package(uri: str, folder: Path | None) -> Path:
-    name, _, inner = uri.partition("://")[2].partition("/")
-    if not name or not inner:
-        raise OneBotError(f'"{uri}" must read package://<package>/<path>')
-    try:
-        return find_package(name, folder) / inner
-    except OneBotError as error:
-        raise OneBotError(f'"{uri}": {error}') from None
-
-
 def _in_file_system(uri: str) -> Path:
     parts = urlsplit(uri)
     if parts.netloc not in ("", "localhost") or not parts.path.startswith("/"):
@@ -83,25 +142,42 @@ def _in_file_system(uri: str) -> Path:
     return Path(unquote(parts.path))
 
 
+def _file_uri(path: Path) -> str:
+    try:
+        return path.resolve().as_uri()
+    except (OSError, RuntimeError, ValueError):  # no path that could exist, such as a loop of links
+        return str(path)
+
+
+# --- packages -----------------------------------------------------------------------------------
+
+
 def find_package(name: str, folder: Path | None = None) -> Path:
-    """Return the share folder of a ROS package, installed or being worked on.
+    """Return the folder of a ROS package, installed or being worked on.
 
     Args:
-        name: the package.
-        folder: where it is asked for; if no installed package has that name, this folder, one of
-            its parents, or a folder beside those may be the package's source.
+        name: the package, as its package.xml has it.
+        folder: of the file that names it, whose source tree is searched too.
 
     Raises:
-        OneBotError: there is no such package; the message lists near names.
+        OneBotError: there is no such package; the message says where it was looked for.
     """
-    try:
-        return package_share(name)
-    except OneBotError:
-        for parent in () if folder is None else (folder, *folder.parents):
-            for source in (parent, parent / name):
-                if source.name == name and (source / "package.xml").is_file():
-                    return source
-        raise
+    return _find(name, folder).folder
+
+
+def use_package_path(folders: str) -> None:
+    """Look for packages in ``folders`` (joined by ``:``) first, here and in child processes.
+
+    Raises:
+        OneBotError: there is no such folder.
+    """
+    wanted = [Path(entry).expanduser().absolute() for entry in folders.split(os.pathsep) if entry]
+    for folder in wanted:
+        if not folder.is_dir():
+            raise OneBotError(f"{PACKAGE_PATH}:={folders}: there is no folder {folder}")
+    present = [entry for entry in _entries(_ROS_PATH) if Path(entry) not in wanted]
+    if wanted:
+        os.environ[_ROS_PATH] = os.pathsep.join([*map(str, wanted), *present])
 
 
 def use_environment_prefix() -> None:
@@ -110,35 +186,211 @@ def use_environment_prefix() -> None:
     A prefix the user has sourced (such as a colcon workspace's install folder) stays, ahead of the
     environment's own, as an overlay is meant to. Calling it again changes nothing.
     """
-    ours = [str(prefix) for prefix in (_checkout_prefix(), Path(sys.prefix)) if prefix is not None]
-    present = [entry for entry in os.environ.get(_VARIABLE, "").split(os.pathsep) if entry]
-    others = [entry for entry in present if entry not in ours]
-    os.environ[_VARIABLE] = os.pathsep.join(others + ours)
+    ours = _own_prefixes()
+    others = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
+    os.environ[_AMENT_PATH] = os.pathsep.join(others + ours)
 
 
 def package_share(name: str) -> Path:
-    """Return the share folder of the ROS package ``name``.
+    """Return the share folder of the installed ROS package ``name``.
 
     Raises:
-        OneBotError: no prefix holds a package of that name; the message lists near names.
+        OneBotError: no prefix holds a package of that name.
     """
-    use_environment_prefix()
-    for prefix in os.environ[_VARIABLE].split(os.pathsep):
-        if (Path(prefix) / "share/ament_index/resource_index/packages" / name).is_file():
-            # Resolved, so that messages name the checkout's file and not a link to it.
-            return (Path(prefix) / "share" / name).resolve()
-    raise OneBotError(f'no ROS package "{name}"{did_you_mean(name, package_names())}')
+    found = _in_index(name)
+    if found is None:
+        raise _missing(name, None)
+    return found
 
 
 def package_names() -> list[str]:
-    """Return the names of all ROS packages that can be found, sorted."""
+    """Return the names of all installed ROS packages, sorted."""
     use_environment_prefix()
     names: set[str] = set()
-    for prefix in os.environ[_VARIABLE].split(os.pathsep):
+    for prefix in _entries(_AMENT_PATH):
         index = Path(prefix) / "share/ament_index/resource_index/packages"
         if index.is_dir():
             names.update(entry.name for entry in index.iterdir())
     return sorted(names)
+
+
+def _entries(variable: str) -> list[str]:
+    return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+
+def _own_prefixes() -> list[str]:
+    prefixes = (_checkout_prefix(), Path(sys.prefix))
+    return [str(prefix) for prefix in prefixes if prefix is not None]
+
+
+def _find(name: str, folder: Path | None) -> Package:
+    if not _VALID.fullmatch(name):
+        raise _missing(name, folder)
+    installed = _in_index(name)
+    found = _on_ros_path(name) or installed or _in_share(name)
+    if found is None and folder is not None:
+        found = _around(name, folder)
+    if found is None:
+        raise _missing(name, folder)
+    return Package(found, found == installed)
+
+
+def _in_index(name: str) -> Path | None:
+    """The share folder of a package in an ament index."""
+    use_environment_prefix()
+    for prefix in _entries(_AMENT_PATH):
+        if os.path.isfile(f"{prefix}/share/ament_index/resource_index/packages/{name}"):
+            # Resolved, so that messages name the checkout's file and not a link to it.
+            return (Path(prefix) / "share" / name).resolve()
+    return None
+
+
+def _in_share(name: str) -> Path | None:
+    """The share folder of a package that is in no ament index, as catkin installs it."""
+    shares = (Path(prefix) / "share" / name for prefix in _entries(_AMENT_PATH))
+    return next((share.resolve() for share in shares if _is_package(share, name)), None)
+
+
+def _on_ros_path(name: str) -> Path | None:
+    tops = [Path(entry) for entry in _entries(_ROS_PATH)]
+    for search in (_below, _named_below):
+        for top in tops:
+            found = search(name, top)
+            if found is not None:
+                return found.resolve()
+    return None
+
+
+def _below(name: str, top: Path) -> Path | None:
+    """The package in ``top``, or in a folder below it."""
+    found = _index(top).get(name)
+    if found is not None and not _is_package(found, name):
+        del _indexes[top]  # it has been moved
+        found = _index(top).get(name)
+    return found
+
+
+# When it was made, and the packages by name.
+_indexes: dict[Path, tuple[float, dict[str, Path]]] = {}
+
+
+def _index(top: Path) -> dict[str, Path]:
+    """The packages below ``top`` by name; $(find pkg) may stand at every mesh of a large robot."""
+    made, found = _indexes.get(top, (-math.inf, {}))
+    if time.monotonic() - made > _FRESH:
+        found = dict(reversed(list(_packages_below(top))))  # of one name, the nearest
+        _indexes[top] = time.monotonic(), found
+    return found
+
+
+def _named_below(name: str, top: Path) -> Path | None:
+    """The folder called ``name``: a package of another name, ``top``, or a folder in it."""
+    folders = (top, top / name, *_index(top).values())
+    return next((each for each in folders if each.name == name and os.path.isdir(each)), None)
+
+
+def _around(name: str, folder: Path) -> Path | None:
+    """The package in the source tree of a file in ``folder``: above, beside, or beside those."""
+    above = (folder, *folder.parents)
+    for parent in above:
+        for source in (parent, parent / name):
+            if _is_package(source, name):
+                return source
+    top = _source_tree(folder)
+    for parent in above if top is not None else ():
+        found = _below(name, parent)  # the nearest first: a tree may hold several robots
+        if found is not None:
+            return found
+        if parent == top:
+            break
+    # What was copied without its package.xml is at least in a folder of that name.
+    named = (
+        *(parent for parent in above if parent.name == name),
+        folder / name,
+        folder.parent / name,
+    )
+    return next((source for source in named if os.path.isdir(source)), None)
+
+
+def _source_tree(folder: Path) -> Path | None:
+    """The outermost folder above that holds sources: a repository, a src, or a package's parent."""
+    above = (folder, *folder.parents)[:-1]
+    tops = [
+        parent
+        for child, parent in zip((folder, *above), above, strict=False)
+        if parent.name == "src"
+        or os.path.exists(parent / ".git")
+        or os.path.isfile(child / "package.xml")
+    ]
+    return tops[-1] if tops else None
+
+
+def _packages_below(top: Path) -> Iterator[tuple[str, Path]]:
+    """Yield name and folder of the packages in and below ``top``, the nearest first."""
+    waiting = deque([(top, 0)])
+    for _ in range(_MOST_FOLDERS):
+        if not waiting:
+            return
+        folder, depth = waiting.popleft()
+        name = _package_name(folder)
+        if name:
+            yield name, folder
+        if depth < _DEEPEST:
+            waiting.extend((child, depth + 1) for child in _folders_in(folder))
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    """The folders in ``folder`` that may hold sources, sorted."""
+    try:
+        with os.scandir(folder) as entries:
+            return sorted(
+                Path(entry.path)
+                for entry in entries
+                if not entry.name.startswith(".")
+                and entry.name not in _NO_SOURCES
+                and entry.is_dir()
+            )
+    except OSError:
+        return []
+
+
+def _is_package(folder: Path, name: str) -> bool:
+    return _package_name(folder) == name
+
+
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+_NAME = re.compile(rb"<name>\s*([\w.-]+)\s*</name>")
+
+
+def _package_name(folder: Path) -> str:
+    """What the package.xml in ``folder`` calls the package; "" if there is none."""
+    file = folder / "package.xml"
+    try:
+        if not file.is_file():
+            return ""
+        with file.open("rb") as content:
+            name = _NAME.search(_COMMENT.sub(b"", content.read(100_000)))
+    except (OSError, ValueError):
+        return ""
+    return name[1].decode("ascii", "replace") if name else ""
+
+
+def _missing(name: str, folder: Path | None) -> OneBotError:
+    """The error about a package: where it was looked for, and what to set."""
+    guess = nearest(name, package_names())
+    question = f' (did you mean "{guess}"?)' if guess is not None else ""
+    ours = _own_prefixes()
+    installed = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
+    path = os.environ.get(_ROS_PATH) or "not set"
+    around = "" if folder is None else f" and around {folder}"
+    return OneBotError(
+        f'no ROS package "{shortened(name)}"{question}: looked in {_ROS_PATH} ({path}), '
+        f"{_AMENT_PATH} ({os.pathsep.join([*installed, sys.prefix])}){around}; "
+        f"name a folder that holds it: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER"
+    )
+
+
+# --- the checkout -------------------------------------------------------------------------------
 
 
 def _checkout_prefix() -> Path | None:

@@ -32,6 +32,8 @@ from onebot_description.description.description import (
     Sphere,
     Triple,
 )
+from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.packages import Resources
 from onebot_description.description.xml import Document
 from onebot_description.errors import DescriptionError, did_you_mean, listing, printable
 
@@ -67,6 +69,8 @@ class Findings:
         """Start with nothing found in ``document``."""
         self.document = document
         self.found: list[Finding] = []
+        self.resources = Resources(document.folder)
+        self.meshes: list[tuple[Element, Mesh]] = []  # in the order they were read
         self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
@@ -389,7 +393,12 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
         if scale is not None and min(scale) <= 0:
             text = f'scale="{element.get("scale")}" flattens or mirrors the mesh'
             findings.warning(element, text)
-    return Mesh(uri, scale) if uri and scale else None
+    if not uri or not scale:
+        return None
+    mesh = locate_mesh(findings.resources, uri, scale)
+    element.set("filename", mesh.uri)
+    findings.meshes.append((element, mesh))
+    return mesh
 
 
 def _colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:

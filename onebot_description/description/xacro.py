@@ -112,9 +112,8 @@ def xacro_arguments(source: str) -> XacroArguments:
 
 
 def included_files(source: str) -> tuple[Path, ...]:
-    """Return the file itself, and those it includes as far as they can be read now."""
-    file = _path_of(source).absolute()
-    return tuple(dict.fromkeys([file, *(path for path, _ in _files(file))]))
+    """Return the file itself and those it includes, also those that cannot be read now."""
+    return tuple(path for path, _ in _files(_path_of(source).absolute()))
 
 
 def used_arguments(text: str) -> Iterator[str]:
@@ -134,7 +133,7 @@ def _path_of(source: str) -> Path:
 
 
 def _files(file: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
-    """Yield a file and those it includes, each once."""
+    """Yield a file and those it includes, each once; the root of an unreadable one is empty."""
     waiting, found = [file], set()
     while waiting:
         file = waiting.pop(0)
@@ -146,7 +145,7 @@ def _files(file: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
             xml.scan(data, str(file))
             root = ElementTree.fromstring(data)
         except (OneBotError, ElementTree.ParseError, ValueError):
-            continue
+            root = ElementTree.Element("unreadable")
         yield file, root
         for element in root.iter():
             if _xacro_kind(element) == "include":

@@ -162,6 +162,9 @@ class JointsConfig:
     use_smallest_joint_limits: bool = parameter(True, "apply soft limits, too")
     source_list: tuple[str, ...] = parameter((), "JointState topics that override all motions")
     delta: float = parameter(0.0, "step per message of joints that only sweep", at_least=0.0)
+    swing: float = parameter(
+        0.0, "period of the swing of joints that nothing else moves, s; 0: they rest", at_least=0.0
+    )
     zeros: Mapping[str, float] = parameter({}, "rest position of the joint, rad or m")
     dependent_joints: Mapping[str, Dependent] = parameter({}, "joints that follow another")
     motion_parameters: Mapping[str, MotionParameters] = parameter({}, "by joint", name="motions")
@@ -192,7 +195,7 @@ class JointsConfig:
     @property
     def moves(self) -> bool:
         """Whether any motion is configured, so that velocities are published too."""
-        return bool(self.motions or self.pose or self.sequence.complete or self.delta)
+        return bool(self.motions or self.pose or self.sequence.complete or self.delta or self.swing)
 
     def check(self) -> Iterator[Problem]:
         """Yield a problem for each pose that does not exist."""

@@ -25,6 +25,7 @@ from onebot_description.joints.motions import (
     Constant,
     Keyframes,
     Motion,
+    Sine,
     Sweep,
     Tracks,
     violations,
@@ -32,6 +33,8 @@ from onebot_description.joints.motions import (
 from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.parameters.values import LARGEST
 
+_SHARE_OF_RANGE, _SHARE_OF_SPEED = 0.9, 0.5  # of a swinging joint
+_FREE_SWING = math.pi / 2  # rad or m, without limits
 # A step this much over the limit is rounding; allowing it keeps followers exact.
 _ROUNDING = 1e-9
 
@@ -111,7 +114,7 @@ class _Planner:
         return self._clamp(index, asked)
 
     def motion(self, index: int) -> Motion:
-        """Return the held pose, or else its motion, the sequence, the sweep or the zero."""
+        """Return the held pose, or else its motion, the sequence, the sweep, the swing or zero."""
         config, name = self._config, self._joints[index].name
         zero = self.zero(index)
         if name in config.zeros:
@@ -123,7 +126,9 @@ class _Planner:
         steps = self._sequence(index, zero)
         if steps is not None:
             return self._check(index, steps, "sequence")
-        return self._sweep(index, zero) if config.delta else Constant(zero)
+        if config.delta:
+            return self._sweep(index, zero)
+        return self._swing(index) if config.swing else Constant(zero)
 
     def report_poses(self, following: Following) -> None:
         """Report poses beyond limits, and pose entries of joints that follow others."""
@@ -171,6 +176,21 @@ class _Planner:
         self._check(index, sweep, "delta")
         speed = min(sweep.speed, float(self._limits.velocity[index]))
         return dataclasses.replace(sweep, speed=speed)
+
+    def _swing(self, index: int) -> Motion:
+        """Swing through most of the range, at no more than a part of the speed allowed.
+
+        The phases are spread over a turn, so that the robot does not move as one piece.
+        """
+        lower, upper = float(self._limits.lower[index]), float(self._limits.upper[index])
+        middle, amplitude = 0.0, _FREE_SWING
+        if math.isfinite(upper - lower):
+            middle, amplitude = (lower + upper) / 2, _SHARE_OF_RANGE * (upper - lower) / 2
+        frequency = 1.0 / self._config.swing
+        if amplitude > 0.0:
+            speed = _SHARE_OF_SPEED * float(self._limits.velocity[index])
+            frequency = min(frequency, speed / (TURN * amplitude))
+        return Sine(amplitude, frequency, TURN * index / len(self._joints), middle)
 
     def _check(self, index: int, motion: Motion, key: str) -> Motion:
         """Report where the motion exceeds the joint's limits, and return it."""
@@ -442,8 +462,9 @@ class JointStateSource:
     def _toward(self, target: FloatArray, step: float) -> FloatArray:
         """Move from the present positions to ``target`` as far as the velocity limits allow."""
         way = target - self._position
-        reach = self._plan.limits.velocity * step
-        near = np.abs(way) <= reach * (1.0 + _ROUNDING)
+        with np.errstate(over="ignore"):  # infinity is as far as any
+            reach = self._plan.limits.velocity * step
+            near = np.abs(way) <= reach * (1.0 + _ROUNDING)
         return np.where(near, target, self._position + np.clip(way, -reach, reach))
 
     def _follow(self, leading: FloatArray) -> FloatArray:

@@ -114,6 +114,24 @@ EQUIVALENT = (
         "it counts in steps of one, and from 0 when it was reached",
     ),
     Equivalent(
+        "onebot_control/simulation/rest_pose.py",
+        "settle",
+        "near = engine.getClosestPoints(robot.body, robot.ground, 999.0, physicsClientId=client)",
+        "no robot begins so far above the ground",
+    ),
+    Equivalent(
+        "onebot_control/simulation/rest_pose.py",
+        "settle",
+        "place(client, robot, rest_pose.at(0.0, 1.0, 0.0))",
+        "every robot is then placed where it starts",
+    ),
+    Equivalent(
+        "onebot_control/wheel_geometry.py",
+        "wheel_separation",
+        "poses = dict(zip(model.links, model.link_poses({}), strict=False))",
+        "there are as many poses as links",
+    ),
+    Equivalent(
         "onebot_description/description/checks.py",
         "_check_inertia",
         "elif greatest > (least + middle) * ( 0 + _INERTIA_ROUNDING):",
@@ -139,6 +157,12 @@ EQUIVALENT = (
     ),
     Equivalent(
         "onebot_description/description/checks.py",
+        "_is_positive_definite",
+        "return xx >= 0 and second > 0 and third > 0",
+        "with xx = 0 the second minor is not above 0",
+    ),
+    Equivalent(
+        "onebot_description/description/checks.py",
         "_room",
         "most = (xx + yy + zz) / (1 + _INERTIA_ROUNDING) / (2 + _INERTIA_ROUNDING)",
         "refuses more, and what this quick check refuses is decided by the eigenvalues",
@@ -150,16 +174,10 @@ EQUIVALENT = (
         "there are no more ends than joints",
     ),
     Equivalent(
-        "onebot_description/description/checks.py",
-        "check_tree",
-        'return roots[0] if len(roots) >= 1 else ""',
-        "several roots are a problem, and then no description is returned",
-    ),
-    Equivalent(
         "onebot_description/description/reading.py",
-        "_read_limit",
-        "elif low >= high == 0:",
-        "the branch before took what is above",
+        "read_links",
+        '(visuals if part.tag >= "visual" else collisions).append(geometry)',
+        "only visual and collision are left",
     ),
     Equivalent(
         "onebot_description/description/reading.py",
@@ -214,6 +232,18 @@ EQUIVALENT = (
         "_segments",
         "factor = 1.0 if motion.blend <= LINEAR else MINIMUM_JERK_PEAK",
         "no blend comes before linear",
+    ),
+    Equivalent(
+        "onebot_description/joints/source.py",
+        "JointStateSource._toward",
+        "near = np.abs(way) < reach * (1.0 + _ROUNDING)",
+        "the position is the same either way but for rounding",
+    ),
+    Equivalent(
+        "onebot_description/model/quaternions.py",
+        "to_matrix",
+        "rotation = rotation / np.where(length > 0.0, length, 2.0)",
+        "zeros, divided by whatever",
     ),
     Equivalent(
         "onebot_description/model/robot_model.py",

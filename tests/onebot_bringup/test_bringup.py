@@ -73,20 +73,27 @@ def start(
     assert marked(f"{MARK}={mark}") == []
 
 
-def test_any_robot_moves_within_its_limits(start: Start, transforms: Transforms) -> None:
-    """Without a joint file the joint swings; its xacro argument stands among the launcher's."""
+def test_any_robot_moves_within_its_limits(start: Start, transforms: Transforms, arm: Path) -> None:
+    """Without a joint file the joint swings, as does one that an edit puts in its place.
+
+    The robot's xacro argument stands among the launcher's.
+    """
     running = start("height:=2.5")
     first = wait_for_robot(running, transforms, "tip")
     assert abs(first[0] - 2.5) < 1e-9
     seen: list[float] = []
 
-    def moved() -> bool:
-        found = transforms.of("tip")
-        assert found is not None
-        seen.append(found[1])
-        return max(seen) - min(seen) > 0.02
+    def moved(link: str) -> bool:
+        found = transforms.of(link)
+        if found is not None:
+            seen.append(found[1])
+        return bool(seen) and max(seen) - min(seen) > 0.02
 
-    wait_for(moved, "a movement")
+    wait_for(lambda: moved("tip"), "a movement")
+    arm.write_text(ARM.replace("shoulder", "elbow").replace('"tip"', '"hand"'))
+    seen.clear()
+    wait_for(lambda: moved("hand"), "a movement of the new joint")
+    assert "has no joint" not in running.out + running.err
     low, high = 0.2474, 0.4795  # sin(0.5 / 2), sin(1.0 / 2)
     assert low <= min(seen) and max(seen) <= high
     stop(running)

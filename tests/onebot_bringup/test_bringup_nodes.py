@@ -4,6 +4,8 @@ What the nodes then do is tested by bringing robots up (``test_bringup``, ``test
 """
 
 import json
+import os
+import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -196,8 +198,7 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
         "use_sim_time": False,
     }
     swing = parameters(make().joint_state_publisher())
-    assert swing["motions"]["shoulder"]["offset"] == pytest.approx(0.75)
-    assert "config_file" not in swing
+    assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
 
 
 def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
@@ -571,3 +572,20 @@ def test_values_at_the_edge_of_what_is_possible(make: Make, sim: bool, given: An
     values = make(sim, **given).values
     assert given.items() <= values.items()
     assert values["log_level"] == "info" and values["viewer"] == given.get("viewer", "web")
+
+
+def test_the_model_is_expanded_in_a_fork(tmp_path: Path) -> None:
+    """An interpreter for it would take a tenth of a second; no library has started threads."""
+    robot = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="a"/>{}</robot>'
+    (tmp_path / "parts.xacro").write_text(robot.format('<link name="b"/>'))
+    code = (
+        "from onebot_description.description import bounded_process;"
+        "bounded_process._spawn = None;"
+        "from mrm_description.launch.mrm_bringup import main;"
+        f"main(['model:={tmp_path / 'parts.xacro'}', 'viewer:=none'])"
+    )
+    environment = {key: value for key, value in os.environ.items() if "OPENBLAS" not in key}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=180
+    )
+    assert "2 parts" in done.stderr, done.stderr

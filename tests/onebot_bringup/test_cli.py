@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+ROBOTS = Path(__file__).parents[1] / "robots"
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="reach" default="1.0"/>
   <link name="base"/><link name="tip"/>
@@ -208,3 +209,53 @@ def test_a_bad_robot_starts_nothing(tmp_path: Path) -> None:
         done = onebot("view", str(tmp_path / "bad.urdf"))
         assert done.returncode == 1 and "starting" not in done.stdout
         assert "bad.urdf" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_check_opens_the_meshes_and_takes_a_package_path(tmp_path: Path) -> None:
+    """A package elsewhere is found where ``package_path:=`` says; what is in it must be a mesh."""
+    parts = tmp_path / "elsewhere/parts"
+    parts.mkdir(parents=True)
+    (parts / "package.xml").write_text("<package><name>parts</name></package>")
+    (parts / "a.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:1\n")
+    mesh = '<geometry><mesh filename="package://parts/a.stl"/></geometry>'
+    file = tmp_path / "robot/r.urdf"
+    file.parent.mkdir()
+    file.write_text(
+        f'<robot name="r"><link name="a"><visual>{mesh}</visual>\n'
+        f"<collision>{mesh}</collision></link><gazbo/></robot>"
+    )
+    done = onebot("check", str(file))
+    assert done.returncode == 1 and done.stdout == ""
+    missing, warning = done.stderr.splitlines()
+    assert missing.startswith(f'error: {file}:1: link "a"') and "package_path:=FOLDER" in missing
+    assert '2 meshes: no ROS package "parts"' in missing
+    assert warning.startswith("warning: ") and "gazbo" in warning
+    done = onebot("check", str(file), f"package_path:={tmp_path / 'elsewhere'}")
+    assert done.returncode == 1
+    [broken, warning] = done.stderr.splitlines()
+    assert broken.startswith(f'error: {file}:1: link "a": mesh ') and "git lfs pull" in broken
+    assert warning.startswith("warning: ")
+    (parts / "a.stl").write_bytes((ROBOTS / "meshes/cube.stl").read_bytes())
+    done = onebot("check", str(file), f"package_path:={tmp_path / 'elsewhere'}")
+    assert done.returncode == 0 and "1 mesh" in done.stdout
+    assert [line.startswith("warning: ") for line in done.stderr.splitlines()] == [True]
+    done = onebot("check", str(file), f"package_path:={tmp_path / 'nowhere'}")
+    assert done.returncode == 1 and "there is no folder" in done.stderr
+
+
+def test_a_bringup_finds_includes_on_the_package_path(arm: str) -> None:
+    """Also before anything is started, to list the arguments of what is included."""
+    folder = Path(arm).parent
+    parts = folder / "elsewhere/parts"
+    parts.mkdir(parents=True)
+    (parts / "package.xml").write_text("<package><name>arm_parts</name></package>")
+    Path(arm).rename(parts / "arm.xacro")
+    file = folder / "robot/r.xacro"
+    file.parent.mkdir()
+    include = '<xacro:include filename="$(find arm_parts)/arm.xacro"/>'
+    file.write_text(f'<robot name="r" {ARM.split(" ", 2)[2].splitlines()[0]}{include}</robot>')
+    words = ("view", str(file), "viewer:=none", "--show-args")
+    assert "reach:=1.0" not in onebot(*words).stdout
+    done = onebot(*words, f"package_path:={folder / 'elsewhere'}")
+    assert done.returncode == 0 and "reach:=1.0" in done.stdout
+    assert "package_path:=" in done.stdout

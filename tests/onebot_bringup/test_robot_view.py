@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
@@ -136,6 +136,27 @@ def test_what_has_no_time_is_shown_in_the_simulated_time_of_the_others(tmp_path)
     shown.take_joints(_joints(2.0, 0), NOW + 7)
     shown.end()
     assert _times(shown.file, "/joints/position/0") == [5 * SECOND, 5 * SECOND + 7]
+
+
+def test_a_stamp_in_the_future_is_shown_when_it_came(tmp_path):
+    """The viewer follows the latest, and would show nothing else until then; it is reported."""
+    shown, now, latest = Shown(tmp_path), NOW // SECOND, 2**31 - 1
+    shown.view.take(
+        "robot_description",
+        "std_msgs/msg/String",
+        _text('<robot name="r"><link name="base"/></robot>'),
+        NOW,
+    )
+    for number, second in enumerate((now + 9, latest, now)):
+        shown.take_joints(_joints(1.0, second), NOW + number)
+    edges = [deserialize_message(_tf("tip", 1.0, second), TFMessage) for second in (latest, now)]
+    both = TFMessage(transforms=[edge for message in edges for edge in message.transforms])
+    for data in (_tf("tip", 1.0, latest), bytes(serialize_message(both))):
+        shown.take_tf(data)
+    assert [text for text in shown.view.tick(NOW) if "ahead of their receive time" in text]
+    shown.end()
+    assert sorted(_times(shown.file, "/joints/position/0")) == [NOW, NOW + 1, NOW + 9 * SECOND]
+    assert _times(shown.file, "/tf") == [NOW] * 3
 
 
 @pytest.mark.parametrize("names", [(), ("a", "b")])

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from onebot_bringup.cli.scenes import pose_of, server_of
+from onebot_bringup.cli.scenes import _record_description, pose_of, server_of
 from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
-from onebot_description.description import parse_description
+from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 
@@ -288,3 +288,19 @@ def test_what_is_in_a_recording(tmp_path):
     recording.close()
     cut.write_bytes(something.read_bytes()[:-100])
     assert [has_content(file) for file in (nothing, something, cut)] == [False, True, None]
+
+
+def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
+    """Of the picture, not of the file, too; other warnings of the file are given as well."""
+    mesh = '<visual><geometry><mesh filename="no.stl"/></geometry></visual>'
+    file = tmp_path / "r.urdf"
+    file.write_text(f'<robot name="r"><link name="a">{mesh * 2}</link><gazbo/></robot>')
+    recording = open_recording(save=tmp_path / "r.rrd")
+    args = parse_command_line(["a.png", str(file), "--view", "none"])
+    args.description = load_description(file)
+    _record_description(args, recording.stream)
+    recording.close()
+    typo, missing = sorted(capsys.readouterr().err.splitlines())
+    assert "gazbo" in typo
+    assert missing.startswith("warning: link a: not drawn but marked by a box: mesh ")
+    assert f"{tmp_path / 'no.stl'}: no such file" in missing

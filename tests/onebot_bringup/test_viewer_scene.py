@@ -10,7 +10,9 @@ import rerun.blueprint as rrb
 from onebot_bringup.viewer.display_server import APPLICATION, open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.scene import MISSING_COLOR, Scene
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
+from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.viewer_support import (
@@ -167,11 +169,12 @@ def test_a_bad_description_keeps_the_last_good_robot(view, tmp_path):
 
 @pytest.mark.slow
 def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
-    """A Collada file in inches with its own colours, an OBJ with and without a material."""
+    """Collada in inches with its own colours, an OBJ without a material, and what is missing."""
     require_renderer()
     meshes = [
         (write_collada(tmp_path / "a.dae", 0.0254, "Y_UP", "polylist"), ""),
         (write_obj(tmp_path / "b.obj"), "0 .8 .2 1"),
+        (tmp_path / "no.stl", "1 1 1 1"),
     ]
     visuals = "".join(
         f'<visual><origin xyz="0 {place} 0"/><geometry><mesh filename="file://{path}"/></geometry>'
@@ -182,19 +185,32 @@ def test_meshes_of_every_format_are_drawn_in_their_colours(tmp_path):
     recording = open_recording(save=tmp_path / "m.rrd")
     live = RobotView(recording.stream)
     describe(live, urdf)
-    assert live.tick(1) == []
+    [problem] = live.tick(1)
+    assert "no.stl: no such file" in problem
     recording.close()
     render(tmp_path / "m.rrd", tmp_path / "m.png", 640, 480)
     image = pixels(tmp_path / "m.png")
     for color in (ORANGE, BLUE, GREEN):
-        assert colored(image, color).mean() > 0.005, color
+        assert colored(image, color).mean() > 0.003, color
+    assert colored(image, MISSING_COLOR[:3]).mean() > 0.0005, "the lines of a box"
 
 
-def test_an_unreadable_mesh_is_named_and_the_rest_is_shown(tmp_path):
-    """One missing file is one sentence."""
-    urdf = ARM.replace('<box size=".6 .6 .6"/>', '<mesh filename="/nowhere/x.stl"/>')
-    [problem] = _record(tmp_path / "x.rrd", None, urdf)
-    assert 'link "base"' in problem and "/nowhere/x.stl" in problem
+def test_what_cannot_be_drawn_is_named_once_and_marked(tmp_path):
+    """One reason is one sentence for all the links; a wireframe box shows where each would be."""
+    lost = '<mesh filename="package://no_such_package/x.stl"/>'
+    urdf = ARM.replace('<box size=".6 .6 .6"/>', lost).replace(
+        '<cylinder radius=".3" length=".6"/>', lost.replace("x.stl", "y.stl")
+    )
+    recording = open_recording(save=tmp_path / "x.rrd")
+    scene = Scene(recording.stream)
+    [problem] = scene.set_robot(parse_description(urdf))
+    assert problem.startswith("link base, tip: not drawn but marked by a box: mesh no ROS package")
+    assert scene.visual_of("base") == "robot/visual/base/0/missing"
+    assert scene.visual_of("tip") == "robot/visual/tip/0/missing"
+    # Found again, it takes the place of its mark.
+    assert scene.set_robot(parse_description(ARM)) == []
+    assert scene.visual_of("base") == "robot/visual/base/0"
+    recording.close()
 
 
 @pytest.mark.slow

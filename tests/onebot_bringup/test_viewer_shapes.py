@@ -5,15 +5,21 @@ import pytest
 import trimesh
 
 from onebot_bringup.viewer.shapes import file_state, load_shape
-from onebot_description.description.description import Box, Capsule, Cylinder, Mesh, Sphere
+from onebot_description.description.description import Box, Capsule, Cylinder, Sphere
+from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.packages import Resources
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.viewer_support import ORANGE, box, write_collada, write_obj
 
 BOUNDS = [[-0.5, -0.3, -0.15], [0.5, 0.3, 0.15]]
 
 
+def _mesh(uri, scale=(1.0, 1.0, 1.0)):
+    return locate_mesh(Resources(None), uri, scale)
+
+
 def _load(path, scale=(1.0, 1.0, 1.0)):
-    return load_shape(Mesh(str(path), scale))
+    return load_shape(_mesh(str(path), scale))
 
 
 def _glb(asset) -> trimesh.Scene:
@@ -45,6 +51,17 @@ def test_collada_keeps_its_colours_in_linear_light(tmp_path):
     expected = [((value / 255 + 0.055) / 1.055) ** 2.4 for value in ORANGE[:2]]
     assert any(np.allclose(color[:2], expected, atol=0.01) for color in linear)
     assert len(linear) == 2
+
+
+def test_collada_with_a_broken_material_keeps_its_surfaces(tmp_path):
+    """Blender leaves references to textures that were taken out; RViz shows such a mesh."""
+    path = write_collada(tmp_path / "box.dae", 0.01, "Z_UP")
+    whole = _load(path)
+    lost = "<newparam sid='t'><sampler2D><source>gone</source></sampler2D></newparam>"
+    path.write_text(path.read_text().replace("<profile_COMMON>", f"<profile_COMMON>{lost}"))
+    asset = _load(path)
+    np.testing.assert_allclose(asset.bounds, whole.bounds, atol=1e-6)
+    assert len(_glb(asset).geometry) == len(_glb(whole).geometry)
 
 
 def test_stl_has_no_colour_of_its_own_and_sharp_edges(tmp_path):
@@ -94,7 +111,8 @@ def test_a_mesh_is_converted_once_until_its_file_changes(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("x.step", b"", "none of"),
+        ("x.step", b"?", "x.step"),
+        ("x.stl", b"version https://git-lfs.github.com/spec/v1\noid", "git lfs pull"),
         ("x.stl", b"not an stl", "x.stl"),
         ("x.dae", b"<COLLADA", "x.dae"),
         ("x.obj", b"v 0 0 0\n", "x.obj"),
@@ -111,12 +129,20 @@ def test_addresses_are_resolved(tmp_path):
     """file:// and absolute paths lead to files; what leads nowhere is said."""
     path = tmp_path / "a b.stl"
     box().export(path)
-    unit = (1.0, 1.0, 1.0)
     for uri in (path.as_uri(), str(path)):
-        assert file_state(Mesh(uri, unit)).path == path
-    for uri in ("package://no_such_package/x.stl", "http://x/y.stl", "x.stl", "/nowhere/x.stl"):
-        with pytest.raises(OneBotError, match=uri.rpartition("/")[2].replace(".", r"\.")):
-            file_state(Mesh(uri, unit))
+        assert file_state(_mesh(uri)).path == path
+    for uri, words in {
+        "package://no_such_package/x.stl": "no_such_package",
+        "http://x/y.stl": "y.stl",
+        "x.stl": "x.stl",
+        "/nowhere/x.stl": "/nowhere",
+    }.items():
+        with pytest.raises(OneBotError, match=f"mesh .*{words}"):
+            file_state(_mesh(uri))
+    gone = _mesh(str(path))
+    path.unlink()
+    with pytest.raises(OneBotError, match="a b.stl: No such file"):
+        file_state(gone)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from onebot_control.parameters import ControlConfig
 from onebot_control.speed_limiter import SpeedLimits
-from onebot_description.parameters.reader import ConfigError, defaults
+from onebot_description.parameters.reader import ConfigError, defaults, descriptor
 from tests.onebot_control.control_support import WHEELS
 
 DEFAULTS = defaults(ControlConfig)
@@ -47,6 +47,13 @@ def test_defaults_are_those_of_diff_drive_controller() -> None:
     assert (config.world_frame_id, config.broadcaster.frame_id) == ("world", "base_link")
     assert (config.cmd_vel_type, config.tf_frame_prefix) == ("auto", "")
     assert config.twist_covariance_diagonal == (0.0,) * 6
+
+
+def test_what_is_read_when_the_node_starts() -> None:
+    """Everything else can be set while it runs."""
+    names = [name for name in DEFAULTS if descriptor(ControlConfig, name).read_only]
+    once = ["left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"]
+    assert names == [*once, "update_rate"]
 
 
 def test_whole_numbers_are_numbers() -> None:

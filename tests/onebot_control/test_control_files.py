@@ -17,6 +17,7 @@ from onebot_control.parameters import (
 from onebot_description.errors import OneBotError
 from onebot_description.node import RosArguments
 from onebot_description.parameters.reader import ConfigError, Problem
+from tests.ros_support import ros_args
 
 GOOD = """\
 controller_manager:
@@ -239,6 +240,28 @@ def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> Non
         assert parameters.config.wheel_radius == 0.2 and "nothing_of_ours" not in parameters.values
         error = parameters.located(ConfigError([Problem("linear.x.max_velocity", "is odd")]))
         assert str(error) == f"{file}:15: linear.x.max_velocity: is odd"
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def test_the_lines_of_what_the_command_line_overrides_are_not_named(
+    ros_domain: int, file: Path
+) -> None:
+    """A mistake there is none of the file's, whether it is more or less than the file has."""
+    rclpy.init(args=ros_args(wheel_radius=0.3, **{"linear.x.max_velocity": 0.5}))
+    node = Node("velocity_controller")
+    try:
+        given = (("", "wheel_radius"), ("velocity_controller", "linear.x.max_velocity"))
+        parameters = ControlParameters(node, RosArguments((file,), given))
+        assert (parameters.config.wheel_radius, parameters.config.linear.max_velocity) == (0.3, 0.5)
+        names = ("wheel_radius", "linear.x.max_velocity", "update_rate")
+        error = parameters.located(ConfigError(Problem(name, "is odd") for name in names))
+        assert str(error).splitlines() == [
+            "wheel_radius: is odd",
+            "linear.x.max_velocity: is odd",
+            f"{file}:3: update_rate: is odd",
+        ]
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

@@ -1,13 +1,16 @@
 """Any robot loads faithfully or is refused by one clear error; nothing reaches stdout."""
 
 import logging
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from onebot_control.simulation import Settings, Simulation
 from onebot_control.simulation.bodies import physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import engine
+from onebot_control.simulation.loading import converted_meshes
 from onebot_description.description import (
     DescriptionError,
     load_description,
@@ -96,6 +99,23 @@ def test_a_place_too_far_away():
         simulate(x=2e4)
 
 
+def test_missing_collision_meshes_are_named_and_visual_ones_are_not_needed():
+    """All at once; those of one package by one reason. Physics has no use of a visual."""
+    lost = '<mesh filename="package://no_such_package/{}.stl"/>'
+    broken = robot(_SPHERE, lost.format("a")).urdf
+    broken = broken.replace('<box size="0.3 0.24 0.1" />', lost.format("b"))
+    with pytest.raises(OneBotError) as caught:
+        simulate(parse_description(broken))
+    message = str(caught.value)
+    assert message.startswith(
+        'link base_link, caster_wheel: collision mesh no ROS package "no_such_package"'
+    )
+    visual = f"<visual><geometry>{lost.format('c')}</geometry></visual>"
+    shown = robot().urdf.replace("<collision>", f"{visual}<collision>", 1)
+    with simulate(parse_description(shown)) as simulation:
+        assert simulation.base_pose().translation[2] > 0
+
+
 @pytest.mark.parametrize("name", ["broken.dae", "broken.obj", "broken.stl"])
 def test_broken_meshes_are_refused(tmp_path, name):
     """Some of them crash PyBullet's own readers."""
@@ -122,6 +142,22 @@ def test_units_of_collada_count():
         size = np.subtract(high, low)
         assert size.min() > 0.09
         assert size.max() < 0.4
+
+
+@pytest.mark.parametrize(("flat", "corners"), [(False, 8), (True, 81)])
+def test_pybullet_gets_only_the_hull_of_a_mesh(tmp_path, flat, corners):
+    """It makes one of all the corners, which would take minutes; what is flat has none."""
+    mesh = trimesh.creation.box((0.1, 0.1, 0.1))
+    for _ in range(3):
+        mesh = mesh.subdivide()
+    if flat:
+        mesh.update_faces(mesh.face_normals[:, 2] > 0.9)
+        mesh.remove_unreferenced_vertices()
+    mesh.export(tmp_path / "fine.obj")
+    bodies = rigid_bodies(robot(_SPHERE, f'<mesh filename="{tmp_path}/fine.obj"/>'))
+    with converted_meshes(bodies.values()) as files:
+        [text] = [Path(file).read_text() for file in files.values()]
+    assert sum(line.startswith("v ") for line in text.splitlines()) == corners
 
 
 def test_a_changed_mesh_is_read_again(tmp_path):

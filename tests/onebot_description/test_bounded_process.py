@@ -45,7 +45,7 @@ def problem_of(folder: Path, inside: str) -> str:
     file = folder / "robot.xacro"
     file.write_text(f"{HEAD}\n{inside}</robot>")
     with pytest.raises(DescriptionError) as error:
-        load_description(file)
+        load_description(file).raise_problems()
     (problem,) = error.value.problems
     return problem.replace(f"{folder}/", "")
 
@@ -138,6 +138,11 @@ def work(request: str, place: Place) -> object:
     place.note(f"{request}:1")
     if request == "wait":
         threading.Event().wait()
+    if request == "be killed":
+        assert Path("/proc/self/oom_score_adj").read_text() == "1000\n"
+        os.kill(os.getpid(), 9)
+    if request == "answer too much":
+        return "a" * 400_000_000
     if request == "die":
         os._exit(3)
     if request == "fail":
@@ -178,6 +183,10 @@ def check_processes(*, forked: bool) -> None:
     with pytest.raises(BoundMet, match="^0.2 s$") as met:
         run_bounded(function, "wait", Bounds(wall=0.2))
     assert met.value.place in ("wait:1", "")
+    with pytest.raises(BoundMet, match="^the memory of this computer$"):
+        run_bounded(function, "be killed", Bounds())
+    with pytest.raises(BoundMet, match="^0.5 GB of memory$"):
+        run_bounded(function, "answer too much", Bounds(memory=500_000_000))
     for request in ("die", "fail"):
         with pytest.raises(RuntimeError, match=f"{request}:1 ended with [31]"):
             run_bounded(function, request, Bounds())

@@ -1,6 +1,7 @@
 """Each check reports once, with line and element, and accepts what is only nearly wrong."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.description import DescriptionError, Mimic, parse_description
-from onebot_description.description.checks import is_ascii_stl
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 CUBE = ROBOTS / "meshes" / "cube.stl"
@@ -151,6 +151,22 @@ def test_limits_that_are_hardly_meant(limit, kind, texts):
     assert len(found) == len(texts)
     for text, warning in zip(texts, found, strict=True):
         assert warning.startswith(f'4: joint "j" <limit>: {text}')
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "damping", "friction"),
+    [
+        ("", 0.0, 0.0),
+        ("<dynamics/>", 0.0, 0.0),
+        ('<dynamics damping="0" friction="0"/>', 0.0, 0.0),
+        ('<dynamics damping="0.5"/>', 0.5, 0.0),
+        ('<dynamics friction="0.25"/>', 0.0, 0.25),
+    ],
+)
+def test_damping_and_friction(dynamics, damping, friction):
+    """None where none is written."""
+    (read,) = parse_description(joint(LIMIT + dynamics), "r").joints
+    assert (read.damping, read.friction) == (damping, friction)
 
 
 @pytest.mark.parametrize("kind", ["continuous", "floating", "planar", "fixed"])
@@ -517,24 +533,6 @@ def test_geometry_of_one_shape(tag):
     assert problem.startswith(f'3: link "a" <{tag}> <geometry> <bx>: unknown shape')
 
 
-@pytest.mark.parametrize(
-    ("mesh", "tag", "count"),
-    [
-        ("cube.stl", "collision", 0),
-        ("cube.obj", "collision", 0),
-        ("cube.glb", "collision", 1),
-        ("cube.glb", "visual", 0),
-        ("ascii.stl", "collision", 1),
-        ("ascii.stl", "visual", 0),
-    ],
-)
-def test_meshes_that_pybullet_does_not_read(mesh, tag, count):
-    """A warning only where it would."""
-    path = ROBOTS / "meshes" / mesh
-    text = link(f'<{tag}><geometry><mesh filename="{path}"/></geometry></{tag}>')
-    assert len(warnings(text)) == count
-
-
 def test_every_origin_is_checked():
     """Of inertial, visual, collision and joint: xyz and rpy, each once."""
     wrong = '<origin xyz="0 0" rpy="0"/>'
@@ -704,6 +702,14 @@ def test_warnings_come_with_the_problems_and_stay_warnings():
     assert str(caught.value).splitlines() == lines
 
 
+def test_two_of_a_kind_and_nothing_else_are_one_problem():
+    """Of the two, the second."""
+    (part,) = re.findall("<inertial>.*</inertial>", inertial())
+    assert problems(link(part + "\n" + part)) == [
+        '4: link "a" <inertial>: stands 2 times in link "a"; leave one'
+    ]
+
+
 @pytest.mark.parametrize("tag", ["origin", "axis", "limit", "mimic", "dynamics", "parent", "child"])
 def test_second_elements_are_one_problem(tag):
     """However many there are, at the second; ``leave one``."""
@@ -737,6 +743,8 @@ def test_xacro_that_was_not_expanded_is_one_problem():
     (problem,) = problems(text)
     assert problem.startswith("3: <wheel>: <xacro:wheel>")
     assert " and 2 more is xacro that was not expanded; name the file .xacro" in problem
+    (problem,) = problems(text.replace("<xacro:wheel/></robot>", "</robot>"))
+    assert " and 1 more is xacro that was not expanded" in problem
     (problem,) = problems('<robot name="r">\n<link name="$(arg a)"/></robot>')
     assert problem.startswith('2: link "$(arg a)": name="$(arg a)" is xacro that was not expanded')
     assert warnings('<robot name="r"><link name="a$"/></robot>') == []
@@ -940,12 +948,3 @@ def test_nesting_ends_at_a_hundred(depth, good):
         assert warnings(text) == []
     else:
         assert problems(text) == ["1: elements are nested deeper than 100"]
-
-
-def test_text_and_binary_stl_are_told_apart(tmp_path: Path) -> None:
-    """A binary STL stays one when its header begins with "solid"."""
-    assert is_ascii_stl(ROBOTS / "meshes" / "ascii.stl")
-    assert not is_ascii_stl(CUBE)
-    disguised = tmp_path / "solid.stl"
-    disguised.write_bytes(b"solid" + CUBE.read_bytes()[5:])
-    assert not is_ascii_stl(disguised)

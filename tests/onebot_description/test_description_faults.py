@@ -150,8 +150,6 @@ WARNINGS: dict[str, str] = {
     "warn_inertia_indefinite.urdf": "not positive definite",
     "warn_inertia_triangle.urdf": "exceeds the sum of the others",
     "warn_size_zero.urdf": "is zero; sizes are in m",
-    "warn_ascii_stl.urdf": "ASCII STL, which PyBullet ignores",
-    "warn_collision_glb.urdf": "reads no .glb for collision",
     "warn_scale_mirrors.urdf": "flattens or mirrors",
     "warn_material_undefined.urdf": 'mean "orange"?',
     "warn_material_differs.urdf": "looks different elsewhere",

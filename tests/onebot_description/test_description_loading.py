@@ -23,7 +23,6 @@ from onebot_description.description.description import (
     Geometry,
     Inertial,
     Link,
-    Mesh,
     Origin,
 )
 
@@ -373,17 +372,61 @@ def test_every_argument_that_is_not_declared_is_a_problem() -> None:
     ]
 
 
-def test_relative_paths_become_absolute_and_nothing_else_is_changed(tmp_path: Path) -> None:
-    """The text on robot_description has no folder that a relative path could start from."""
-    shutil.copy(CUBE, tmp_path / "cube.stl")
-    uris = ["cube.stl", str(CUBE), CUBE.as_uri(), "package://onebot_description/meshes/wheel.dae"]
+def test_the_published_text_carries_what_finds_its_files(tmp_path: Path) -> None:
+    """What only the file's place tells becomes file://; an installed package's URI stays.
+
+    A file:// URI, whose form is the author's, stays as it is.
+    """
+    arm, hand = tmp_path / "repo/arm", tmp_path / "repo/parts/folder"
+    for folder, name in ((arm / "urdf", "arm_description"), (hand, "hand_description")):
+        folder.mkdir(parents=True)
+        root = arm if folder == arm / "urdf" else hand
+        (root / "package.xml").write_text(f"<package><name>{name}</name></package>")
+        shutil.copy(CUBE, folder / "a cube.stl")
+    uris = {
+        "a cube.stl": (arm / "urdf/a cube.stl").as_uri(),
+        str(CUBE): CUBE.as_uri(),
+        f"file:{CUBE}": f"file:{CUBE}",
+        "package://onebot_description/meshes/wheel.dae": (
+            "package://onebot_description/meshes/wheel.dae"
+        ),
+        "package://arm_description/urdf/a cube.stl": (arm / "urdf/a cube.stl").as_uri(),
+        "package://hand_description/a cube.stl": (hand / "a cube.stl").as_uri(),
+        "file://$(find hand_description)/a cube.stl": f"file://{hand}/a cube.stl",
+    }
     visuals = "".join(
         f'<visual><geometry><mesh filename="{uri}"/></geometry></visual>' for uri in uris
     )
-    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="a">{visuals}</link></robot>')
-    description = load_description(tmp_path / "r.urdf")
-    expected = [str(tmp_path / "cube.stl"), *uris[1:]]
-    meshes = ElementTree.fromstring(description.urdf).iter("mesh")
-    assert [mesh.get("filename") for mesh in meshes] == expected
-    [link] = description.links
-    assert [visual.shape for visual in link.visuals] == [Mesh(uri, (1, 1, 1)) for uri in expected]
+    xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    texture = '<material name="m"><texture filename="a cube.stl"/></material>'
+    path = arm / "urdf/r.xacro"
+    path.write_text(f'<robot name="r" {xacro}>{texture}<link name="a">{visuals}</link></robot>')
+    description = load_description(path)
+    assert description.problems == description.warnings == ()
+    root = ElementTree.fromstring(description.urdf)
+    assert [mesh.get("filename") for mesh in root.iter("mesh")] == [*uris.values()]
+    assert [found.get("filename") for found in root.iter("texture")] == [uris["a cube.stl"]]
+    # Whoever has only the text finds the same files.
+    for again in (description, parse_description(description.urdf)):
+        shapes = [visual.shape for visual in again.links[0].visuals]
+        assert [shape.uri for shape in shapes] == [*uris.values()]
+        assert all(shape.path.is_file() for shape in shapes)
+
+
+def test_a_missing_package_is_one_problem_and_refuses_nothing(tmp_path: Path) -> None:
+    """However many meshes lie in it: the state publishers open none."""
+    meshes = "".join(
+        f"<{part}><geometry>"
+        f'<mesh filename="package://no_such_package/{part}{number}.stl"/></geometry></{part}>'
+        for part in ("visual", "collision")
+        for number in range(20)
+    )
+    path = tmp_path / "r.urdf"
+    path.write_text(f'<robot name="r"><link name="a">{meshes}</link></robot>')
+    description = load_description(path)
+    [problem] = description.problems
+    assert problem.startswith(
+        f'{path}:1: link "a" <visual> <geometry> <mesh>: 40 meshes: no ROS package "no_such_pack'
+    )
+    assert f"around {tmp_path};" in problem and "package_path:=FOLDER" in problem
+    assert "package://no_such_package/visual7.stl" in description.urdf

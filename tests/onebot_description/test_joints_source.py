@@ -327,6 +327,29 @@ def test_delta_sweeps_what_nothing_else_moves() -> None:
     assert min(course) == pytest.approx(-math.pi, abs=0.06)
 
 
+def test_joints_that_nothing_else_moves_swing_within_limits() -> None:
+    """Through most of their range, none with another, in the period or at half their speed."""
+    parameters = {"swing": 8.0, "motions": {"slide": {"position": 0.3}}}
+    source = source_of(parameters)
+    assert source.reports == ()
+    moments = np.arange(0.0, 400.0, 0.05)
+    samples = [source.sample(moment) for moment in moments]
+    positions, velocities = (np.array(values) for values in zip(*samples, strict=True))
+    late = moments > 100.0
+    low, high = positions[late].min(axis=0), positions[late].max(axis=0)
+    elbow, slide, wheel, finger, thumb = range(5)
+    assert (low[slide], high[slide]) == (0.3, 0.3)
+    assert (low[elbow], high[elbow]) == pytest.approx((-0.9, 0.9), abs=0.01)
+    assert (low[wheel], high[wheel]) == pytest.approx((-math.pi / 2, math.pi / 2), abs=0.01)
+    assert (low[finger], high[finger]) == pytest.approx((0.0325, 0.6175), abs=0.01)
+    assert high[thumb] == pytest.approx(0.05 - low[finger], abs=1e-6)
+    speed = np.abs(velocities[late]).max(axis=0)
+    assert (speed <= 0.5 * SPEED + 1e-3).all()
+    assert speed[elbow] == pytest.approx(0.25, rel=0.01)
+    phases = {round(float(value), 3) for value in positions[-1, [elbow, wheel, finger]]}
+    assert len(phases) == 3
+
+
 def test_the_wheel_takes_the_short_way() -> None:
     """An edit after many turns does not unwind them."""
     turning = {"times": [0.0, 4.0], "positions": [0.0, 2.0 * math.pi]}

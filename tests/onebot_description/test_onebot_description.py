@@ -1,5 +1,6 @@
 """OneBot's description under every combination of its arguments, in every reader of ours."""
 
+import functools
 import io
 import itertools
 import xml.etree.ElementTree as ET
@@ -19,7 +20,8 @@ from onebot_bringup.viewer.shapes import load_shape
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Cylinder, Mesh, Sphere
-from onebot_description.description.packages import package_share
+from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.packages import Resources, package_share
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.wire.messages import TfArrays
 from tests.onebot_bringup.viewer_support import describe, take_tf
@@ -39,6 +41,7 @@ MESHES = (None, "true", "false", "1", "0", "True", "False")
 COMBINATIONS = list(itertools.product(MESHES, NAMESPACES, PREFIXES))
 
 
+@functools.cache
 def _load(mesh=None, namespace=None, prefix=None) -> Description:
     given = {"mesh_enabled": mesh, "robot_namespace": namespace, "prefix": prefix}
     return load_description(FILE, {key: value for key, value in given.items() if value is not None})
@@ -48,7 +51,8 @@ def _identify(combination) -> str:
     return "-".join("default" if value is None else value or "empty" for value in combination)
 
 
-@pytest.fixture(params=COMBINATIONS, ids=_identify)
+# Of the module: all the tests of a combination come after one another, and load it once.
+@pytest.fixture(params=COMBINATIONS, ids=_identify, scope="module")
 def combination(request):
     return request.param
 
@@ -134,7 +138,7 @@ def test_pybullet_reads_the_meshes_in_metres(tmp_path, world, name):
     found = np.array(pybullet.getAABB(body, physicsClientId=world))
     # Its boxes stand off by a margin.
     np.testing.assert_allclose(
-        found, load_shape(Mesh(str(path), (1.0, 1.0, 1.0))).bounds, atol=5e-3
+        found, load_shape(locate_mesh(Resources(None), str(path))).bounds, atol=5e-3
     )
 
 

@@ -1,17 +1,21 @@
 """Packages are found with no variable set, and addresses of files lead to them."""
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from onebot_description.description.packages import (
+    Resources,
     cache_folder,
+    find_package,
     package_names,
     package_share,
     resolve,
     use_environment_prefix,
+    use_package_path,
 )
 from onebot_description.errors import OneBotError
 
@@ -80,7 +84,6 @@ def test_package_leads_to_its_share_folder() -> None:
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
-        ("package://no_such_package_at_all/a.stl", 'no ROS package "no_such_package_at_all"'),
         ("package://", "must read package://<package>/<path>"),
         ("package:///a.stl", "must read package://<package>/<path>"),
         ("file://host/a.stl", "with three slashes"),
@@ -124,3 +127,178 @@ def _home(home: str | None) -> Path:
     if home is None:
         raise RuntimeError("Could not determine home directory.")
     return Path(home)
+
+
+# --- packages that are not installed ------------------------------------------------------------
+
+
+@pytest.fixture(autouse=True)
+def no_search_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a fresh shell."""
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+
+
+def _package(folder: Path, name: str) -> Path:
+    """Make a package's folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "package.xml").write_text(
+        f"<package><!-- <name>old</name> -->\n <name>\n{name} </name></package>"
+    )
+    return folder
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "ws/src/repo1/arm",  # the file's own package
+        "ws/src/repo1/b",
+        "ws/src/repo1/sub/b",
+        "ws/src/repo1/arm/nested/b",
+        "ws/src/repo2/sub/b",
+    ],
+)
+def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, place):
+    """Above the file, beside its package or deeper; its package.xml gives the name."""
+    urdf = tmp_path / "ws/src/repo1/arm/urdf/v2"
+    _package(tmp_path / place, "wanted")
+    if place != "ws/src/repo1/arm":
+        _package(urdf.parents[1], "arm_description")
+    urdf.mkdir(parents=True)
+    assert find_package("wanted", urdf) == tmp_path / place
+    assert resolve("package://wanted/a.stl", urdf) == tmp_path / place / "a.stl"
+
+
+@pytest.mark.parametrize("mark", ["repo/.git", "repo/src"])
+def test_a_file_in_no_package_has_a_source_tree_too(tmp_path, mark):
+    """The repository's or the workspace's; without any, packages of that name beside it."""
+    urdf = tmp_path / "repo/src/robots" if mark == "repo/src" else tmp_path / "repo/robots"
+    urdf.mkdir(parents=True)
+    (tmp_path / mark).mkdir(exist_ok=True)
+    other = _package(urdf.parent / "sub/b", "wanted")
+    assert find_package("wanted", urdf) == other
+    beside = _package(tmp_path / "beside", "beside")
+    assert find_package("beside", urdf) == beside
+
+
+def test_what_is_no_source_is_not_found(tmp_path):
+    """Hidden folders, a build, and what is not in the file's own tree."""
+    _package(tmp_path / "repo/a_description", "a_description")
+    for folder in ("repo/.hidden/b", "repo/build/b", "elsewhere/c"):
+        _package(tmp_path / folder, "b")
+    with pytest.raises(OneBotError, match='no ROS package "b"'):
+        find_package("b", tmp_path / "repo/a_description")
+
+
+@pytest.mark.parametrize("urdf", ["arm/urdf/v2", "urdf", "."])
+def test_a_folder_of_the_packages_name_is_the_last_resort(tmp_path, urdf):
+    """Above the file or beside it: what was copied without its package.xml."""
+    (tmp_path / urdf).mkdir(parents=True, exist_ok=True)
+    (tmp_path / "arm").mkdir(exist_ok=True)
+    assert find_package("arm", tmp_path / urdf) == tmp_path / "arm"
+
+
+def test_the_search_path_comes_first_and_its_changes_count(tmp_path, monkeypatch):
+    """A tree or a package; one that has moved within it is found again."""
+    first = _package(tmp_path / "one/deep/er/arm", "arm")
+    second = _package(tmp_path / "two", "arm")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'one'}{os.pathsep}{tmp_path / 'two'}")
+    assert find_package("arm") == first
+    first.rename(tmp_path / "one/moved")
+    assert find_package("arm") == tmp_path / "one/moved"
+    (tmp_path / "one/moved/package.xml").unlink()
+    assert find_package("arm") == second
+
+
+@pytest.mark.parametrize(
+    ("top", "file"), [("p", "a/b/arm/package.xml"), ("p/arm", "arm/x"), ("p", "arm/x")]
+)
+def test_a_folder_of_the_search_path_may_have_the_name_instead(tmp_path, monkeypatch, top, file):
+    """Of a package whose package.xml has another one, or of the folder given and those in it."""
+    at = tmp_path / "p" / file
+    at.parent.mkdir(parents=True)
+    at.write_text("<package><name>arm_data</name></package>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / top))
+    assert find_package("arm") == at.parent
+
+
+def test_package_path_is_put_first_and_children_inherit_it(tmp_path, monkeypatch):
+    """Of ``package_path:=``; what was set stays behind it, and nothing is listed twice."""
+    one, two = _package(tmp_path / "one", "arm"), _package(tmp_path / "two", "arm")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(one))
+    for _ in range(2):
+        use_package_path(str(two))
+    assert os.environ["ROS_PACKAGE_PATH"] == f"{two}{os.pathsep}{one}"
+    assert find_package("arm") == two
+    use_package_path("")
+    assert os.environ["ROS_PACKAGE_PATH"] == f"{two}{os.pathsep}{one}"
+    code = "from onebot_description.description.packages import find_package as f; print(f('arm'))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(two)
+    with pytest.raises(OneBotError, match="package_path:=.*there is no folder .*nowhere"):
+        use_package_path(str(tmp_path / "nowhere"))
+
+
+def test_an_installed_package_keeps_its_uri_and_others_become_files(tmp_path, monkeypatch):
+    """RViz on another computer resolves the one, and nothing but the file's place tells the rest.
+
+    A package that catkin has installed is in no ament index, so that ROS 2 does not find it.
+    """
+    near, path, share = (
+        _package(tmp_path / folder, name)
+        for folder, name in [("near", "near"), ("path/p", "on_path"), ("prefix/share/old", "old")]
+    )
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "path"))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "prefix"))
+    resources = Resources(near)
+    uris = {
+        "package://onebot_description/a b.stl": "package://onebot_description/a b.stl",
+        "package://near/m/a b.stl": (near / "m/a b.stl").as_uri(),
+        "package://on_path/a.stl": (path / "a.stl").as_uri(),
+        "package://old/a.stl": (share / "a.stl").as_uri(),
+        "../x.stl": (tmp_path / "x.stl").as_uri(),
+        "/y.stl": "file:///y.stl",
+        "file:///a%20b.stl": "file:///a%20b.stl",
+    }
+    assert {uri: resources.locate(uri).uri for uri in uris} == uris
+
+
+def test_a_package_on_the_search_path_and_in_the_index_is_installed(monkeypatch):
+    """Wherever it was found first."""
+    checkout = Path(__file__).parents[2]
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(checkout))
+    uri = "package://onebot_description/meshes/wheel.dae"
+    assert Resources(None).locate(uri) == (checkout / "onebot_description/meshes/wheel.dae", uri)
+
+
+def test_a_missing_package_is_explained(tmp_path, monkeypatch):
+    """Where it was looked for and what to set, without the names of other packages."""
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "mine"))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "sourced"))
+    with pytest.raises(OneBotError) as caught:
+        find_package("qwertz", tmp_path)
+    looked, remedy = str(caught.value).split("; ")
+    assert looked.startswith('no ROS package "qwertz": looked in ROS_PACKAGE_PATH (')
+    for place in ("mine", "sourced", sys.prefix, f"around {tmp_path}"):
+        assert place in looked
+    assert "package_path:=FOLDER" in remedy and "export ROS_PACKAGE_PATH=FOLDER" in remedy
+    with pytest.raises(OneBotError, match='did you mean "geometry_msgs"') as caught:
+        find_package("geometri_msgs")
+    assert "std_msgs" not in str(caught.value) and "(not set)" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "..", "a b", "\N{BLACK STAR}", "a\0b"])
+def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
+    """Nor does it end in an error of the file system."""
+    with pytest.raises(OneBotError, match="no ROS package"):
+        find_package(name, tmp_path)
+
+
+def test_the_search_is_bounded(tmp_path, monkeypatch):
+    """The folder above the robot's may be anybody's home."""
+    monkeypatch.setattr("onebot_description.description.packages._MOST_FOLDERS", 50)
+    folder = _package(tmp_path / "robot", "robot")
+    for number in range(100):
+        _package(tmp_path / f"dir{number:03}", f"p{number}")
+    assert find_package("p40", folder) == tmp_path / "dir040"
+    with pytest.raises(OneBotError):
+        find_package("p90", folder)

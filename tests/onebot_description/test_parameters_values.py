@@ -2,12 +2,13 @@
 
 import math
 import re
+import socket
 from array import array
 from typing import Any
 
 import pytest
 
-from onebot_description.parameters.values import Rule, ValueType, plain, shown
+from onebot_description.parameters.values import LARGEST, MAX_PORT, Rule, ValueType, plain, shown
 
 SMALL = 5e-324
 BELOW_ONE, ABOVE_ONE = math.nextafter(1.0, 0.0), math.nextafter(1.0, 2.0)
@@ -17,12 +18,12 @@ LIMIT = Rule("m/s", at_least=0.0, nan="no limit")
 @pytest.mark.parametrize(
     ("rule", "words", "within", "beyond"),
     [
-        (Rule(), "", [-1e300, 0.0, 1e300], []),
-        (Rule(above=0.0), "above 0", [SMALL, 1e300], [0.0, -0.0, -SMALL]),
+        (Rule(), "", [-LARGEST, 0.0, LARGEST], []),
+        (Rule(above=0.0), "above 0", [SMALL, LARGEST], [0.0, -0.0, -SMALL]),
         (Rule(above=0.0, at_most=1.0), "above 0 and up to 1", [SMALL, 1.0], [0.0, ABOVE_ONE]),
-        (Rule(at_least=1.0), "from 1", [1.0, 1e300], [BELOW_ONE, -1.0]),
+        (Rule(at_least=1.0), "from 1", [1.0, LARGEST], [BELOW_ONE, -1.0]),
         (Rule(at_least=0.0, at_most=1.0), "from 0 to 1", [0.0, 1.0], [-SMALL, ABOVE_ONE]),
-        (Rule(at_most=1.0), "up to 1", [-1e300, 1.0], [ABOVE_ONE]),
+        (Rule(at_most=1.0), "up to 1", [-LARGEST, 1.0], [ABOVE_ONE]),
         (Rule(at_most=0.0), "up to 0", [-1.0, 0.0], [SMALL]),
     ],
 )
@@ -51,7 +52,7 @@ def test_the_side_on_which_a_value_is_out_of_range() -> None:
     ("kind", "value", "checked"),
     [
         (ValueType(float), 3, 3.0),
-        (ValueType(float), -(10**300), -1e300),
+        (ValueType(float), -(10**60), -LARGEST),
         (ValueType(int, Rule(at_least=1, at_most=9)), 1, 1),
         (ValueType(int, Rule(at_least=1, at_most=9)), 9, 9),
         (ValueType(bool), False, False),
@@ -100,6 +101,8 @@ _STRINGS = ValueType(str, Rule(not_empty=True), many=True)
             "w",
             '"w" is a string; write a width, in m',
         ),
+        (ValueType(float), 1.001e60, "1.001e+60 is beyond 1e+60; write a number"),
+        (ValueType(float), -1.001e60, "-1.001e+60 is beyond 1e+60; write a number"),
         (ValueType(int), 1.0, "1.0 is a number; write an integer"),
         (ValueType(int), True, "true is a bool; write an integer"),
         (ValueType(int, Rule(at_least=1)), 0, "0 is below 1; write a number from 1"),
@@ -189,6 +192,13 @@ def test_values_in_words() -> None:
     assert shown((1, 2)) == shown(array("q", [1, 2])) == "[1, 2] is a list"
     assert shown({"a": 1}) == "is a map"
     assert shown(1j) == "1j cannot be used here"
+
+
+def test_the_greatest_port_is_tcps() -> None:
+    """Of 16 bits."""
+    assert socket.htons(MAX_PORT) == MAX_PORT
+    with pytest.raises(OverflowError):
+        socket.htons(MAX_PORT + 1)
 
 
 def test_arrays_of_parameters_are_lists() -> None:

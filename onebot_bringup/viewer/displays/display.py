@@ -41,6 +41,7 @@ REPEAT_AFTER = 10.0
 # Nanoseconds between two calls into Rerun where it matters little: each costs a kilobyte of file
 # and of server memory, and work for a page that draws slowly.
 SELDOM = 200_000_000
+OTHER_CLOCK_NS = 10_000_000_000  # a greater difference of two times is that of two clocks
 WARN_AFTER = 3.0  # seconds that a link, a frame or a transform may be missing without a warning
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready, time_column
 from onebot_bringup.viewer.displays.display import (
+    OTHER_CLOCK_NS,
     REPEAT_AFTER,
     Context,
     Display,
@@ -252,6 +253,10 @@ def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
         return usable
 
 
+def _sane(stamps: NDArray[np.int64], instead: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.where((stamps == 0) | (stamps > instead + OTHER_CLOCK_NS), instead, stamps)
+
+
 class TransformStream:
     """Logs transforms, many at a time, and keeps the latest of each frame in ``frames``."""
 
@@ -274,7 +279,7 @@ class TransformStream:
         """Add a message of /tf; it is logged at the next ``flush``.
 
         Args:
-            stamp_ns: in place of stamps of zero, nanoseconds.
+            stamp_ns: in place of stamps of zero, or of 10 s and more after it, nanoseconds.
             transforms: the message.
         """
         if transforms.children:
@@ -358,9 +363,10 @@ class TransformStream:
                 self.add(stamp_ns, self._only_usable(item))
             self._placed = {child: p for child, p in placed.items() if p.usable}
             return self.flush()
-        if not stamps.all():
+        latest = max((stamp_ns for stamp_ns, _ in pending), default=0) + OTHER_CLOCK_NS
+        if not stamps.all() or (batch and stamps.max() > latest):
             instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
-            stamps = np.where(stamps == 0, _stack(instead, [0] * len(ours)), stamps)
+            stamps = _sane(stamps, _stack(instead, [p.stamp_ns for p in ours]))
         names = self._names.columns(
             [(item.parents, item.children) for item in batch],
             [(place.parent, child) for child, place in placed.items()],
