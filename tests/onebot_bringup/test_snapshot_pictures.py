@@ -117,7 +117,7 @@ def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):
         [viewer] = [c for c in psutil.Process().children() if "--headless" in c.cmdline()]
         viewer.suspend()
         resumed = threading.Thread(
-            target=lambda: wait_for(lambda: "viewer is busy" in said[-1], "it") or viewer.resume()
+            target=lambda: wait_for(lambda: "viewer is busy" in said[-1], "it") and viewer.resume()
         )
         said.append("")
         resumed.start()
