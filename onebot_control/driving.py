@@ -138,8 +138,9 @@ class Driving:
                 loop.call(lambda: self._replace(loop, description))
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
+            reason = self._settings.located(error) if isinstance(error, ConfigError) else error
             goes_on = "still waiting for one" if loop is None else "the robot goes on as before"
-            self._refuse("description", f"robot_description not applied, {goes_on}:\n{error}")
+            self._refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
         robot = loop.robot.replaced(description)

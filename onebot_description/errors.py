@@ -9,7 +9,7 @@ _MAX_COMPARED = 1000  # names; comparing one with them takes some hundredths of 
 _MAX_ALIKE = 20
 _MAX_LENGTH = 2000  # characters of one message
 # What messages of one kind differ in: names, numbers and hints.
-_PARTICULARS = re.compile(r'\([^()]*\)|"[^"]*"|\d+')
+_PARTICULARS = re.compile(r' ?\([^()]*\)|"[^"]*"|\d+')
 _MAX_SHOWN = 100  # characters
 
 

@@ -6,15 +6,29 @@ in a buffer, and when that is full, further lines are counted and dropped.
 
 import asyncio
 import os
+import re
 import select
 import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
+from onebot_description.errors import printable
+
 _CHUNK = 4096  # bytes; poll() promises room for this much in a pipe (PIPE_BUF)
 _BUFFER = 1_000_000  # bytes
 _RETRY = 0.02  # seconds
 _COLOURS = ("36", "32", "33", "35", "34", "96", "92", "93", "95", "94")  # ANSI foregrounds
+
+
+# What a terminal would obey, but for colours: names come from files, and nodes print them.
+_OBEYED = re.compile(
+    rb"[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f]|\x1b(?!\[[0-9;]*m)|\xc2[\x80-\x9f]"
+    rb"|\xe2\x80[\x8e\x8f\xa8-\xae]|\xe2\x81[\xa6-\xa9]|\xd8\x9c"  # turns the text, in UTF-8
+)
+
+
+def _escaped(line: bytes) -> bytes:
+    return _OBEYED.sub(lambda found: found[0].decode().encode("unicode_escape"), line)
 
 
 class OutputStream:
@@ -112,18 +126,18 @@ class Console:
         prefix = f"[{name}]"
         if stream.colour:
             prefix = f"\x1b[{self._colours.get(name, '1')}m{prefix}\x1b[0m"
-        stream.write(prefix.encode() + b" " + text.rstrip(b"\r") + b"\n")
+        stream.write(prefix.encode() + b" " + _escaped(text.rstrip(b"\r")) + b"\n")
 
     def info(self, text: str) -> None:
         """Write a message of the launcher's own."""
-        for line in text.splitlines():
-            self.out.write(line.encode() + b"\n")
+        for line in text.split("\n"):
+            self.out.write(printable(line).encode() + b"\n")
 
     def warn(self, text: str) -> None:
         """Write a message of the launcher's own on something that went wrong."""
         start, end = ("\x1b[1;31m", "\x1b[0m") if self.err.colour else ("", "")
-        for line in text.splitlines():
-            self.err.write(f"{start}{line}{end}\n".encode())
+        for line in text.split("\n"):
+            self.err.write(f"{start}{printable(line)}{end}\n".encode())
 
     async def flush(self, timeout: float) -> None:
         """Let what waits be written, for at most ``timeout`` seconds."""

@@ -12,6 +12,7 @@ import functools
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.meshes import fault_of
+from onebot_description.description.meshes import fault_of, without_materials
 from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72
@@ -96,7 +97,7 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
 
 
 def _mesh_asset(mesh: Mesh, path: Path, suffix: str) -> ShapeAsset:
-    scene = _scene(mesh, path)
+    scene = _collada_scene(mesh, path) if suffix == ".dae" else _scene(mesh, path)
     if not any(isinstance(part, trimesh.Trimesh) for part in scene.geometry.values()):
         raise OneBotError(f"mesh {path}: it holds no triangles")
     if suffix == ".glb" and mesh.scale == (1.0, 1.0, 1.0):
@@ -108,6 +109,19 @@ def _mesh_asset(mesh: Mesh, path: Path, suffix: str) -> ShapeAsset:
     if suffix == ".dae":
         scene.apply_transform(np.diag([*[collada_unit(path)] * 3, 1.0]))
     return _asset(scene, colored, linear=suffix in (".glb", ".gltf"))
+
+
+def _collada_scene(mesh: Mesh, path: Path) -> trimesh.Scene:
+    """Return the scene of a Collada file; without colours where a broken one costs surfaces."""
+    scene = _scene(mesh, path)
+    drawn = len(scene.graph.nodes_geometry)
+    if drawn >= path.read_bytes().count(b"<instance_geometry"):
+        return scene
+    with NamedTemporaryFile(suffix=".dae") as file:
+        file.write(without_materials(path))
+        file.flush()
+        plain = _scene(mesh, Path(file.name))
+    return plain if len(plain.graph.nodes_geometry) > drawn else scene
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from onebot_control.simulation.bodies import Body, physics_urdf, rigid_bodies
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
 from onebot_description.description.description import Description, Mesh
-from onebot_description.description.meshes import fault_of
+from onebot_description.description.meshes import fault_of, without_materials
 from onebot_description.errors import OneBotError, listing
 
 # The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
@@ -206,9 +207,12 @@ def _as_obj(mesh: Mesh) -> str:
     if fault := fault_of(path):
         raise OneBotError(f"{path} {fault}")
     try:
-        scene = trimesh.load_scene(str(path), process=False)
         if path.suffix.lower() == ".dae":
+            surfaces = BytesIO(without_materials(path))
+            scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
             scene = scene.convert_units("meters")
+        else:
+            scene = trimesh.load_scene(str(path), process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     except Exception as error:  # trimesh and its parsers raise exceptions of many types
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]

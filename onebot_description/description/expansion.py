@@ -17,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 from xml.dom import minidom
+from xml.dom.minicompat import NodeList
 
 import xacro
 from xacro import substitution_args
@@ -98,6 +99,24 @@ class _CopyPlaces:
             self.call = ()  # that was the macro's whole body
 
 
+class _Children(NodeList[Any]):
+    """The children of an element, found from where the last was: else xacro takes their square."""
+
+    _last = 0
+
+    def index(self, node: Any, *_: Any) -> int:
+        """Return where ``node`` is."""
+        try:
+            self._last = super().index(node, max(self._last - 2, 0))
+        except ValueError:
+            self._last = super().index(node)
+        return self._last
+
+    def remove(self, node: Any) -> None:
+        """Take ``node`` out."""
+        del self[self.index(node)]
+
+
 class _Run:
     """One run of xacro: what it reads and warns of, and the functions of xacro that it replaces."""
 
@@ -151,6 +170,9 @@ class _Run:
             element.setUserData("places", (f"{shown}:{line}",), self._copy_places)
             if element.tagName == "xacro:arg":
                 self.declared.add(element.getAttribute("name"))
+        root = document.documentElement
+        assert root is not None  # parsed documents have one
+        root.childNodes = _Children(root.childNodes)
         self.used.update(used_arguments(data.decode("utf-8", "replace")))
         return document
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 from onebot_description.description.description import (
@@ -23,6 +24,7 @@ from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import OneBotError
 
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+_LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
 _STL_HEAD, _STL_TRIANGLE = 84, 50  # bytes
 
 
@@ -58,6 +60,21 @@ def fault_of(path: Path) -> str:
         return _FAULTS[path.suffix.lower()](path)
     except (OSError, ValueError) as error:
         return f"cannot be read: {getattr(error, 'strerror', None) or error}"
+
+
+def without_materials(path: Path) -> bytes:
+    """Return a Collada file with its surfaces only; readers drop those whose material is broken.
+
+    Raises:
+        OSError: it cannot be read.
+        ElementTree.ParseError: it is malformed.
+    """
+    root = ElementTree.parse(path).getroot()
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag.rpartition("}")[2] in _LOOKS:
+                parent.remove(child)
+    return ElementTree.tostring(root)
 
 
 def is_ascii_stl(path: Path) -> bool:

@@ -70,6 +70,16 @@ def test_no_line_is_lost_broken_or_without_its_prefix(start: Start) -> None:
     assert "[a] no newline at the end\n" in launcher.out
 
 
+def test_what_a_terminal_would_obey_is_escaped(start: Start, tmp_path: Path) -> None:
+    """As names of a file may hold it; colours and letters of any language stay."""
+    text = "\x1b[31mred\x1b[0m \x1b[2Jcleared\x07 a\u202eb\x9bc \u05d0 \u00e9\t."
+    (tmp_path / "hostile.py").write_text(f"import sys; sys.stdout.buffer.write({text.encode()!r})")
+    launcher = start("[script('a', 'hostile.py', 'ignore')]")
+    assert launcher.wait() == 0
+    shown = "\x1b[31mred\x1b[0m \\x1b[2Jcleared\\x07 a\\u202eb\\x9bc \u05d0 \u00e9\t."
+    assert f"[a] {shown}\n" in launcher.out
+
+
 def test_streams_stay_apart_and_uncoloured_in_files(start: Start) -> None:
     """Standard output and error of nodes go to those of the launcher; files get no colour."""
     launcher = start("[script('a', 'talker.py', 'ignore')]")

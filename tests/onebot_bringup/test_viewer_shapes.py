@@ -53,6 +53,17 @@ def test_collada_keeps_its_colours_in_linear_light(tmp_path):
     assert len(linear) == 2
 
 
+def test_collada_with_a_broken_material_keeps_its_surfaces(tmp_path):
+    """Blender leaves references to textures that were taken out; RViz shows such a mesh."""
+    path = write_collada(tmp_path / "box.dae", 0.01, "Z_UP")
+    whole = _load(path)
+    lost = "<newparam sid='t'><sampler2D><source>gone</source></sampler2D></newparam>"
+    path.write_text(path.read_text().replace("<profile_COMMON>", f"<profile_COMMON>{lost}"))
+    asset = _load(path)
+    np.testing.assert_allclose(asset.bounds, whole.bounds, atol=1e-6)
+    assert len(_glb(asset).geometry) == len(_glb(whole).geometry)
+
+
 def test_stl_has_no_colour_of_its_own_and_sharp_edges(tmp_path):
     """A box's normals stand square on its faces, so that it looks like a box."""
     box().export(tmp_path / "box.stl")

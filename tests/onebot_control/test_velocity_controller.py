@@ -318,8 +318,9 @@ def test_description_from_the_topic_also_changed(peer: Peer) -> None:
         wait_for(lambda: CHANGED in node.output, "the new robot")
 
         def refused() -> bool:
-            publisher.publish(String(data="<robot/>"))
-            return "not applied, the robot goes on as before:" in node.output
+            publisher.publish(String(data=foreign))
+            refusal = node.output.partition("not applied, the robot goes on as before:")[2]
+            return "control.yaml:" in refusal and 'no joint "left_wheel_joint"' in refusal
 
         wait_for(refused, "the refusal, a while after the first")
         count = len(joints)

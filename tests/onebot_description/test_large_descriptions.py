@@ -1,11 +1,18 @@
 """What a description costs grows with its size, not with the square of it."""
 
+import os
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from onebot_description.description import DescriptionError, describe, parse_description
+from onebot_description.description import (
+    DescriptionError,
+    describe,
+    load_description,
+    parse_description,
+)
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import joint_limits
 from onebot_description.joints.mimic import resolve
@@ -51,6 +58,26 @@ def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
     seconds(chain(mimic, 200, parent))
     small = min(seconds(chain(mimic, COUNT // 10, parent)) for _ in range(2))
     assert seconds(chain(mimic, COUNT, parent)) < 40 * small
+
+
+def test_xacro_takes_no_square(tmp_path: Path) -> None:
+    """Of the calls of a macro in one file."""
+    small = min(expanded(tmp_path, COUNT // 10) for _ in range(2))
+    assert expanded(tmp_path, COUNT) < 40 * small
+
+
+def expanded(folder: Path, count: int) -> float:
+    """The processor time to expand so many calls of a macro."""
+    calls = "".join(f'<!-- {n} --><xacro:part n="{n}"/>' for n in range(count))
+    (folder / "robot.xacro").write_text(
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:macro name="part" params="n"><link name="l${n}"/></xacro:macro>'
+        f"{calls}</robot>"
+    )
+    start = os.times()
+    assert len(load_description(folder / "robot.xacro").links) == count
+    end = os.times()
+    return end.user + end.children_user - start.user - start.children_user
 
 
 @pytest.mark.parametrize("order", [1, -1])
