@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests.benchmarks.domains import claimed_domain
 from tests.orphans import end_with_this_process
+from tests.support import used_domain
 
 _MOST_WORKERS = 16  # each may need more than one of the 100 ROS domains
 
@@ -37,10 +37,7 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 
 
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """A ROS_DOMAIN_ID of the test's own, with discovery kept on this host."""
-    with claimed_domain() as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+def ros_domain() -> Iterator[int]:
+    """A domain of the test's own."""
+    with used_domain() as domain:
         yield domain

@@ -3,10 +3,13 @@
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 import pytest
+
+from tests.benchmarks.domains import claimed_domain
 
 T = TypeVar("T")
 
@@ -44,3 +47,13 @@ def require_program(name: str, package: str = "") -> str:
             pytest.fail(missing)
         pytest.skip(missing)
     return path
+
+
+@contextmanager
+def used_domain() -> Iterator[int]:
+    """A ROS_DOMAIN_ID that nobody else has, with discovery kept on this host."""
+    with claimed_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        patch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+        yield domain

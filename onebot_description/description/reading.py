@@ -390,9 +390,8 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
     scale: Triple | None = (1.0, 1.0, 1.0)
     if element.get("scale") is not None:
         scale = read_triple(findings, element, "scale")
-        if scale is not None and min(scale) <= 0:
-            text = f'scale="{element.get("scale")}" flattens or mirrors the mesh'
-            findings.warning(element, text)
+        if scale is not None and 0 in scale:
+            findings.warning(element, f'scale="{element.get("scale")}" flattens the mesh')
     if not uri or not scale:
         return None
     mesh = locate_mesh(findings.resources, uri, scale)

@@ -122,19 +122,18 @@ def test_a_parameter_given_at_the_start_goes_before_the_file(ros_domain, tmp_pat
             assert node.process.poll() is None
 
 
-@pytest.mark.parametrize(
-    ("parameters", "said"),
-    [
-        ({"axes.length": -1.0}, "axes.length: -1 is below 0; write a number from 0"),
-        ({"camera.eye": "[1.0]"}, "camera.eye: 1 numbers; write three metres"),
-        ({"panels.top": "open"}, 'panels.top: no "open" (known: collapsed, expanded, hidden)'),
-    ],
-)
-def test_a_wrong_setting_is_one_clear_error(ros_domain, tmp_path, parameters, said):
-    """At the start as in the file."""
-    with _viewer(tmp_path, check=False, **parameters) as node:
+def test_wrong_settings_are_one_clear_error(ros_domain, tmp_path):
+    """At the start as in the file, and all of them at once."""
+    wrong = {"axes.length": -1.0, "camera.eye": "[1.0]", "panels.top": "open"}
+    with _viewer(tmp_path, check=False, **wrong) as node:
         assert node.wait() == 1
-        assert f"error: {said}" in node.output and "Traceback" not in node.output
+        assert node.output.count("error:") == 1 and "Traceback" not in node.output
+        for said in (
+            "axes.length: -1 is below 0; write a number from 0",
+            "camera.eye: 1 numbers; write three metres",
+            'panels.top: no "open" (known: collapsed, expanded, hidden)',
+        ):
+            assert said in node.output
 
 
 def test_a_view_that_cannot_be_saved_says_why(ros_domain, tmp_path):

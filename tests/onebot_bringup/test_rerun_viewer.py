@@ -6,7 +6,9 @@ import re
 import resource
 import signal
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import psutil
@@ -18,11 +20,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
+from onebot_bringup.viewer.rerun_viewer import ViewerParameters
+from onebot_description.parameters.reader import ConfigError, read
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, used_domain, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 MODULE = "onebot_bringup.viewer.rerun_viewer"
@@ -116,36 +120,38 @@ def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
     assert center(blue)[0] < 0.45 and center(orange)[0] > 0.55
 
 
-def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(ros_domain, tmp_path):
-    """The node logs what it shows; broken text, and a view file that is gone, change nothing."""
-    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
-        with Peer(ros_domain) as peer:
-            robot = Robot(peer, ARM[:-9])
-            wait_for(lambda: "still waiting for a robot: " in node.output, "the first warning")
-            robot.describe(ARM)
+class Shown(NamedTuple):
+    """A viewer that writes a file, and the robot that it shows."""
+
+    node: NodeProcess
+    robot: Robot
+    file: Path
+
+    def describe(self, urdf: str, text: str) -> None:
+        """Publish a description, and wait for what it logs of that."""
+        before = len(self.node.output)
+        self.robot.describe(urdf)
+        wait_for(lambda: text in self.node.output[before:], f'"{text}"')
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shown]:
+    """One viewer for the tests that leave it as it was: showing the arm."""
+    folder = tmp_path_factory.mktemp("shown")
+    file = folder / "x.rrd"
+    with used_domain() as domain, _viewer(folder, viewer="none", save=file) as node:
+        wait_for(lambda: "waiting for the robot's description" in node.output, "the hint")
+        with Peer(domain) as peer:
+            robot = Robot(peer)
             wait_for(lambda: 'showing "arm"' in node.output, "the robot")
-            (tmp_path / "view.yaml").unlink()
-            removed = "view.yaml was removed: keeping the view shown so far"
-            wait_for(lambda: removed in node.output, "the warning of the view file")
-
-            def kept() -> bool:
-                robot.describe(ARM[:-9])
-                return "keeping the robot shown so far: " in node.output
-
-            wait_for(kept, "the warning, a while after the first")
-            robot.describe(ARM.replace('name="arm"', 'name="longer"'))
-            wait_for(lambda: 'showing "longer"' in node.output, "the new robot")
+            yield Shown(node, robot, file)
 
 
-@pytest.mark.slow
-def test_two_robots_under_one_name_are_warned_of(ros_domain, tmp_path):
-    """A while after the second came: one that was killed seems to be there for 20 s more."""
-    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
-        with Peer(ros_domain, "left") as left, Peer(ros_domain, "right") as right:
-            for peer in (left, right):
-                peer.node.create_publisher(String, "robot_description", LATCHED)
-            warning = "/robot_description is published by /left, /right at once: two robots"
-            wait_for(lambda: warning in node.output, "the warning")
+def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(shown):
+    """The node says what it shows; broken text keeps the robot and is named."""
+    shown.describe(ARM[:-9], "keeping the robot shown so far")
+    shown.describe(ARM.replace('name="arm"', 'name="longer"'), 'showing "longer"')
+    shown.describe(ARM, 'showing "arm"')
 
 
 def test_everything_listens_on_loopback_only(ros_domain, tmp_path):
@@ -190,12 +196,6 @@ def test_a_port_in_use_is_said_and_replaced(ros_domain, tmp_path):
         ({"save": "x.txt", "viewer": "none"}, "must end in .rrd"),
         ({"view": "/nowhere/view.yaml"}, "/nowhere/view.yaml: cannot be read: No such file"),
         ({"view": "/nowhere/view.rbl"}, "/nowhere/view.rbl: there is no such file"),
-        (
-            {"memory_limit": "lots"},
-            'memory_limit: "lots" is not possible; write a size such as 256MB',
-        ),
-        ({"web_port": 100000}, "web_port: 100000 is above 65535; write a number from 0 to 65535"),
-        ({"web_port": "many"}, 'web_port: "many" is a string; write an integer'),
     ],
 )
 def test_a_wrong_parameter_is_one_clear_error(ros_domain, tmp_path, parameters, said):
@@ -226,6 +226,27 @@ def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
             assert word not in node.output
 
 
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"memory_limit": "lots"}, '"lots" is not possible; write a size such as 256MB'),
+        ({"memory_limit": "10 MB"}, None),
+        ({"web_port": 65536}, "65536 is above 65535; write a number from 0 to 65535"),
+        ({"web_port": 65535, "grpc_port": 0}, None),
+        ({"grpc_port": -1}, "-1 is below 0; write a number from 0 to 65535"),
+        ({"web_port": "many"}, '"many" is a string; write an integer from 0 to 65535'),
+        ({"viewer": "web", "open_browser": "no"}, '"no" is a string; write true or false'),
+    ],
+)
+def test_values_of_parameters(parameters, said):
+    """What each may be, and what is said of another."""
+    if said is None:
+        read(ViewerParameters, parameters)
+        return
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        read(ViewerParameters, parameters)
+
+
 def test_native_without_a_display_is_a_clear_error(ros_domain, tmp_path, monkeypatch):
     """It names what to use in its place."""
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -235,10 +256,10 @@ def test_native_without_a_display_is_a_clear_error(ros_domain, tmp_path, monkeyp
         assert "error: viewer:=native needs a display" in node.output
 
 
-def test_waiting_is_said(ros_domain, tmp_path):
+def test_waiting_is_said(shown):
     """With no robot there, the node says after two seconds what it waits for."""
-    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
-        wait_for(lambda: "waiting for the robot's description" in node.output, "the hint")
+    hint, _, rest = shown.node.output.partition('showing "arm"')
+    assert "waiting for the robot's description" in hint and rest
 
 
 def test_nothing_to_show_is_said(ros_domain, tmp_path):
@@ -247,48 +268,37 @@ def test_nothing_to_show_is_said(ros_domain, tmp_path):
         wait_for(lambda: "nothing will be shown" in node.output, "the warning")
 
 
-def test_strange_messages_do_not_end_the_viewer(ros_domain, tmp_path):
+def test_strange_messages_do_not_end_the_viewer(shown):
     """NaN, empty and mismatched messages are survived; the next good one is recorded."""
-    with _viewer(tmp_path, viewer="none", save=tmp_path / "x.rrd") as node:
-        with Peer(ros_domain) as peer:
-            robot = Robot(peer)
-            wait_for(lambda: 'showing "arm"' in node.output, "the robot")
-            robot._tf.publish(TFMessage())
-            robot._tf.publish(_edge("", "", float("nan"), 5))
-            robot._joints.publish(JointState(name=["a", "b"], position=[1.0]))
-            robot._joints.publish(JointState(position=[np.inf]))
-            garbage = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
-            robot._tf.publish(garbage)
-            robot._joints.publish(garbage)
-            wait_for(lambda: "it is no " in node.output, "the warning")
-            before = (tmp_path / "x.rrd").stat().st_size
+    robot = shown.robot
+    robot._tf.publish(TFMessage())
+    robot._tf.publish(_edge("", "", float("nan"), 5))
+    robot._joints.publish(JointState(name=["a", "b"], position=[1.0]))
+    robot._joints.publish(JointState(position=[np.inf]))
+    before = shown.file.stat().st_size
 
-            def recorded():
-                robot.move()
-                return (tmp_path / "x.rrd").stat().st_size > before + 2000
+    def recorded():
+        robot.move()
+        return shown.file.stat().st_size > before + 2000
 
-            wait_for(recorded, "the good messages in the file")
+    wait_for(recorded, "the good messages in the file")
 
 
-def test_bytes_that_are_no_message_are_warned_of_by_topic(ros_domain, tmp_path):
+def test_bytes_that_are_no_message_are_warned_of_by_topic(shown):
     """Once in some seconds for each; the good ones that come with them are in the file."""
     garbage = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
-    file = tmp_path / "x.rrd"
-    with _viewer(tmp_path, viewer="none", save=file) as node, Peer(ros_domain) as peer:
-        robot = Robot(peer)
-        wait_for(lambda: 'showing "arm"' in node.output, "the robot")
+    robot = shown.robot
 
-        def warned() -> bool:
-            for publisher in (robot._tf, robot._joints):
-                publisher.publish(garbage)
-            robot.move(0.5)
-            said = "ignored a message of {}: it is no"
-            return all(said.format(topic) in node.output for topic in ("/tf", "/joint_states"))
+    def warned() -> bool:
+        for publisher in (robot._tf, robot._joints):
+            publisher.publish(garbage)
+        robot.move(0.5)
+        said = "ignored a message of {}: it is no"
+        return all(said.format(topic) in shown.node.output for topic in ("/tf", "/joint_states"))
 
-        wait_for(warned, "the warnings")
-        last = robot.seconds * 10**9
-        wait_for(lambda: last in while_written(_times, file), "the good messages in the file")
-        assert node.interrupt() == 0
+    wait_for(warned, "the warnings")
+    last = robot.seconds * 10**9
+    wait_for(lambda: last in while_written(_times, shown.file), "the good messages in the file")
 
 
 def _times(file: Path) -> list[int]:
