@@ -14,9 +14,11 @@ checkout itself, through a prefix of symbolic links, comes first, so an edit tak
 """
 
 import contextlib
+import math
 import os
 import re
 import sys
+import time
 import zlib
 from collections import deque
 from collections.abc import Iterator
@@ -34,6 +36,7 @@ _AMENT_PATH = "AMENT_PREFIX_PATH"
 # Bounds of a search below a folder, which may be anybody's home.
 _DEEPEST = 4
 _MOST_FOLDERS = 2000
+_FRESH = 1.0  # s that the result of one is kept; searching takes some 0.1 s
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 
 
@@ -224,11 +227,12 @@ def _find(name: str, folder: Path | None) -> Package:
     if not _VALID.fullmatch(name):
         raise _missing(name, folder)
     installed = _in_index(name)
-    for search in (_on_ros_path, _in_prefixes, _around):
-        found = search(name, folder)
-        if found is not None:
-            return Package(found, found == installed)
-    raise _missing(name, folder)
+    found = _on_ros_path(name) or installed or _in_share(name)
+    if found is None and folder is not None:
+        found = _around(name, folder)
+    if found is None:
+        raise _missing(name, folder)
+    return Package(found, found == installed)
 
 
 def _in_index(name: str) -> Path | None:
@@ -241,18 +245,13 @@ def _in_index(name: str) -> Path | None:
     return None
 
 
-def _in_prefixes(name: str, _folder: Path | None) -> Path | None:
-    """The share folder of a package, in an ament index or (as catkin installs it) in none."""
-    found = _in_index(name)
+def _in_share(name: str) -> Path | None:
+    """The share folder of a package that is in no ament index, as catkin installs it."""
     shares = (Path(prefix) / "share" / name for prefix in _entries(_AMENT_PATH))
-    return found or next((share.resolve() for share in shares if _is_package(share, name)), None)
+    return next((share.resolve() for share in shares if _is_package(share, name)), None)
 
 
-# A large tree takes some 0.1 s to search, and $(find pkg) may stand at every mesh.
-_found_before: dict[tuple[str, Path], Path] = {}
-
-
-def _on_ros_path(name: str, _folder: Path | None) -> Path | None:
+def _on_ros_path(name: str) -> Path | None:
     tops = [Path(entry) for entry in _entries(_ROS_PATH)]
     for search in (_below, _named_below):
         for top in tops:
@@ -264,25 +263,34 @@ def _on_ros_path(name: str, _folder: Path | None) -> Path | None:
 
 def _below(name: str, top: Path) -> Path | None:
     """The package in ``top``, or in a folder below it."""
-    before = _found_before.get((name, top))
-    if before is not None and _is_package(before, name):
-        return before
-    found = next((folder for known, folder in _packages_below(top) if known == name), None)
-    if found is not None:
-        _found_before[name, top] = found
+    found = _index(top).get(name)
+    if found is not None and not _is_package(found, name):
+        del _indexes[top]  # it has been moved
+        found = _index(top).get(name)
+    return found
+
+
+# When it was made, and the packages by name.
+_indexes: dict[Path, tuple[float, dict[str, Path]]] = {}
+
+
+def _index(top: Path) -> dict[str, Path]:
+    """The packages below ``top`` by name; $(find pkg) may stand at every mesh of a large robot."""
+    made, found = _indexes.get(top, (-math.inf, {}))
+    if time.monotonic() - made > _FRESH:
+        found = dict(reversed(list(_packages_below(top))))  # of one name, the nearest
+        _indexes[top] = time.monotonic(), found
     return found
 
 
 def _named_below(name: str, top: Path) -> Path | None:
     """The folder called ``name``: a package of another name, ``top``, or a folder in it."""
-    folders = (top, top / name, *(folder for _, folder in _packages_below(top)))
+    folders = (top, top / name, *_index(top).values())
     return next((each for each in folders if each.name == name and os.path.isdir(each)), None)
 
 
-def _around(name: str, folder: Path | None) -> Path | None:
+def _around(name: str, folder: Path) -> Path | None:
     """The package in the source tree of a file in ``folder``: above, beside, or beside those."""
-    if folder is None:
-        return None
     above = (folder, *folder.parents)
     for parent in above:
         for source in (parent, parent / name):

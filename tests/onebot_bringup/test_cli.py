@@ -241,3 +241,21 @@ def test_check_opens_the_meshes_and_takes_a_package_path(tmp_path: Path) -> None
     assert [line.startswith("warning: ") for line in done.stderr.splitlines()] == [True]
     done = onebot("check", str(file), f"package_path:={tmp_path / 'nowhere'}")
     assert done.returncode == 1 and "there is no folder" in done.stderr
+
+
+def test_a_bringup_finds_includes_on_the_package_path(arm: str) -> None:
+    """Also before anything is started, to list the arguments of what is included."""
+    folder = Path(arm).parent
+    parts = folder / "elsewhere/parts"
+    parts.mkdir(parents=True)
+    (parts / "package.xml").write_text("<package><name>arm_parts</name></package>")
+    Path(arm).rename(parts / "arm.xacro")
+    file = folder / "robot/r.xacro"
+    file.parent.mkdir()
+    include = '<xacro:include filename="$(find arm_parts)/arm.xacro"/>'
+    file.write_text(f'<robot name="r" {ARM.split(" ", 2)[2].splitlines()[0]}{include}</robot>')
+    words = ("view", str(file), "viewer:=none", "--show-args")
+    assert "reach:=1.0" not in onebot(*words).stdout
+    done = onebot(*words, f"package_path:={folder / 'elsewhere'}")
+    assert done.returncode == 0 and "reach:=1.0" in done.stdout
+    assert "package_path:=" in done.stdout

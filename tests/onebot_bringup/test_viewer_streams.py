@@ -4,6 +4,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pytest
 import rerun.chunk as rc
 
 from onebot_bringup.viewer.display_server import open_recording
@@ -119,3 +120,24 @@ def test_joint_sets_of_several_publishers_do_not_mix(tmp_path):
         for entity in ("/joints/position/0", "/joints/position/1", "/joints/velocity/0")
     ]
     assert rows == [1, 1, 0] and not stream.has_velocities
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [(f"joint_{number}",) for number in range(40)],
+        [(f"{number}" * 1_000_000,) for number in range(10)],
+    ],
+)
+def test_joint_sets_are_plotted_up_to_a_bound(tmp_path, names):
+    """Of their number and of their size, which is reported; those before go on."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    stream = JointStream(recording.stream)
+    for each in (*names, names[0]):
+        stream.add(START_NS, each, np.zeros(1), np.zeros(0))
+    plotted = len(stream.colors)
+    assert plotted == (32 if len(names) == 40 else 4) and stream.full
+    stream.flush()
+    recording.close()
+    chunks = _chunks(tmp_path / "x.rrd", "/joints/position/0")
+    assert sum(chunk.num_rows for chunk in chunks if not chunk.is_static) == 2

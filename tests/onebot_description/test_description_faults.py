@@ -150,7 +150,7 @@ WARNINGS: dict[str, str] = {
     "warn_inertia_indefinite.urdf": "not positive definite",
     "warn_inertia_triangle.urdf": "exceeds the sum of the others",
     "warn_size_zero.urdf": "is zero; sizes are in m",
-    "warn_scale_mirrors.urdf": "flattens or mirrors",
+    "warn_scale_flattens.urdf": "flattens the mesh",
     "warn_material_undefined.urdf": 'mean "orange"?',
     "warn_material_differs.urdf": "looks different elsewhere",
     "warn_material_empty.urdf": "neither a name nor a <color>",

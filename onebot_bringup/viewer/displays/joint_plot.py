@@ -94,6 +94,13 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self._stream.flush()
         self.context.joint_colors = self._stream.colors
 
+    def warnings(self) -> list[str]:
+        """Return that joints are not plotted."""
+        text = (
+            f"joint_states has more than {_MOST_SETS} lists of names, or long ones: not all plotted"
+        )
+        return [text] if self._stream.full else []
+
     def layout(self) -> LayoutPart:
         """Return the plots, but those that would stay empty."""
         plot, robot = self._settings, self.context.robot
@@ -175,6 +182,7 @@ class JointStream:
         self._count = 0
         self._sets: dict[tuple[str, ...], _Curves] = {}
         self._size = 0  # of their names, bytes
+        self.full = False  # a set is not plotted
         self._order: dict[tuple[str, ...], int] = {}  # in which each set first came
         self._last: tuple[object, _Curves | None] = ((), None)  # names that came last
         self.has_velocities = False  # a velocity ever came
@@ -187,7 +195,7 @@ class JointStream:
         self.flush()
         self._limits = dict(limits)
         self._last = ((), None)
-        self._size = 0
+        self._size, self.full = 0, False
         self._sets.clear()  # on entities of their own from now on: the rows are of other lengths
 
     def add(
@@ -217,9 +225,12 @@ class JointStream:
     def _curves_of(self, names: tuple[str, ...]) -> _Curves | None:
         """The curves of this set of names; a new one gets its legend first."""
         curves = self._sets.get(names)
-        size = size_of_names(names)
-        if curves is None and len(self._sets) < _MOST_SETS and self._size + size <= MOST_BYTES:
-            self._size += size
+        if curves is None:
+            size = self._size + size_of_names(names)
+            if len(self._sets) >= _MOST_SETS or size > MOST_BYTES:
+                self.full = True
+                return None
+            self._size = size
             colors = joint_colors(names, self._order.setdefault(names, len(self._order)))
             curves = _Curves(self._recording, self._count, len(names), colors, self._limits)
             self._sets[names] = curves
