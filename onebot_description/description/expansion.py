@@ -266,7 +266,8 @@ def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]
         return missing_file(Path(str(inner.filename)))
     if isinstance(inner, NameError) and (name := re.search(r"name '(.+?)'", str(inner))):
         hint = did_you_mean(name[1], _names(frames, "symbols"), "defined")
-        return f'unknown property "{name[1]}" in ${{{expression}}}{hint}'
+        where = f" in ${{{expression}}}" if expression else ""
+        return f'unknown property "{name[1]}"{where}{hint}'
     if type(inner).__name__ == "ArgException":
         if str(inner) in arguments:
             return (

@@ -24,6 +24,7 @@ XACRO_NAMESPACES = (
 )
 _MOST_BYTES = 50_000_000
 _DEEPEST = 100
+_MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
 # Files that are taken for one another.
 _SUFFIXES = (
     (".urdf", ".xacro", ".xml"),
@@ -122,14 +123,18 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     parser = expat.ParserCreate(encoding, namespace_separator=" ")
     lines: list[int] = []
     namespaces: set[str] = set()
-    depth = 0
+    depth = parts = 0
 
     def place() -> str:
         return f"{shown}:{parser.CurrentLineNumber}"
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
+        nonlocal depth, parts
         depth += 1
+        parts += 1 + len(attributes)
+        if parts > _MOST_PARTS:
+            text = f"holds more than {_MOST_PARTS} elements and attributes"
+            raise DescriptionError([f"{place()}: {text}"])
         if depth > _DEEPEST:
             raise DescriptionError([f"{place()}: elements are nested deeper than {_DEEPEST}"])
         lines.append(parser.CurrentLineNumber)
