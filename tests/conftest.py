@@ -31,9 +31,13 @@ settings.load_profile("any machine")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """How many processes run the tests: most tests wait for others; pictures take all cores."""
+    """One process a core, and two for all the quick tests, most of which wait for other processes.
+
+    The slow ones draw, with all cores; for a few files a process takes longer to start.
+    """
     cores = len(os.sched_getaffinity(0))
-    return cores if config.option.markexpr == "slow" else min(2 * cores, _MOST_WORKERS)
+    quick = config.option.markexpr != "slow" and not config.option.file_or_dir
+    return min(2 * cores, _MOST_WORKERS) if quick else cores
 
 
 @pytest.fixture

@@ -117,6 +117,7 @@ FAULTS: dict[str, tuple[str, ...]] = {
     "xacro_property_in_macro.xacro": (":4 (called at", 'property "sied"', 'mean "side"?'),
     "xacro_unknown_macro.xacro": (':6: unknown macro "whel"', 'mean "wheel"?'),
     "xacro_lacks_parameter.xacro": (':6: xacro: macro "wheel"', "[side]"),
+    "xacro_lacks_parameter_inside.xacro": (":7 (called at", ': xacro: macro "wheel"', "[side]"),
     "xacro_bad_expression.xacro": (":3: cannot evaluate ${1 +}", "invalid syntax"),
     "xacro_division_by_zero.xacro": (":3: cannot evaluate ${1 / 0}", "division by zero"),
     "xacro_missing_include.xacro": (":4: ", "no such file", 'mean "xacro_part_wheel.xacro"?'),
