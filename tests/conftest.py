@@ -31,13 +31,14 @@ settings.load_profile("any machine")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """One process a core, and two for all the quick tests, most of which wait for other processes.
+    """As many processes as cores for a few files, more for all: tests wait for other processes.
 
-    The slow ones draw, with all cores; for a few files a process takes longer to start.
+    The quick ones most of their time; the slow ones draw, too, with all cores.
     """
     cores = len(os.sched_getaffinity(0))
-    quick = config.option.markexpr != "slow" and not config.option.file_or_dir
-    return min(2 * cores, _MOST_WORKERS) if quick else cores
+    if config.option.file_or_dir:  # a process would take longer to start than it saves
+        return cores
+    return min(cores + 1 if config.option.markexpr == "slow" else 2 * cores, _MOST_WORKERS)
 
 
 @pytest.fixture
