@@ -82,15 +82,19 @@ def condensed(messages: Sequence[str]) -> tuple[str, ...]:
     lines = []
     for message, kind in zip(messages, kinds, strict=True):
         count = counts[kind]
-        if len(message) > _MAX_LENGTH:
-            half = _MAX_LENGTH // 2
-            message = f"{message[:half]} ... {message[-half:]}"
+        message = clipped(message)
         if count > _MAX_ALIKE:
             message += f" (and {count - 1} more of this kind)"
             counts[kind] = 0
         if count:
             lines.append(message)
     return tuple(lines)
+
+
+def clipped(message: str) -> str:
+    """Return ``message``; of a very long one, such as one with very long names, only its ends."""
+    half = _MAX_LENGTH // 2
+    return message if len(message) <= _MAX_LENGTH else f"{message[:half]} ... {message[-half:]}"
 
 
 def shortened(text: str, most: int = _MAX_SHOWN) -> str:

@@ -31,9 +31,14 @@ settings.load_profile("any machine")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """How many processes run the tests: most tests wait for others; pictures take all cores."""
+    """As many processes as cores for a few files, more for all: tests wait for other processes.
+
+    The quick ones most of their time; the slow ones draw, too, with all cores.
+    """
     cores = len(os.sched_getaffinity(0))
-    return cores if config.option.markexpr == "slow" else min(2 * cores, _MOST_WORKERS)
+    if config.option.file_or_dir:  # a process would take longer to start than it saves
+        return cores
+    return min(cores + 1 if config.option.markexpr == "slow" else 2 * cores, _MOST_WORKERS)
 
 
 @pytest.fixture

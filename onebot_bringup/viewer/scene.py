@@ -16,7 +16,7 @@ import rerun as rr
 
 from onebot_bringup.viewer.shapes import file_state, load_shape
 from onebot_description.description.description import Description, Geometry, Mesh, Rgba
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import OneBotError, condensed, listing
 from onebot_description.model.quaternions import from_rpy
 
 Bytes = tuple[int, int, int, int]  # sRGB and alpha
@@ -58,7 +58,7 @@ class Scene:
         Returns:
             What could not be drawn, a sentence each.
         """
-        problems = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
+        left_out = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         wanted: set[str] = set()
         failures: dict[str, list[str]] = {}  # reason to links
         size = marker_size(robot)
@@ -81,7 +81,7 @@ class Scene:
         for path in set(self._drawn) - wanted:
             del self._drawn[path]
             self._erase(path, home)
-        return [*problems, *_not_drawn(failures)]
+        return [*condensed(left_out), *_not_drawn(failures)]
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Bytes | None) -> None:
         """Draw ``geometry`` in its own colour, or else all of it in ``color``."""

@@ -24,6 +24,8 @@ from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import OneBotError
 
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+_MOST_BYTES = 100_000_000  # readers take ten times as much memory
+_MOST_HINTS = 20  # of one description; each compares the names of a folder
 _LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
 _STL_HEAD, _STL_TRIANGLE = 84, 50  # bytes
 
@@ -35,16 +37,22 @@ def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0))
     except OneBotError as error:
         return Mesh(uri, scale, problem=str(error))
     try:
-        problem = _problem(path)
+        problem = "" if path.is_file() else _missing(resources, path)
+        problem = problem or _unsuitable(path)
     except (OSError, ValueError) as error:
         problem = f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}"
     return Mesh(uri, scale, None if problem else path, problem)
 
 
-def _problem(path: Path) -> str:
-    """Why ``path`` is no mesh file, without opening it."""
-    if not path.is_file():
-        return missing_file(path)
+def _missing(resources: Resources, path: Path) -> str:
+    """The message about a file that is not there; for the first few with what is there instead."""
+    resources.missing += 1
+    many = resources.missing > _MOST_HINTS
+    return f"{shown_path(path)}: no such file" if many else missing_file(path)
+
+
+def _unsuitable(path: Path) -> str:
+    """Why the file ``path`` is no mesh, without opening it."""
     if path.suffix.lower() not in MESH_SUFFIXES:
         kinds = ", ".join(MESH_SUFFIXES)
         return f'"{path.name}" is of an unsupported kind; convert it to one of: {kinds}'
@@ -54,6 +62,10 @@ def _problem(path: Path) -> str:
 def fault_of(path: Path) -> str:
     """Return what is wrong with the content of a mesh file, as in "holds no faces"; or ""."""
     try:
+        if (size := path.stat().st_size) > _MOST_BYTES:
+            return (
+                f"is of {size // 1_000_000} MB, more than {_MOST_BYTES // 1_000_000}; simplify it"
+            )
         with path.open("rb") as file:
             if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
                 return "is a Git LFS pointer in place of the mesh; fetch it with git lfs pull"

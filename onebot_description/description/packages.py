@@ -36,6 +36,7 @@ _AMENT_PATH = "AMENT_PREFIX_PATH"
 # Bounds of a search below a folder, which may be anybody's home.
 _DEEPEST = 4
 _MOST_FOLDERS = 2000
+_MOST_PACKAGES = 100  # of one description; looking for one takes some milliseconds
 _FRESH = 1.0  # s that the result of one is kept; searching takes some 0.1 s
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 
@@ -63,6 +64,7 @@ class Resources:
         """Resolve what is named in a file in ``folder``; None: in a text that lies in no file."""
         self._folder = folder
         self._packages: dict[str, Package | OneBotError] = {}
+        self.missing = 0  # files that were located and are not there, as counted by who looks
 
     def locate(self, uri: str) -> Resource:
         """Return the file that ``package://name/path``, ``file:///path`` or a path names.
@@ -104,6 +106,10 @@ class Resources:
     def _package(self, name: str) -> Package:
         found = self._packages.get(name)
         if found is None:
+            if len(self._packages) >= _MOST_PACKAGES:
+                raise OneBotError(
+                    f"more than {_MOST_PACKAGES} packages are named; no more are found"
+                )
             try:
                 found = _find(name, self._folder)
             except OneBotError as error:

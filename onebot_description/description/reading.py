@@ -35,7 +35,7 @@ from onebot_description.description.description import (
 from onebot_description.description.meshes import locate_mesh
 from onebot_description.description.packages import Resources
 from onebot_description.description.xml import Document
-from onebot_description.errors import DescriptionError, did_you_mean, listing, printable
+from onebot_description.errors import DescriptionError, clipped, did_you_mean, listing, printable
 
 Element = ElementTree.Element
 
@@ -86,7 +86,7 @@ class Findings:
         self._add("warning", element, text)
 
     def _add(self, severity: Severity, element: Element, text: str) -> None:
-        message = printable(f"{self.where(element)}: {self.label(element)}: {text}")
+        message = printable(clipped(f"{self.where(element)}: {self.label(element)}: {text}"))
         self.found.append(Finding(severity, element, message))
 
     def hint(self, name: str, candidates: Iterable[str], what: str = "known") -> str:
@@ -390,9 +390,8 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
     scale: Triple | None = (1.0, 1.0, 1.0)
     if element.get("scale") is not None:
         scale = read_triple(findings, element, "scale")
-        if scale is not None and min(scale) <= 0:
-            text = f'scale="{element.get("scale")}" flattens or mirrors the mesh'
-            findings.warning(element, text)
+        if scale is not None and 0 in scale:
+            findings.warning(element, f'scale="{element.get("scale")}" flattens the mesh')
     if not uri or not scale:
         return None
     mesh = locate_mesh(findings.resources, uri, scale)

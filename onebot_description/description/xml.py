@@ -24,6 +24,7 @@ XACRO_NAMESPACES = (
 )
 _MOST_BYTES = 50_000_000
 _DEEPEST = 100
+_MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
 # Files that are taken for one another.
 _SUFFIXES = (
     (".urdf", ".xacro", ".xml"),
@@ -106,6 +107,21 @@ def _choices(folder: Path, name: str) -> str:
     return did_you_mean(name, names, "in that folder")
 
 
+def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
+    """Move blank lines before an XML declaration behind it, as urdfdom skips them.
+
+    Returns:
+        The document, whose elements are on the same lines as before, and a warning if it was
+        changed.
+    """
+    rest = data.lstrip(b" \t\r\n")
+    blank, end = data[: len(data) - len(rest)], rest.find(b"?>") + 2
+    if not blank or not rest.startswith(b"<?xml ") or end < 2:
+        return data, ()
+    warning = f"{shown}:1: blank lines before <?xml ...?>, which some programs refuse: delete them"
+    return rest[:end] + blank + rest[end:], (warning,)
+
+
 def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     """Check that ``data`` is well-formed XML without DOCTYPE and note where its elements begin.
 
@@ -122,14 +138,18 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     parser = expat.ParserCreate(encoding, namespace_separator=" ")
     lines: list[int] = []
     namespaces: set[str] = set()
-    depth = 0
+    depth = parts = 0
 
     def place() -> str:
         return f"{shown}:{parser.CurrentLineNumber}"
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
+        nonlocal depth, parts
         depth += 1
+        parts += 1 + len(attributes)
+        if parts > _MOST_PARTS:
+            text = f"holds more than {_MOST_PARTS} elements and attributes"
+            raise DescriptionError([f"{place()}: {text}"])
         if depth > _DEEPEST:
             raise DescriptionError([f"{place()}: elements are nested deeper than {_DEEPEST}"])
         lines.append(parser.CurrentLineNumber)

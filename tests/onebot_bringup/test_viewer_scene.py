@@ -369,3 +369,12 @@ def test_the_camera_follows_a_link(tmp_path, view):
     recording.close()
     render(tmp_path / "x.rrd", tmp_path / "x.png", 640, 480)
     assert colored(pixels(tmp_path / "x.png"), BLUE).mean() > 0.01
+
+
+def test_many_shapes_that_cannot_be_read_are_few_sentences(tmp_path):
+    """Each kind of problem once, with its number."""
+    bad = "<visual><geometry><torus/></geometry></visual>\n"
+    robot = parse_description(f'<robot name="r"><link name="a">{bad * 300}</link></robot>')
+    problems = Scene(open_recording(save=tmp_path / "x.rrd").stream).set_robot(robot)
+    assert len(problems) == 2  # of which only the first ones have a hint
+    assert "unknown shape" in problems[0] and "99 more of this kind" in problems[0]

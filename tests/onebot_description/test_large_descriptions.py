@@ -2,6 +2,7 @@
 
 import os
 import time
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,6 +59,25 @@ def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
     seconds(chain(mimic, 200, parent))
     small = min(seconds(chain(mimic, COUNT // 10, parent)) for _ in range(2))
     assert seconds(chain(mimic, COUNT, parent)) < 40 * small
+
+
+def test_a_long_name_is_not_repeated_whole() -> None:
+    """In each of very many messages."""
+    visuals = "<visual/>" * 10_000
+    urdf = f'<robot name="r"><link name="{"x" * 1_000_000}">{visuals}</link></robot>'
+    tracemalloc.start()
+    with pytest.raises(DescriptionError) as error:
+        parse_description(urdf).raise_problems()
+    assert tracemalloc.get_traced_memory()[1] < 200_000_000
+    tracemalloc.stop()
+    assert len(str(error.value)) < 10_000
+
+
+@pytest.mark.parametrize("many", ["<a/>" * 1_000_000, "<a b=''/>" * 500_000])
+def test_what_is_too_much_is_refused_before_it_is_kept(many: str) -> None:
+    """A large robot has a fifth of that."""
+    with pytest.raises(DescriptionError, match="more than 1000000 elements and attributes"):
+        parse_description(f'<robot name="r">{many}</robot>')
 
 
 def test_xacro_takes_no_square(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Packages are found with no variable set, and addresses of files lead to them."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -302,3 +303,20 @@ def test_the_search_is_bounded(tmp_path, monkeypatch):
     assert find_package("p40", folder) == tmp_path / "dir040"
     with pytest.raises(OneBotError):
         find_package("p90", folder)
+
+
+def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
+    """What somebody publishes decides how many are looked for, but not without bound."""
+    looked = []
+    monkeypatch.setattr(
+        "onebot_description.description.packages._in_index",
+        lambda name: looked.append(name) or Path("/x"),
+    )
+    resources = Resources(None)
+    for number in range(200):
+        with contextlib.suppress(OneBotError):
+            resources.locate(f"package://p{number}/a.stl")
+    assert len(looked) == 100
+    with pytest.raises(OneBotError, match="more than 100 packages"):
+        resources.locate("package://p200/a.stl")
+    assert resources.locate("package://p7/a.stl").path == Path("/x/a.stl")
