@@ -56,6 +56,8 @@ def run(argv: Sequence[str]) -> int:
         raise UsageError(f"onebot replay takes one recording, not {len(given.positional)}")
     values = _values(given.given)
     source = Path(given.positional[0]).expanduser()
+    if not source.exists():
+        raise OneBotError(f"there is no recording {source}")
     use_environment_prefix()  # where meshes and views are found
     with KeyboardInterrupts() as interrupts:
         return _replay(source, values, interrupts)

@@ -111,7 +111,7 @@ def _index() -> list[tuple[str, str]]:
         folder = Path(prefix) / "share/ament_index/resource_index/rosidl_interfaces"
         if folder.is_dir():
             for entry in folder.iterdir():
-                found.setdefault(entry.name, entry.read_text())
+                found.setdefault(entry.name, entry.read_text(encoding="utf-8"))
     return sorted(found.items())
 
 
@@ -129,7 +129,7 @@ def definition(name: str) -> str:
     for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
         path = Path(prefix) / "share" / package / kind / f"{type_name}.{kind}"
         if path.is_file():
-            return path.read_text()
+            return path.read_text(encoding="utf-8")
     if name == _TF_MESSAGE:  # of this project, if tf2_msgs is not installed
         return "geometry_msgs/TransformStamped[] transforms\n"
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")

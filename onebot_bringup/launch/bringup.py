@@ -27,6 +27,7 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
@@ -94,6 +95,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
+        KeyboardInterrupts(),  # which leave no folder and no process behind
         tempfile.TemporaryDirectory(prefix="onebot-") as folder,
         Launcher(command.program) as launcher,
     ):

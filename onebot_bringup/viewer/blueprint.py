@@ -57,6 +57,10 @@ class Layout:
         whole = view.grid, view.collision, view.background, view.camera, view.panels
         return cls(*whole, parts, fixed_frame, complete)
 
+    def without_plots(self) -> "Layout":
+        """Return the layout with nothing beside the robot."""
+        return replace(self, parts=tuple(replace(part, views=()) for part in self.parts))
+
 
 class BlueprintSender:
     """Sends a blueprint that fits the robot, and another one only when it has to change."""

@@ -7,10 +7,12 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from PIL import Image
@@ -21,6 +23,9 @@ from onebot_bringup.viewer.blueprint import ROBOT_VIEW
 from onebot_bringup.viewer.display_server import Child
 from onebot_description.description.description import Triple
 from onebot_description.errors import OneBotError
+from onebot_description.file_watch import in_background
+
+T = TypeVar("T")
 
 NO_RENDERER = (
     "no graphics adapter was found to draw with: install Mesa's software renderer "
@@ -31,6 +36,8 @@ TOO_OLD = (
     "works without"
 )
 PATIENCE = 60.0  # seconds
+_REPORT_AFTER = 2.0  # seconds
+_PAUSE = 0.05  # seconds
 Progress = Callable[[str], None]
 # A view may report an error for a moment, while its data come in; one that lasts belongs to the
 # picture. It has to outlast both, so that neither a slow nor a quick machine ends it early.
@@ -67,22 +74,6 @@ class Framing:
     def of_robot(self) -> bool:
         """It takes a view of the robot."""
         return not self.dashboard or self.eye is not None or self.target is not None
-
-
-def check_picture(png: Path) -> None:
-    """Refuse a picture that cannot be written, before any work is done for it.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
-    if png.suffix.lower() != ".png":
-        raise OneBotError(f"{png}: a picture's name must end in .png")
-    if not png.parent.is_dir():
-        raise OneBotError(f"{png}: there is no folder {png.parent}")
-    if png.is_dir():
-        raise OneBotError(f"{png}: is a folder")
-    if not os.access(png.parent, os.W_OK):
-        raise OneBotError(f"{png}: the folder {png.parent} cannot be written to")
 
 
 def render(
@@ -170,7 +161,7 @@ def still(client: ViewerClient, progress: Progress = print, view: str | None = N
         now = time.monotonic()
         if now - start > PATIENCE:
             return shots[-1]
-        if now - reported > 2.0:
+        if now - reported > _REPORT_AFTER:
             reported = now
             progress(f"waiting for the picture: it still changes ({now - start:.0f} s)")
 
@@ -292,7 +283,8 @@ def headless_viewer(
         },
     )
     try:
-        yield _Loading(child, port, source, progress).client()
+        client = _Loading(child, port, source, progress).client()
+        yield cast(ViewerClient, _PatientClient(client, child, progress))
     finally:
         child.stop()
 
@@ -317,10 +309,10 @@ def freeze(client: ViewerClient, not_before_ns: int = 0, progress: Progress = pr
         now = time.monotonic()
         if end >= not_before_ns or now - start > PATIENCE:
             return
-        if now - reported > 2.0:
+        if now - reported > _REPORT_AFTER:
             reported = now
             progress(f"waiting for the picture: the history comes in ({now - start:.0f} s)")
-        time.sleep(0.05)
+        time.sleep(_PAUSE)
 
 
 def _timeline(client: ViewerClient) -> tuple[str, int, str] | None:
@@ -344,6 +336,43 @@ def _moment(kind: str, end: int) -> dict[str, Any]:
     return {"sequence": end}
 
 
+def _answer(call: Callable[[], T], progress: Progress) -> T:
+    """Return what a call to the viewer returns; report while it takes, and end after a minute."""
+    start = time.monotonic()
+    answer = in_background(call)
+    while not wait([answer], timeout=_REPORT_AFTER).done:
+        seconds = time.monotonic() - start
+        if seconds > PATIENCE:
+            raise OneBotError(f"the viewer has not answered for {PATIENCE:.0f} s")
+        progress(f"waiting for the picture: the viewer is busy ({seconds:.0f} s)")
+    return answer.result()
+
+
+class _PatientClient:
+    """A viewer's client that asks again where a busy machine was too slow to answer in time."""
+
+    def __init__(self, client: ViewerClient, child: Child, progress: Progress) -> None:
+        self._client, self._child, self._progress = client, child, progress
+
+    def __getattr__(self, name: str) -> Any:
+        method = getattr(self._client, name)
+
+        def ask(*args: Any, **kwargs: Any) -> Any:
+            start = time.monotonic()
+            while True:
+                try:
+                    return _answer(partial(method, *args, **kwargs), self._progress)
+                except OSError as error:  # a TimeoutError is one, too
+                    if not self._child.running:
+                        raise OneBotError(_why(self._child)) from None
+                    if time.monotonic() - start > PATIENCE:
+                        text = f"the viewer has not answered for {PATIENCE:.0f} s: {error}"
+                        raise OneBotError(text) from None
+                    time.sleep(_PAUSE)
+
+        return ask
+
+
 class _Loading:
     """Waits until the viewer shows its views, loaded and free of errors."""
 
@@ -363,15 +392,16 @@ class _Loading:
             if not self._child.running:
                 raise OneBotError(_why(self._child))
             try:
-                self._client = self._client or ViewerClient.connect(self._address)
-                state = self._client.get_state()
+                connect = partial(ViewerClient.connect, self._address)
+                self._client = self._client or _answer(connect, self._progress)
+                state = _answer(self._client.get_state, self._progress)
                 if is_complete(state) or self._has_lasting_errors(state):
                     return self._client
                 self._check_loading(state)
             except (RuntimeError, OSError):
                 self._client = None  # it does not listen yet
             self._report(state)
-            time.sleep(0.05)
+            time.sleep(_PAUSE)
         if self._client is not None and state is not None and state.views:
             return self._client  # with errors in the picture, which is what a user would see, too
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")
@@ -393,14 +423,14 @@ class _Loading:
         if state.recordings or state.loading or time.monotonic() - self._start < _LOST:
             return
         assert self._client is not None
-        for entry in self._client.get_logs():
+        for entry in _answer(self._client.get_logs, self._progress):
             if entry.level == "ERROR":
                 reason = entry.message.splitlines()[0].rpartition(": ")[2]
                 raise UnreadableError(f"{self._source} cannot be shown: {reason}")
 
     def _report(self, state: ViewerState | None) -> None:
         now = time.monotonic()
-        if now - self._reported > 2.0:
+        if now - self._reported > _REPORT_AFTER:
             self._reported = now
             waited = f"({now - self._start:.0f} s)"
             self._progress(f"waiting for the picture: {_unfinished(state)} {waited}")

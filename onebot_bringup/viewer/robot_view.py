@@ -57,6 +57,7 @@ class RobotView:
         clock: Callable[[], float] = time.monotonic,
         report: ReportBad | None = None,
         from_start: bool = False,
+        plots: bool = True,
     ) -> None:
         """Show a robot in ``recording``.
 
@@ -69,6 +70,7 @@ class RobotView:
             clock: seconds.
             report: called with the topic and the error of a bad message; by default it is raised.
             from_start: the viewer plays from the beginning, in place of following the end.
+            plots: show those of the view beside the robot; of a single moment they are empty.
 
         Raises:
             OneBotError: two displays want a topic, each as another type.
@@ -95,6 +97,7 @@ class RobotView:
         self._resolution = FrameResolution(self.frames, self._context.frame_of)
         self._blueprint = BlueprintSender(self._context, self._scene, from_start=from_start)
         self._own_blueprint = True
+        self._plots = plots
         self._displays = [_Shown(display(self._context)) for display in DISPLAYS]
         for shown in self._displays:
             shown.display.apply(self._view.of(type(shown.display)))
@@ -316,6 +319,8 @@ class RobotView:
         if complete or self._clock() - self._changed >= _PATIENCE:
             displays = [shown.display for shown in self._displays]
             layout = Layout.of(self._view, displays, self.fixed_frame, complete)
+            if not self._plots:
+                layout = layout.without_plots()
             self._blueprint.update(layout, send=self._own_blueprint)
 
 

@@ -66,8 +66,11 @@ def salvage(rrd: Path, copy: Path) -> None:
         OneBotError: nothing is.
     """
     command = [str(program()), "rrd", "merge", "--continue-on-error", "-o", str(copy)]
-    done = subprocess.run(
-        [*command, str(rrd.absolute())], capture_output=True, timeout=_COPYING, check=False
-    )
+    try:
+        done = subprocess.run(
+            [*command, str(rrd.absolute())], capture_output=True, timeout=_COPYING, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise OneBotError(f"{rrd}: not read to its end within {_COPYING:.0f} s") from None
     if done.returncode or not copy.is_file() or copy.stat().st_size < _NOTHING:
         raise OneBotError(f"{rrd} was cut short before anything was in it")

@@ -185,7 +185,7 @@ def converted_meshes(bodies: Iterable[Body]) -> Iterator[Mapping[str, str]]:
                 failures.setdefault(str(error), []).append(link)
                 continue
             copy = Path(folder) / f"{len(written)}.obj"
-            copy.write_text(text)
+            copy.write_text(text, encoding="utf-8")
             written[uri] = str(copy)
         if failures:
             raise OneBotError(

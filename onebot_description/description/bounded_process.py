@@ -191,12 +191,13 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
     """Run the function, write its answer to the file ``out`` and end this process."""
     code = 1
     try:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL)
+        signal.alarm(math.ceil(bounds.wall) + 1)  # should the process that waits be gone
         _limit(bounds)
-        data = _answer(function, request, place)
-        with open(out, "wb") as file:
-            file.write(data)
+        answer = _answer(function, request, place)
+        with suppress(BrokenPipeError), open(out, "wb") as file:  # Ctrl-C has ended who waits
+            file.write(answer)
         code = 0
     except BaseException:
         sys.excepthook(*sys.exc_info())

@@ -306,8 +306,7 @@ def _check_texture(findings: Findings, element: Element, material: Material) -> 
     except (OneBotError, OSError, ValueError) as error:
         findings.warning(texture, str(error))
         return
-    if material.texture:
-        texture.set("filename", uri)
+    texture.set("filename", uri)
     if not there:
         findings.warning(texture, f'there is no file "{material.texture}"')
 

@@ -32,10 +32,17 @@ from onebot_description.description.expressions import (
 from onebot_description.description.packages import find_package
 from onebot_description.description.xacro import used_arguments
 from onebot_description.description.xml import missing_file, shown_path
-from onebot_description.errors import DescriptionError, OneBotError, did_you_mean, printable
+from onebot_description.errors import (
+    DescriptionError,
+    OneBotError,
+    did_you_mean,
+    printable,
+    shortened,
+)
 
 _MOST_BYTES = 50_000_000  # of the result, as of a file
 _MOST_PLACES = 4
+_DEEP = 50  # calls in calls; nobody means so many
 
 
 def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
@@ -261,7 +268,7 @@ def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]
     if isinstance(inner, OneBotError) and not isinstance(inner, ExpressionError):
         return str(inner)
     if isinstance(inner, RecursionError):
-        return f"{_recursing(frames)} without end"
+        return _recursing(frames)
     if isinstance(inner, FileNotFoundError) and inner.filename:
         return missing_file(Path(str(inner.filename)))
     if isinstance(inner, NameError) and (name := re.search(r"name '(.+?)'", str(inner))):
@@ -299,7 +306,7 @@ def _expression(chain: list[Exception]) -> str:
         if found := re.search(
             r"when evaluating expression '(.*)'", getattr(error, "suffix", None) or ""
         ):
-            return found[1]
+            return shortened(found[1])
     return ""
 
 
@@ -321,14 +328,14 @@ def _place(frame: FrameType) -> str | None:
 
 
 def _recursing(frames: list[FrameType]) -> str:
-    """What was expanded last."""
-    for frame in reversed(frames):
-        macro = frame.f_locals.get("m")
-        if frame.f_code.co_name == "handle_macro_call" and macro is not None:
-            return f'macro "{macro.body.getAttribute("name")}" calls itself'
-        if frame.f_code.co_name == "process_include":
-            return "files include each other"
-    return "an expression refers to itself"
+    """What goes on without end."""
+    calls = [frame for frame in frames if frame.f_code.co_name == "handle_macro_call"]
+    macros = [frame.f_locals["m"] for frame in calls if "m" in frame.f_locals]
+    if len(macros) > _DEEP:
+        return f'macro "{macros[-1].body.getAttribute("name")}" calls itself without end'
+    if sum(frame.f_code.co_name == "process_include" for frame in frames) > _DEEP:
+        return "files include each other without end"
+    return "what is evaluated here is nested too deeply, or refers to itself"
 
 
 def _names(frames: list[FrameType], table: str) -> list[str]:

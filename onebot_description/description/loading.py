@@ -49,8 +49,8 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
     """
     path = _locate(source)
     given = {name: str(value) for name, value in (arguments or {}).items()}
-    data = xml.read_bytes(path)
     shown = xml.shown_path(path)
+    data, blank = xml.declaration_first(xml.read_bytes(path), shown)
     found = xml.scan(data, shown)
     if found.has_xacro or path.suffix == ".xacro":
         from onebot_description.description.xacro import expand
@@ -61,7 +61,7 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
         names = ", ".join(sorted(given))
         raise DescriptionError([f"{shown}: is plain URDF and takes no arguments (given: {names})"])
     document = xml.to_document(data, found, shown, path.parent)
-    return _check(document, str(path), (path,), ())
+    return _check(document, str(path), (path,), blank)
 
 
 def parse_description(urdf: str, name: str = "<string>") -> Description:
@@ -75,18 +75,14 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     Raises:
         DescriptionError: nothing of the robot can be published; all problems at once.
     """
-    document = _parse(urdf, name)
-    files = (Path(name).absolute(),) if document.folder is not None else ()
-    return _check(document, name, files, ())
-
-
-def _parse(urdf: str, name: str) -> xml.Document:
     try:
-        data = urdf.encode("utf-8")
+        data, blank = xml.declaration_first(urdf.encode("utf-8"), name)
     except UnicodeEncodeError as error:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
     found = xml.scan(data, name, "utf-8")
-    return xml.to_document(data, found, name, _folder(name), "utf-8")
+    document = xml.to_document(data, found, name, _folder(name), "utf-8")
+    files = (Path(name).absolute(),) if document.folder is not None else ()
+    return _check(document, name, files, blank)
 
 
 def _folder(name: str) -> Path | None:

@@ -24,6 +24,7 @@ from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import OneBotError
 
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+_MOST_BYTES = 100_000_000  # readers take ten times as much memory
 _MOST_HINTS = 20  # of one description; each compares the names of a folder
 _LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
 _STL_HEAD, _STL_TRIANGLE = 84, 50  # bytes
@@ -61,6 +62,10 @@ def _unsuitable(path: Path) -> str:
 def fault_of(path: Path) -> str:
     """Return what is wrong with the content of a mesh file, as in "holds no faces"; or ""."""
     try:
+        if (size := path.stat().st_size) > _MOST_BYTES:
+            return (
+                f"is of {size // 1_000_000} MB, more than {_MOST_BYTES // 1_000_000}; simplify it"
+            )
         with path.open("rb") as file:
             if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
                 return "is a Git LFS pointer in place of the mesh; fetch it with git lfs pull"

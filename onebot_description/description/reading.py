@@ -429,7 +429,8 @@ def _read_material(findings: Findings, element: Element) -> Material:
     return Material(
         element.get("name"),
         None if color is None else _read_color(findings, color),
-        None if texture is None else texture.get("filename", ""),
+        # Exporters write <texture filename=""/> where there is none.
+        None if texture is None else texture.get("filename") or None,
     )
 
 

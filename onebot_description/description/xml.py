@@ -107,6 +107,21 @@ def _choices(folder: Path, name: str) -> str:
     return did_you_mean(name, names, "in that folder")
 
 
+def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
+    """Move blank lines before an XML declaration behind it, as urdfdom skips them.
+
+    Returns:
+        The document, whose elements are on the same lines as before, and a warning if it was
+        changed.
+    """
+    rest = data.lstrip(b" \t\r\n")
+    blank, end = data[: len(data) - len(rest)], rest.find(b"?>") + 2
+    if not blank or not rest.startswith(b"<?xml ") or end < 2:
+        return data, ()
+    warning = f"{shown}:1: blank lines before <?xml ...?>, which some programs refuse: delete them"
+    return rest[:end] + blank + rest[end:], (warning,)
+
+
 def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     """Check that ``data`` is well-formed XML without DOCTYPE and note where its elements begin.
 

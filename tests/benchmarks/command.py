@@ -12,7 +12,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.signals import KeyboardInterrupts
 from tests.benchmarks import machine
 from tests.benchmarks.plot import svg
-from tests.benchmarks.registry import BENCHMARKS, Options, chosen, run, say_on_stderr, summary
+from tests.benchmarks.registry import BENCHMARKS, Options, chosen, run, say_on_stderr
 from tests.benchmarks.report import plain
 from tests.benchmarks.saving import Results, load, markdown, save, write_section
 
@@ -116,8 +116,8 @@ def _section(file: Path) -> str:
 
 def _list() -> None:
     width = max(map(len, BENCHMARKS))
-    for name in BENCHMARKS:
-        print(f"{name:{width}}  {summary(name)}")
+    for name, summary in BENCHMARKS.items():
+        print(f"{name:{width}}  {summary}")
 
 
 def _run(arguments: argparse.Namespace) -> Results:
@@ -129,7 +129,7 @@ def _run(arguments: argparse.Namespace) -> Results:
     print(machine.sentence(results.machine), end="\n\n", flush=True)
     with KeyboardInterrupts():  # whatever a benchmark has started is stopped
         for name in names:
-            say_on_stderr(f"{name}: {summary(name)}")
+            say_on_stderr(f"{name}: {BENCHMARKS[name]}")
             report = run(name, options)
             results = Results(results.machine, results.quick, [*results.reports, report])
             print(plain(report, verdict=not arguments.quick), flush=True)

@@ -26,8 +26,6 @@ from tests.benchmarks.measuring import (
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Report, Value, at_most
 
-SUMMARY = "jitter at 100 Hz and latency of commands, with the viewer and without"
-
 FLOOR, ALONE = "bare sleeping thread", "controller, viewer off"
 VIEWED = "controller, viewer on"
 _TOPIC = "/velocity_controller/cmd_vel"

@@ -24,8 +24,6 @@ from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Plot, Report, Value
 from tests.benchmarks.state_publisher import CLOSED_LOOP, FLOOR, OURS, Effort
 
-SUMMARY = "how cost grows with joints, 10 to 10000"
-
 _COUNTS = (10, 30, 100, 300, 1000, 3000, 10000)
 _QUICK_COUNTS = (10, 100)
 # scipy's own answer to each link's pose in turn takes long, and rounds off on the way.

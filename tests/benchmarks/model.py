@@ -24,8 +24,6 @@ from tests.benchmarks.model_libraries import (
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Goal, Report, Value, at_least
 
-SUMMARY = "transforms per second of RobotModel against yourdfpy, pinocchio, kinpy and ikpy"
-
 _COUNTS = (10, 50, 200, 1000)
 _BATCH = 1000
 _TOLERANCE = 1e-9

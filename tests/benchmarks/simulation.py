@@ -24,8 +24,6 @@ from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Plot, Report, Value, at_least
 
-SUMMARY = "real-time factor of 1 to 100 OneBots with controllers against bare PyBullet"
-
 MODEL = "package://onebot_description/urdf/onebot.urdf.xacro"
 BARE, OURS = "bare stepSimulation", "with controllers"
 _LINEAR, _ANGULAR = 0.3, 0.2  # m/s, rad/s: a circle of 1.5 m radius

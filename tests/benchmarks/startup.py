@@ -28,8 +28,6 @@ from tests.benchmarks.recorded import frames_logged
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Report, Value, at_most
 
-SUMMARY = "command to first /tf, /odom and frame logged, and memory, against an empty node"
-
 FLOOR, OURS, VIEWED = "empty rclpy node with PyBullet", "onebot_bringup", "with viewer"
 _ODOM = "/velocity_controller/odom"
 _TOPICS = ("/tf:tf2_msgs/TFMessage", f"{_ODOM}:nav_msgs/Odometry")

@@ -40,8 +40,6 @@ from tests.benchmarks.measuring import (
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Goal, Report, at_most
 
-SUMMARY = "CPU, latency and memory of robot_state_publisher against a relay of bytes"
-
 OURS, FLOOR = "robot_state_publisher", "relay, events executor (the floor)"
 SLOW_FLOOR, NAIVE, PEER = "relay, SingleThreadedExecutor", "naive rclpy node", "peer"
 CLOSED_LOOP, PACED = "closed loop", "100 Hz"

@@ -37,8 +37,6 @@ from tests.benchmarks.recorded import Frames, read_frames
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Goal, Plot, Report, Value, at_most
 
-SUMMARY = "CPU of the viewer for each robot state against bare send_columns"
-
 FLOOR, OURS = "bare send_columns", "viewer"
 _PER_CALL = 5
 _PERIOD_NS = 10_000_000

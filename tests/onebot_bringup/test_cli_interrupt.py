@@ -1,7 +1,9 @@
 """Ctrl-C from the first moment on: quiet, and with the exit code that the command has for it."""
 
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -20,7 +22,19 @@ class Interrupting:
         os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupting())
-sys.exit(main({words}))
+sys.argv[1:] = {words}
+sys.exit(main())
+"""
+READY = "import sys; from {module} import main; print('ready', flush=True); sys.exit(main())"
+
+
+EARLY = """
+import sys
+from onebot_bringup.cli.main import main
+for words in {commands}:
+    code = main(words)
+    slow = [name for name in ("rclpy", "rerun", "pybullet", "scipy") if name in sys.modules]
+    print(code, *words, *slow)
 """
 
 
@@ -41,6 +55,57 @@ def test_hardly_anything_is_imported_before_ctrl_c_is_answered(module):
     ours = [name for name in names if name.partition(".")[0].startswith(("onebot", "mrm"))]
     assert module in ours and len(ours) < 10
     assert set(names) - set(ours) <= {"collections", "collections.abc"}
+
+
+def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
+    """Such as ROS and Rerun, which take seconds."""
+    png = str(tmp_path / "a.png")
+    commands = {
+        ("bench", "--nope"): 2,
+        ("bench", "--list"): 0,
+        ("snapshot", "--nope"): 2,
+        ("snapshot", "a.jpg"): 1,
+        ("snapshot", png, "absent.urdf"): 1,
+        ("snapshot", png, "absent.rrd"): 1,
+        ("snapshot", png, "absent.mcap"): 1,
+        ("replay", "absent.mcap"): 1,
+        ("replay", "absent.rrd"): 1,
+        ("view", "absent.urdf"): 1,
+        ("check", "absent.urdf"): 1,
+        ("topic", "echo"): 2,
+        ("topic", "pub", "/x"): 2,
+        ("param", "get"): 2,
+        ("service", "call", "/x"): 2,
+        ("node", "info"): 2,
+        ("teleop", "--nope"): 2,
+        ("steer", "nope:=1"): 2,
+    }
+    done = python(EARLY.format(commands=[list(words) for words in commands]))
+    expected = [" ".join(map(str, (code, *words))) for words, code in commands.items()]
+    reported = [line for line in done.stdout.splitlines() if line[:2] in ("0 ", "1 ", "2 ")]
+    assert reported == expected
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("program", "words", "codes"),
+    [
+        ("onebot", ["topic", "list"], (0,)),
+        ("onebot", ["check", "mrm_description/urdf/mrm.xacro"], (0, 130, -2)),
+        ("mrm_bringup", ["viewer:=none"], (0,)),
+    ],
+)
+def test_ctrl_c_at_any_moment(ros_domain, program, words, codes):
+    """No traceback, however far it has come: it imports, works, or ends."""
+    command = [sys.executable, "-c", READY.format(module=COMMANDS[program]), *words]
+    for delay in (0.02, 0.1, 0.2, 0.3, 0.5):
+        with subprocess.Popen(command, stdout=-1, stderr=-1, text=True) as process:
+            assert process.stdout.readline() == "ready\n"
+            time.sleep(delay)
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=180)
+        assert process.returncode in codes
+        assert "Traceback" not in err and "Exception" not in err, err
 
 
 @pytest.mark.parametrize(

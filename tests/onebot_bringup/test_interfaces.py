@@ -1,5 +1,10 @@
 """Types that are installed, by name, and the text that defines them."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_srvs.srv import SetBool
@@ -40,3 +45,25 @@ def test_definitions_are_whole(kind):
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(full_definition(kind), kind))
     assert store.hash_rihs01(kind) == get_typestore(Stores.ROS2_JAZZY).hash_rihs01(kind)
+
+
+def test_a_definition_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
+    """As ROS writes them; a recording holds them, too."""
+    folder = tmp_path / "share/names_of_angles/msg"
+    folder.mkdir(parents=True)
+    text = "float64 alpha  # \N{GREEK SMALL LETTER ALPHA}\n"
+    (folder / "Angle.msg").write_text(text, encoding="utf-8")
+    code = (
+        "from onebot_bringup.introspection.interfaces import definition;"
+        "print(ascii(definition('names_of_angles/msg/Angle')))"
+    )
+    limited = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    paths = {"AMENT_PREFIX_PATH": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **limited, **paths},
+        timeout=180,
+    )
+    assert done.stdout.strip() == ascii(text), done.stderr

@@ -170,8 +170,8 @@ def test_exit_codes_in_words(code: int, words: str) -> None:
 
 
 def test_a_nice_node_stands_back(start: Start, tmp_path: Path) -> None:
-    """It has the niceness asked for; the others have the launcher's."""
-    launcher = start("[script('nice', 'runs.py', nice=7), script('other', 'fails.py', 'ignore')]")
+    """It has the niceness asked for; the launcher keeps its own."""
+    launcher = start("[script('nice', 'runs.py', nice=7)]")
     pid = number_in(tmp_path / "runs.pid")
     mine = os.getpriority(os.PRIO_PROCESS, 0)
     wait_for(lambda: os.getpriority(os.PRIO_PROCESS, pid) == min(mine + 7, 19), "the niceness")

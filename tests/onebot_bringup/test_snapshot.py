@@ -1,5 +1,6 @@
 """``onebot snapshot``: its command line, the pose it draws, and how the picture is framed."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,18 +9,13 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from onebot_bringup.cli.snapshot import (
-    _record_description,
-    parse_camera,
-    parse_command_line,
-    pose_of,
-    server_of,
-)
+from onebot_bringup.cli.scenes import _record_description, pose_of, server_of
+from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import Framing, check_picture, framed, robot_view_id
+from onebot_bringup.viewer.pictures import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
-from onebot_description.description import parse_description
+from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 
@@ -248,6 +244,19 @@ def snapshot(*words: str | Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
+    """Whatever module imports rerun first: each snapshot of a file began with a warning."""
+    code = (
+        "import onebot_bringup.cli.snapshot\n"
+        "from onebot_bringup.viewer.display_server import open_recording\n"
+        f"open_recording(save={tmp_path / 'a.rrd'!r}).close()\n"
+    )
+    command = [sys.executable, "-c", "from pathlib import *\n" + code]
+    quiet = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=quiet)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
@@ -301,9 +310,9 @@ def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
     file = tmp_path / "r.urdf"
     file.write_text(f'<robot name="r"><link name="a">{mesh * 2}</link><gazbo/></robot>')
     recording = open_recording(save=tmp_path / "r.rrd")
-    _record_description(
-        parse_command_line(["a.png", str(file), "--view", "none"]), recording.stream
-    )
+    args = parse_command_line(["a.png", str(file), "--view", "none"])
+    args.description = load_description(file)
+    _record_description(args, recording.stream)
     recording.close()
     typo, missing = sorted(capsys.readouterr().err.splitlines())
     assert "gazbo" in typo

@@ -1,19 +1,29 @@
 """Pictures as ``onebot snapshot`` makes them: right, whole, and the same every time."""
 
 import os
+import re
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from PIL import Image
 
-from onebot_bringup.viewer.pictures import NO_RENDERER
+from onebot_bringup.cli.scenes import pose_of, record_pose
+from onebot_bringup.viewer import pictures
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.pictures import NO_RENDERER, headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
+from onebot_description.description import load_description
+from onebot_description.errors import OneBotError
+from onebot_description.model import RobotModel
 from tests.onebot_bringup.test_viewer_scene import _record
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
+from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 pytestmark = pytest.mark.slow
@@ -106,6 +116,34 @@ def test_the_same_scene_gives_the_same_picture(arm):
             process.wait()
     assert (arm / "1.png").read_bytes() == (arm / "2.png").read_bytes()
     assert colored(first, ORANGE).any() and colored(first, BLUE).any()
+
+
+def test_a_busy_viewer_is_waited_for(arm, tmp_path, monkeypatch):
+    """Until its own deadline, with what it waits for; and the layout of one pose has no plot."""
+    description = load_description(arm / "arm.urdf")
+    model = RobotModel.from_description(description)
+    positions = pose_of(model, description, {})
+    recording = open_recording(save=tmp_path / "pose.rrd")
+    record_pose(description, positions, "", recording.stream)
+    recording.close()
+    said: list[str] = []
+    with headless_viewer(str(tmp_path / "pose.rrd"), 480, 320, said.append) as client:
+        assert [view.name for view in client.get_state().views] == ["Robot"]
+        [viewer] = [c for c in psutil.Process().children() if "--headless" in c.cmdline()]
+        viewer.suspend()
+        resumed = threading.Thread(
+            target=lambda: wait_for(lambda: "viewer is busy" in said[-1], "it") and viewer.resume()
+        )
+        said.append("")
+        resumed.start()
+        assert client.take_screenshot()
+        resumed.join()
+        assert re.fullmatch(r"waiting for the picture: the viewer is busy \(\d+ s\)", said[-1])
+        monkeypatch.setattr(pictures, "PATIENCE", 3.0)
+        viewer.suspend()
+        with pytest.raises(OneBotError, match="the viewer has not answered for 3 s"):
+            still(client, said.append)
+        viewer.resume()
 
 
 def test_the_end_of_a_recording(arm, tmp_path):

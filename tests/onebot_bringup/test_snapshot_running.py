@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -108,9 +109,12 @@ def test_what_is_missing_is_named(arm, ros_domain):
     assert not (arm / "a.png").exists()
 
 
-def test_the_dashboard_is_the_running_viewers(arm, ros_domain):
-    """With its curves: taken from the viewer that has heard them."""
+def test_the_picture_is_the_running_viewers(arm, ros_domain, monkeypatch):
+    """With its trails, and as a dashboard with its curves: taken from the viewer that has them."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # as the bringups have it
     view = str(arm / "view.yaml")
+    trail = "trails: {way: {topic: odom, color: [0, 220, 60], width: 0.1, height: 0.6}}\n"
+    (arm / "view.yaml").write_text(VIEW + trail)
     parameters = ros_args(view=view, open_browser=False, grpc_port=0, web_port=0)
     with (
         NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)),
@@ -119,6 +123,21 @@ def test_the_dashboard_is_the_running_viewers(arm, ros_domain):
         Joint(peer, 0.75),
     ):
         wait_for(lambda: "open http" in viewer.output, "the viewer's page")
+        odom = peer.publisher(Odometry, "odom", 100)
+        for step in range(50):
+            moved = Odometry()
+            moved.header.stamp = peer.node.get_clock().now().to_msg()
+            moved.header.frame_id, moved.child_frame_id = "base", "tip"
+            moved.pose.pose.position.y, moved.pose.pose.orientation.w = 0.02 * step, 1.0
+            odom.publish(moved)
+
+        def has_trail() -> bool:
+            image = drawn(arm)
+            assert colored(image, ORANGE).any() and colored(image, BLUE).any()
+            return bool(colored(image, (0, 220, 60)).any())
+
+        wait_for(has_trail, "the trail")
+        assert not colored(drawn(arm, "--view", view), (0, 220, 60)).any(), "its own has no past"
         image = drawn(arm, "--dashboard")
         assert colored(image, ORANGE).any() and colored(image, BLUE).any()
     done = snapshot(arm / "b.png", "--dashboard")

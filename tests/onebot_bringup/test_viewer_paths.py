@@ -9,7 +9,7 @@ from rclpy.serialization import serialize_message
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.path import PATH
+from onebot_bringup.viewer.displays.path import PATH, PathLine, PathPoints, PathSettings
 from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
@@ -69,6 +69,21 @@ def _lines(file, name="plan"):
     """The line of each row, (N, 3); None for none."""
     rows = column(file, f"/paths/{name}", "LineStrips3D:strips")
     return [np.array(row[0]) if row else None for row in rows]
+
+
+def test_paths_that_wait_are_kept_up_to_a_bound(tmp_path):
+    """Of bytes: the last ones, and one at least."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    line = PathLine(recording.stream, "plan", PathSettings(), (0, 220, 60))
+    for number, megabytes in enumerate((4, 4, 4, 4, 1, 40, 1)):
+        points = np.full((megabytes * 2**20 // 24, 3), float(number))
+        line.add(START_NS + number, PathPoints(START_NS, "base", points))
+        if number == 4:
+            line.flush()
+    line.flush()
+    recording.close()
+    found = [strip[0][0] for strip in _lines(tmp_path / "x.rrd")]
+    assert found == [1.0, 2.0, 3.0, 4.0, 6.0]
 
 
 def test_a_path_is_a_line_at_its_own_time(tmp_path):

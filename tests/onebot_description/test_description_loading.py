@@ -329,6 +329,13 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
             ['<xacro:macro name="m"><xacro:m/></xacro:macro>', "<xacro:m/>"],
             'macro "m" calls itself without end',
         ),
+        (
+            [
+                '<xacro:macro name="m"><a b="${1' + "+1" * 20_000 + '}"/></xacro:macro>',
+                "<xacro:m/>",
+            ],
+            "2 (called at 3): what is evaluated here is nested too deeply, or refers to itself",
+        ),
     ],
 )
 def test_what_xacro_raises_is_explained(tmp_path: Path, lines: list[str], found: str) -> None:

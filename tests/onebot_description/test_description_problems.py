@@ -1,12 +1,19 @@
 """What ``onebot check`` refuses and nodes take: what is left, and what is published of it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from onebot_control.simulation.bodies import rigid_bodies
-from onebot_description.description import Description, DescriptionError, parse_description
+from onebot_description.description import (
+    Description,
+    DescriptionError,
+    load_description,
+    parse_description,
+)
 from onebot_description.description.description import Capsule, Sphere
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
@@ -160,6 +167,19 @@ def test_a_robot_may_lie_in_another_element() -> None:
     assert parse_description(description.urdf).problems == ()
     nested = parse_description(f"<urdf>{robot(hinge('j', 'a', ''))}</urdf>", "r")
     assert 'r:1: joint "j": a revolute joint needs' in nested.problems[1]
+
+
+def test_blank_lines_before_the_declaration_are_skipped(tmp_path: Path) -> None:
+    """As urdfdom does, from a file as from text; the lines of what follows are the same."""
+    text = f'\n \n<?xml version="1.0"?>\n{robot(hinge("j", "a", ""))}'
+    file = tmp_path / "r.urdf"
+    file.write_text(text)
+    for description in (parse_description(text, "r"), load_description(file)):
+        assert description.link_names == ("base", "a")
+        assert ':4: joint "j": a revolute joint needs' in description.problems[0]
+        assert ":1: blank lines before <?xml ...?>" in description.warnings[0]
+    with pytest.raises(DescriptionError, match="r:2:1: malformed XML"):
+        parse_description("\n<?xml <robot/>", "r")
 
 
 @pytest.mark.parametrize(

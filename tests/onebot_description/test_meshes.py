@@ -1,6 +1,7 @@
 """Mesh files: where they are, and what is wrong with them."""
 
 import json
+import os
 import struct
 from pathlib import Path
 
@@ -105,3 +106,13 @@ def test_only_the_first_missing_files_are_compared_with_what_is_there():
     problems = [locate_mesh(resources, f"cube{number}.stl").problem for number in range(30)]
     assert sum("did you mean" in problem for problem in problems) == 20
     assert all("no such file" in problem for problem in problems)
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "dae", "glb", "gltf"])
+def test_a_huge_file_is_not_read(tmp_path: Path, suffix: str) -> None:
+    """Its size tells enough, and its header would promise as much: it may hold nothing at all."""
+    huge = tmp_path / f"huge.{suffix}"
+    triangles = 40_000_000
+    huge.write_bytes(_head(triangles))
+    os.truncate(huge, 84 + 50 * triangles)
+    assert fault_of(huge) == "is of 2000 MB, more than 100; simplify it"

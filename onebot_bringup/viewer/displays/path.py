@@ -25,7 +25,9 @@ from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.messages import deserialize_message
 
 PATHS_ENTITY = "paths"
-_MOST_WAITING = 100  # paths of a topic that are kept while no transform leads to their frame
+# Of paths of a topic that are kept while no transform leads to their frame: how many, and bytes.
+_MOST_WAITING = 100
+_MOST_BYTES = 16 * 2**20
 
 Floats = NDArray[np.float64]
 
@@ -118,6 +120,11 @@ class PathLine:
             self._pending.clear()  # they were in the other frame
         if self.frame:
             self._pending.append((stamp_ns, path.points + self._up))
+            while len(self._pending) > 1 and self._size() > _MOST_BYTES:
+                self._pending.popleft()
+
+    def _size(self) -> int:
+        return sum(points.nbytes for _, points in self._pending)
 
     def flush(self) -> None:
         """Log what has come; from time to time, the last path again."""

@@ -1,0 +1,476 @@
+"""What ``onebot snapshot`` draws: a running robot, one at given joint positions, a recording."""
+
+import re
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, String
+
+from onebot_bringup.cli.session import PATIENCE, Session
+from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
+from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.pictures import Framing, UnreadableError, render
+from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
+from onebot_bringup.viewer.topics import TopicSubscriptions
+from onebot_bringup.viewer.view_source import ViewSource
+from onebot_description.description import Description
+from onebot_description.description.description import Mesh
+from onebot_description.errors import OneBotError, listing
+from onebot_description.joints.limits import zero_position
+from onebot_description.model import RobotModel
+from onebot_description.model.robot_model import JointArrays
+from onebot_description.node import LATCHED
+from onebot_description.wire.messages import (
+    BAD_MESSAGE,
+    deserialize_message,
+    tf_arrays,
+    time_message,
+    transforms_message,
+)
+from onebot_description.wire.tf_message import TFMessage
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+
+def draw(args: Namespace, scene: Path) -> None:
+    """Draw what the command line asks for.
+
+    Args:
+        args: as ``parse_command_line`` returns them, with the ``description`` to draw, if any.
+        scene: where a recording can be put.
+
+    Raises:
+        OneBotError: what is to be drawn is not there, or nothing can draw.
+    """
+    kind = kind_of(args.source)
+    if kind == "running":
+        _draw_running(args, scene)
+    elif kind == "rrd":
+        source = Path(args.source)
+        check_rrd(source)
+        if has_content(source) is False:
+            raise OneBotError(f"{source} holds nothing to draw")
+        try:
+            _render(args, source)
+        except UnreadableError:
+            salvage(source, scene)
+            _warn(f"{source} was cut short, or is still being written: drawn as far as it goes")
+            _render(args, scene)
+    else:
+        recording = open_recording(save=scene)
+        try:
+            _RECORDERS[kind](args, recording.stream)
+        finally:
+            recording.close()
+        _render(args, scene)
+
+
+def _render(args: Namespace, source: Path | str, **more: Any) -> None:
+    eye, target = args.camera or (None, None)
+    # A viewer at work goes on: only the time panel shows it.
+    framing = Framing(args.dashboard, eye, target, time_panel=isinstance(source, Path))
+    size = args.width, args.height
+    render(source, args.file, *size, framing=framing, progress=_progress, **more)
+
+
+def _draw_running(args: Namespace, scene: Path) -> None:
+    with Session(args.ros_args) as session:
+        viewer = (
+            running_viewer(session) if args.dashboard else _record_running(args, session, scene)
+        )
+    if viewer is None:
+        _render(args, scene)
+    else:
+        _render(args, viewer.server, not_before_ns=viewer.stamp_ns)
+
+
+def _record_running(args: Namespace, session: Session, scene: Path) -> "RunningViewer | None":
+    """Record the robot as it is now; return a viewer in its place, which has its trails as well."""
+    recording = open_recording(save=scene)
+    try:
+        robot = RunningRobot(session, args.view, recording.stream, args.frame_prefix)
+        robot.await_description()
+        viewer = None if args.view or args.frame_prefix else find_viewer(session)
+        if viewer is None:
+            _warn_of(robot.record())
+        return viewer
+    finally:
+        recording.close()
+
+
+def _progress(message: str) -> None:
+    print(message, file=sys.stderr, flush=True)
+
+
+def _warn(message: str) -> None:
+    _progress(f"warning: {message}")
+
+
+def _warn_of(messages: Sequence[str]) -> None:
+    for message in messages:
+        _warn(message)
+
+
+# --- the running robot --------------------------------------------------------------------------
+
+# Nothing of a robot is slower than this, even on a busy machine (seconds).
+_FRAMES = 6.0
+_LISTED = 5
+
+
+class RunningRobot:
+    """Shows a running robot until all of its links have a transform."""
+
+    def __init__(
+        self, session: Session, view: str, recording: "rr.RecordingStream", frame_prefix: str
+    ) -> None:
+        """Subscribe, relative to the session's namespace.
+
+        Args:
+            session: whose node subscribes.
+            view: as for ``ViewSource``.
+            recording: where to log.
+            frame_prefix: put before link names to get their frames.
+
+        Raises:
+            OneBotError: there is no such view, or it is wrong.
+        """
+        self._session = session
+        self._prefix = frame_prefix
+        self._source = ViewSource(view)
+        self._view = RobotView(
+            recording,
+            self._source.view,
+            blueprint=self._source.blueprint_file,
+            frame_prefix=frame_prefix,
+            resolve=session.node.resolve_topic_name,
+            report=self._report,
+        )
+        self._received: set[str] = set()  # topics
+        self._broken: OneBotError | None = None  # what is wrong with the description
+        self._warnings: list[str] = []
+        self._topics = TopicSubscriptions(session.node, self._take)
+        self._topics.set_topics(self._view.topics)
+
+    def record(self) -> list[str]:
+        """Log the robot as it is now.
+
+        Returns:
+            What could not be drawn, a sentence each.
+
+        Raises:
+            OneBotError: there is no robot, it is broken, or links have no transform.
+        """
+        robot = self.await_description()
+        if self._source.set_robot(robot.robot_name):
+            self._warnings += self._view.set_view(self._source.view)
+            self._topics.set_topics(self._view.topics)
+        self._await_frames(robot)
+        return self._warnings + self._view.finish()
+
+    def _take(self, topic: str, kind: str, data: bytes, time_ns: int) -> None:
+        self._received.add(topic)
+        self._view.take(topic, kind, data, time_ns)
+
+    def _report(self, _: str, error: Exception) -> None:
+        if isinstance(error, OneBotError):
+            self._broken = error  # another bad message is no reason to give up
+
+    def _tick(self) -> None:
+        self._topics.update()
+        now_ns = int(self._session.node.get_clock().now().nanoseconds)
+        warnings = self._view.tick(now_ns)
+        self._warnings += warnings if self._view.robot is not None else []
+
+    def await_description(self) -> Description:
+        """Return the description that is published.
+
+        Raises:
+            OneBotError: there is none, or it is broken.
+        """
+
+        def found() -> bool:
+            self._tick()
+            return self._view.robot is not None or self._broken is not None
+
+        topic = self._session.full_name("robot_description")
+        if not self._session.look_for(found, f"a robot on {topic}"):
+            raise OneBotError(
+                f"no robot is running: nothing on {topic}{self._elsewhere()}; start one "
+                "(onebot_bringup), or name its URDF or xacro file"
+            )
+        if self._view.robot is None:
+            assert self._broken is not None
+            raise self._broken
+        return self._view.robot
+
+    def _elsewhere(self) -> str:
+        """Where descriptions are published, if in other namespaces."""
+        node = self._session.node
+        there = [
+            name
+            for name, _ in self._session.topics()
+            if name.endswith("/robot_description") and node.count_publishers(name)
+        ]
+        if not there:
+            return ""
+        space = there[0].rpartition("/")[0] or "/"
+        return f" (there: {listing(there)}; --ros-args -r __ns:={space} goes there)"
+
+    def _await_frames(self, robot: Description) -> None:
+        def complete() -> bool:
+            self._tick()
+            return not self._view.missing and self._view.has_fixed_frame
+
+        if not self._session.spin(complete, PATIENCE):
+            missing = self._view.missing or [self._source.view.fixed_frame]
+            _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
+            self._session.spin(complete, _FRAMES - PATIENCE)
+        if self._view.missing:
+            raise OneBotError(self._hint(robot, self._view.missing))
+
+    def _hint(self, robot: Description, missing: Sequence[str]) -> str:
+        text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
+        frames = self._view.frames.names
+        if not frames:
+            return (
+                f"{text}: nothing on /tf and /tf_static; robot_state_publisher publishes them, "
+                "or the simulation is paused"
+            )
+        prefixes = {
+            name[: -len(robot.root_link)]
+            for name in frames
+            if name.endswith(robot.root_link) and name != self._prefix + robot.root_link
+        }
+        if prefixes and len(missing) >= len(robot.link_names) - 1:
+            return f"{text}; try --frame-prefix {listing(prefixes)}"
+        joints = self._session.full_name("joint_states")
+        if joints not in self._received:
+            return f"{text}: nothing on {joints}, so the joints' positions are not known"
+        return f"{text} (frames received: {listing(frames)})"
+
+
+# --- a description at given joint positions -----------------------------------------------------
+
+Floats = NDArray[np.float64]
+
+_DESCRIPTION_TOPIC = "robot_description"
+_SLACK = 1e-9  # rad or m beyond a limit: rounding
+# Any moment will do, but always the same: a picture with a clock in it stays the same, too.
+_NOW_NS = 1_700_000_000_000_000_000
+
+
+def pose_of(model: RobotModel, description: Description, given: Mapping[str, float]) -> Floats:
+    """Return the positions of all moving joints, (M,) in the model's order, rad or m.
+
+    A joint that is not given is at 0, or in the middle of its range if 0 is not in it; mimic
+    joints follow.
+
+    Args:
+        model: the robot's.
+        description: the same robot's.
+        given: positions by joint, rad or m.
+
+    Raises:
+        OneBotError: no such joint moves, it follows another one, or a limit is exceeded.
+    """
+    mimics = {joint.name: joint.mimic for joint in description.joints if joint.mimic is not None}
+    for name in given:
+        model.row(name)
+        if name in mimics:
+            leader = mimics[name].joint
+            raise OneBotError(f'joint "{name}" follows joint "{leader}": give the position of that')
+    rests = {
+        name: zero_position(model.lower[row], model.upper[row])
+        for row, name in enumerate(model.joints)
+        if name not in mimics
+    }
+    positions = model.positions({**rests, **given})
+    # A follower may be beyond its limits while its leader rests: nobody has asked for that.
+    chosen = np.flatnonzero(positions != model.positions(rests))
+    problems = [_beyond(model, row, positions[row]) for row in chosen.tolist()]
+    if any(problems):
+        raise OneBotError("\n".join(filter(None, problems)))
+    return positions
+
+
+def _beyond(model: RobotModel, row: int, position: float) -> str:
+    lower, upper = model.lower[row], model.upper[row]
+    if lower - _SLACK <= position <= upper + _SLACK:
+        return ""
+    return f'joint "{model.joints[row]}": {position:g} is out of its limits, {lower:g} to {upper:g}'
+
+
+def record_pose(
+    description: Description, positions: Floats, view: str, recording: "rr.RecordingStream"
+) -> list[str]:
+    """Log a robot at ``positions``.
+
+    Args:
+        description: the robot.
+        positions: (M,) of the moving joints in the model's order, rad or m.
+        view: as for ``ViewSource``. A fixed frame that only a running robot has, such as odom, is
+            replaced by the robot's root link.
+        recording: where to log.
+
+    Returns:
+        What could not be drawn, a sentence each.
+    """
+    model = RobotModel.from_description(description)
+    source = ViewSource(view)
+    source.set_robot(description.robot_name)
+    config = source.view
+    if config.fixed_frame not in description.link_names:
+        config = replace(config, fixed_frame="")
+    shown = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
+    joints = JointState(
+        header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
+    )
+    for topic, kind, data in (
+        (_DESCRIPTION_TOPIC, DESCRIPTION, serialize_message(String(data=description.urdf))),
+        ("/tf_static", TF, _tf_message(model.fixed, model.fixed.constant)),
+        ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
+        ("joint_states", JOINT_STATE, serialize_message(joints)),
+    ):
+        shown.take(topic, kind.name, bytes(data), _NOW_NS)
+    return shown.tick(_NOW_NS) + shown.finish()
+
+
+def _tf_message(joints: JointArrays, values: Floats) -> bytes:
+    message = transforms_message(time_message(_NOW_NS), joints.parents, joints.children, values)
+    return bytes(serialize_message(message))
+
+
+def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
+    description = args.description
+    lacking = _mesh_problems(description)  # of which the view warns
+    _warn_of([text for text in description.notices if not text.endswith(lacking)])
+    positions = pose_of(RobotModel.from_description(description), description, args.joints)
+    warnings = record_pose(description, positions, args.view, recording)
+    # What is wrong with the text itself was reported with the lines of its file.
+    _warn_of([text for text in warnings if not text.startswith(f"{_DESCRIPTION_TOPIC}:")])
+
+
+def _mesh_problems(description: Description) -> tuple[str, ...]:
+    shapes = (
+        part.shape for link in description.links for part in (*link.visuals, *link.collisions)
+    )
+    return tuple({shape.problem for shape in shapes if isinstance(shape, Mesh) and shape.problem})
+
+
+# --- a bag --------------------------------------------------------------------------------------
+
+
+def _record_bag(args: Namespace, recording: "rr.RecordingStream") -> None:
+    from onebot_bringup.bags.reader import Bag
+    from onebot_bringup.bags.replay import log_bag
+
+    view = Path(args.view).expanduser().absolute() if args.view else None
+    if view is not None and not view.is_file():
+        raise OneBotError(f"view {view}: there is no such file")
+    log_bag(
+        Bag(Path(args.source)),
+        recording,
+        view=view,
+        frame_prefix=args.frame_prefix,
+        namespace=args.arguments.get(NAMESPACE, ""),
+        from_start=False,
+        progress=_progress,
+        warn=_warn,
+    )
+
+
+_RECORDERS: Mapping[str, Callable[[Namespace, "rr.RecordingStream"], None]] = {
+    "description": _record_description,
+    "bag": _record_bag,
+}
+
+
+# --- the viewer of a running robot: it has the curves and trails of before ----------------------
+
+_PAGE = "rerun_viewer/page"
+# On this host only: nothing else that a page may name is used.
+_SERVER = re.compile(r"rerun\+http://127\.0\.0\.1:\d{1,5}/proxy(?![\w/.])")
+
+
+def server_of(page: str) -> str:
+    """Return the address of the recording's server that a viewer's page shows; "" if there is none.
+
+    Args:
+        page: the page's address, as rerun_viewer publishes it.
+    """
+    found = _SERVER.search(unquote(page))
+    return found.group() if found else ""
+
+
+@dataclass(frozen=True)
+class RunningViewer:
+    """A viewer that is running."""
+
+    server: str  # the address of its recording
+    # The time of something that is in it, nanoseconds; 0 where nothing moves. What was before that
+    # is history, and has to arrive before a picture is taken.
+    stamp_ns: int
+
+
+def find_viewer(session: Session) -> RunningViewer | None:
+    """Return the running viewer; None if there is none, or none with a page."""
+    session.discover()
+    topic = session.full_name(_PAGE)
+    if not session.node.count_publishers(topic):
+        return None
+    with suppress(OneBotError):
+        return running_viewer(session, PATIENCE)
+    return None
+
+
+def running_viewer(session: Session, patience: float | None = None) -> RunningViewer:
+    """Return the running viewer.
+
+    Args:
+        session: that subscribes to what it publishes.
+        patience: seconds for its page; None for as long as discovery can take.
+
+    Raises:
+        OneBotError: no viewer with a page is running.
+    """
+    pages: list[str] = []
+    stamps: list[int] = []
+
+    def on_page(data: bytes) -> None:
+        with suppress(ValueError):
+            pages.append(server_of(deserialize_message(data, String).data))
+
+    def on_tf(data: bytes) -> None:
+        with suppress(*BAD_MESSAGE):  # a bad message is no reason to give up
+            stamps.append(int(tf_arrays(data).stamps_ns.max(initial=0)))
+
+    subscribe = session.node.create_subscription
+    topic = session.full_name(_PAGE)
+    subscribe(String, topic, on_page, LATCHED, raw=True)
+    subscribe(TFMessage, "/tf", on_tf, 100, raw=True)
+    if patience is None:
+        session.look_for(lambda: pages and pages[-1], "the viewer")
+    else:
+        session.spin(lambda: pages and pages[-1], patience)
+    if not (pages and pages[-1]):
+        raise OneBotError(
+            f"no viewer's page on {topic}, and so no curves to draw; start the robot with "
+            "viewer:=web, or draw a recording (save:=FILE.rrd). Without --dashboard, none is needed"
+        )
+    session.spin(lambda: stamps, PATIENCE)
+    return RunningViewer(pages[-1], max(stamps, default=0))
