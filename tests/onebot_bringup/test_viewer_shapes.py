@@ -53,6 +53,15 @@ def test_collada_keeps_its_colours_in_linear_light(tmp_path):
     assert len(linear) == 2
 
 
+def test_no_collada_is_invisible(tmp_path):
+    """Blender wrote an alpha of 0 for what it and RViz draw opaque, as JVRC-1's meshes have it."""
+    path = write_collada(tmp_path / "box.dae", 1.0, "Z_UP")
+    clear = "<transparent opaque='A_ONE'><color>1 1 1 0</color></transparent></lambert>"
+    path.write_text(path.read_text().replace("</lambert>", clear))
+    assert clear in path.read_text()
+    assert {material.baseColorFactor[3] for material in _materials(_load(path))} == {255}
+
+
 def test_collada_with_a_broken_material_keeps_its_surfaces(tmp_path):
     """Blender leaves references to textures that were taken out; RViz shows such a mesh."""
     path = write_collada(tmp_path / "box.dae", 0.01, "Z_UP")
