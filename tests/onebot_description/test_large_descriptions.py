@@ -61,6 +61,12 @@ def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
     assert seconds(chain(mimic, COUNT, parent)) < 40 * small
 
 
+def test_one_of_very_many_names_is_not_looked_for() -> None:
+    """To compare a name with thousands of others, a hundred times, takes a minute."""
+    problems = parse_description(chain('<mimic joint="k{before}"/>')).problems
+    assert f"({COUNT - 2} joints)" in problems[0]
+
+
 def test_a_long_name_is_not_repeated_whole() -> None:
     """In each of very many messages."""
     visuals = "<visual/>" * 10_000
