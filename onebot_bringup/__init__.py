@@ -1,1 +1,10 @@
 """What starts, shows and steers robots."""
+
+import os
+
+# Rerun reads it when it is imported, so it is set here, before any module can import rerun.
+# A recording without a footer is our choice, of which Rerun would warn at every start; that a file
+# cannot be written is our own error (display_server.py).
+os.environ.setdefault(
+    "RUST_LOG", "warn,re_log_encoding::rrd::file_sink=off,re_sdk::recording_stream=off"
+)

@@ -23,7 +23,7 @@ from onebot_control.parameters import (
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Publishers
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, printable
 from onebot_description.node import (
     DescriptionTopic,
     RosArguments,
@@ -122,8 +122,8 @@ class Driving:
             self._node.get_logger().warning(warning)
         separation, radius = robot.geometry
         self._node.get_logger().info(
-            f'driving robot "{description.robot_name}": wheels {separation:g} m apart, of radius '
-            f"{radius:g} m"
+            f'driving robot "{printable(description.robot_name)}": wheels {separation:g} m apart, '
+            f"of radius {radius:g} m"
         )
 
     def _on_description(self, urdf: str) -> None:

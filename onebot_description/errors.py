@@ -33,7 +33,7 @@ def listing(names: Iterable[str], most: int = _MAX_LISTED) -> str:
     if not known:
         return "none"
     rest = f", and {len(known) - most} more" if len(known) > most else ""
-    return ", ".join(known[:most]) + rest
+    return ", ".join(map(printable, known[:most])) + rest
 
 
 def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> str:

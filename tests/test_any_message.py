@@ -182,8 +182,9 @@ def test_clock(start: Callable[..., Node]) -> None:
     feed(node, lambda: node.get_clock().now().to_msg(), ("/clock",))
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
-    """All displays."""
+    """All displays, without a warning of numpy's in the node's output."""
     node = start(
         RerunViewer,
         viewer="none",

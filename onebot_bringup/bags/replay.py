@@ -15,7 +15,7 @@ from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
-from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 from onebot_description.wire.messages import tf_arrays
 
 _DESCRIPTION_NAME, _JOINTS_NAME = "robot_description", "joint_states"
@@ -149,7 +149,7 @@ class _Player:
         for topic, number in self._bad.items():
             if number > 1:
                 self._warn(f"{number} messages of {topic} were left out")
-        robot = view.robot.robot_name if view.robot is not None else ""
+        robot = printable(view.robot.robot_name) if view.robot is not None else ""
         return Shown(robot, count - sum(self._bad.values()), seconds)
 
     def _tick(self, view: RobotView) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import UsageError as UsageError
-from onebot_description.errors import did_you_mean
+from onebot_description.errors import did_you_mean, printable
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 
 _TRUE = ("true", "1")
@@ -186,7 +186,7 @@ def _switch_value(value: str) -> str:
 
 def table(arguments: Sequence[Argument]) -> str:
     """Return the arguments as text: name, default, description, one a line."""
-    rows = [(f"{a.name}:={a.default}", _explain(a)) for a in arguments]
+    rows = [(printable(f"{a.name}:={a.default}"), printable(_explain(a))) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
     return "\n".join(_row(left, right, width) for left, right in rows)
 

@@ -54,7 +54,7 @@ from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, printable
 from onebot_description.file_watch import in_background
 from onebot_description.node import (
     LATCHED,
@@ -350,7 +350,8 @@ class RerunViewer(Node):
         robot = self._view.robot
         if robot is not None and robot is not self._robot:
             self._robot = robot
-            self.get_logger().info(f'showing "{robot.robot_name}" ({len(robot.link_names)} links)')
+            name = printable(robot.robot_name)
+            self.get_logger().info(f'showing "{name}" ({len(robot.link_names)} links)')
             self._updates.apply_view_of(robot.robot_name)
 
     @ends_node

@@ -125,8 +125,13 @@ def _collada_scene(mesh: Mesh, path: Path) -> trimesh.Scene:
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
+    for part in scene.geometry.values():
+        if isinstance(part, trimesh.Trimesh):
+            # Colours of vertices, as Blender writes them into Collada, would become an attribute
+            # "_color", and Rerun shows nothing of a glTF with attributes that it does not know.
+            part.vertex_attributes.clear()
     # glTF's colours are linear light, those of the other formats are what is seen.
-    adjust = None if linear else _linearise
+    adjust = None if linear else _adjust_colors
     glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)
     return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
 
@@ -225,12 +230,17 @@ def collada_unit(path: Path) -> float:
     return 1.0
 
 
-def _linearise(tree: dict[str, Any]) -> None:
-    """Turn the sRGB colours of ``tree`` (glTF) into linear light (IEC 61966-2-1)."""
+def _adjust_colors(tree: dict[str, Any]) -> None:
+    """Turn the sRGB colours of ``tree`` (glTF) into linear light (IEC 61966-2-1).
+
+    What nobody could see becomes opaque: exporters do not agree on which end of Collada's
+    transparency is the clear one.
+    """
     for material in tree.get("materials", ()):
         factor = material.get("pbrMetallicRoughness", {}).get("baseColorFactor")
         if factor is not None:
             factor[:3] = [_linear(value) for value in factor[:3]]
+            factor[3:] = [alpha or 1.0 for alpha in factor[3:]]
 
 
 def _linear(value: float) -> float:

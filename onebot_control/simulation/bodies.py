@@ -105,9 +105,10 @@ def _unfit_joints(description: Description) -> Iterator[str]:
 
 def _unfit_links(description: Description) -> Iterator[str]:
     """What is wrong with links that can be published, but not simulated."""
+    loose = frozenset(description.roots[1:])
     for link in description.links:
         where = f'{link.where}: link "{link.name}"'
-        if link.name in description.roots[1:]:
+        if link.name in loose:
             yield f'{where} is not connected with "{description.root_link}" by any joint'
         if link.inertial is not None and link.inertial.mass < 0:
             yield f"{where} <mass>: {link.inertial.mass:g} must be 0 or more"

@@ -191,8 +191,9 @@ def _in_child(function: str, request: Any, bounds: Bounds, place: Place, out: in
     """Run the function, write its answer to the file ``out`` and end this process."""
     code = 1
     try:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL)
+        signal.alarm(math.ceil(bounds.wall) + 1)  # should the process that waits be gone
         _limit(bounds)
         answer = _answer(function, request, place)
         with suppress(BrokenPipeError), open(out, "wb") as file:  # Ctrl-C has ended who waits

@@ -163,7 +163,7 @@ def check_mimics(
         elif master == name:
             wrong[name] = "the joint mimics itself; name another joint"
         elif master not in joints:
-            hint = findings.hint(master, (other for other in moving if other != name), "joints")
+            hint = findings.hint(master, moving, "joints", without=name)
             wrong[name] = f'there is no joint "{master}" to mimic{hint}'
         elif joints[master].kind and joints[master].kind not in MOVING_KINDS:
             wrong[name] = f'joint "{master}" is {joints[master].kind} and has no position to mimic'
@@ -269,10 +269,11 @@ def check_materials(findings: Findings, materials: Mapping[Element, Material]) -
     for element, material in inline.items():
         _check_texture(findings, element, material)
         _check_inline(findings, element, material, shared, local)
+    defined = {*shared, *local}
     for element, material in inline.items():
         name = material.name
-        if material.is_reference and name and name not in shared and name not in local:
-            hint = findings.hint(name, [*shared, *local], "materials")
+        if material.is_reference and name and name not in defined:
+            hint = findings.hint(name, defined, "materials")
             findings.warning(element, f"no material of that name is defined{hint}")
 
 
@@ -306,8 +307,7 @@ def _check_texture(findings: Findings, element: Element, material: Material) -> 
     except (OneBotError, OSError, ValueError) as error:
         findings.warning(texture, str(error))
         return
-    if material.texture:
-        texture.set("filename", uri)
+    texture.set("filename", uri)
     if not there:
         findings.warning(texture, f'there is no file "{material.texture}"')
 

@@ -383,7 +383,7 @@ def _package_name(folder: Path) -> str:
 
 def _missing(name: str, folder: Path | None) -> OneBotError:
     """The error about a package: where it was looked for, and what to set."""
-    guess = nearest(name, package_names())
+    guess = _similar(name)
     question = f' (did you mean "{guess}"?)' if guess is not None else ""
     ours = _own_prefixes()
     installed = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
@@ -394,6 +394,18 @@ def _missing(name: str, folder: Path | None) -> OneBotError:
         f"{_AMENT_PATH} ({os.pathsep.join([*installed, sys.prefix])}){around}; "
         f"name a folder that holds it: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER"
     )
+
+
+def _similar(name: str) -> str | None:
+    """The known package most like ``name``, also before an ending that both have.
+
+    Else every missing robot's package, <robot>_description, would be taken for one of ours.
+    """
+    guess = nearest(name, package_names())
+    stem, underscore, ending = name.rpartition("_")
+    if guess and underscore and guess.endswith(end := f"_{ending}"):
+        return guess if nearest(stem, [guess.removesuffix(end)]) else None
+    return guess
 
 
 # --- the checkout -------------------------------------------------------------------------------

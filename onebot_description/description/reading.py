@@ -89,10 +89,21 @@ class Findings:
         message = printable(clipped(f"{self.where(element)}: {self.label(element)}: {text}"))
         self.found.append(Finding(severity, element, message))
 
-    def hint(self, name: str, candidates: Iterable[str], what: str = "known") -> str:
-        """Return ``did_you_mean``, which takes time, unless it was asked for very often."""
+    def hint(
+        self, name: str, candidates: Iterable[str], what: str = "known", without: str = ""
+    ) -> str:
+        """Return ``did_you_mean``, which takes time, unless it was asked for very often.
+
+        Args:
+            name: as ``did_you_mean`` has it.
+            candidates: likewise.
+            what: likewise.
+            without: a candidate that is not meant.
+        """
         self._hints += 1
-        return did_you_mean(name, candidates, what) if self._hints <= _MOST_HINTS else ""
+        if self._hints > _MOST_HINTS:
+            return ""
+        return did_you_mean(name, [other for other in candidates if other != without], what)
 
     def texts(self, *severities: Severity) -> tuple[str, ...]:
         """Return the texts of the findings of these severities, in the order they were found."""
@@ -429,7 +440,8 @@ def _read_material(findings: Findings, element: Element) -> Material:
     return Material(
         element.get("name"),
         None if color is None else _read_color(findings, color),
-        None if texture is None else texture.get("filename", ""),
+        # Exporters write <texture filename=""/> where there is none.
+        None if texture is None else texture.get("filename") or None,
     )
 
 

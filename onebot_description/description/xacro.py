@@ -41,7 +41,7 @@ def expand(
     except BoundMet as met:
         text = f"{met.place or shown}: expanding it was stopped here: it takes more than {met}"
         raise DescriptionError([text]) from None
-    except RuntimeError as error:
+    except (OSError, RuntimeError) as error:  # such as too many processes, or one that was killed
         raise DescriptionError([f"{shown}: cannot be expanded: {error}"]) from None
     problems = [*found["problems"], *_unknown_arguments(shown, arguments, found["arguments"])]
     if problems:

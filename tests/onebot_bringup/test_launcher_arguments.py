@@ -147,3 +147,5 @@ def test_the_table_names_everything() -> None:
     text = table(DECLARED)
     for part in ("viewer:=web", "where to see it (web, none)", "save:=", "reload:=true"):
         assert part in text
+    hostile = table([Argument("a\x1b[2J", "\u202e", "declared in \x07.xacro")])
+    assert hostile == r"  a\x1b[2J:=\u202e  declared in \x07.xacro"

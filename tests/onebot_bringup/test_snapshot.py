@@ -1,5 +1,6 @@
 """``onebot snapshot``: its command line, the pose it draws, and how the picture is framed."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -241,6 +242,19 @@ def snapshot(*words: str | Path) -> subprocess.CompletedProcess[str]:
         text=True,
         timeout=120,
     )
+
+
+def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
+    """Whatever module imports rerun first: each snapshot of a file began with a warning."""
+    code = (
+        "import onebot_bringup.cli.snapshot\n"
+        "from onebot_bringup.viewer.display_server import open_recording\n"
+        f"open_recording(save={tmp_path / 'a.rrd'!r}).close()\n"
+    )
+    command = [sys.executable, "-c", "from pathlib import *\n" + code]
+    quiet = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=quiet)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(

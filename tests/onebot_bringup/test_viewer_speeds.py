@@ -49,9 +49,10 @@ def test_a_pause_is_a_gap_in_the_curve(tmp_path):
     np.testing.assert_array_equal(linear, [1, 2, np.nan, 3])
 
 
-def test_infinity_is_a_gap(tmp_path):
-    """One infinite value would hide the whole plot."""
-    linear, angular = _flushed(tmp_path, [(0, 1.0, 1.0), (0.1, np.inf, -np.inf), (0.2, 2.0, 2.0)])
+@pytest.mark.parametrize("value", [np.inf, 1.7e308])
+def test_infinity_is_a_gap(tmp_path, value):
+    """One infinite value would hide the whole plot; so would one that is, once it is rounded."""
+    linear, angular = _flushed(tmp_path, [(0, 1.0, 1.0), (0.1, value, -value), (0.2, 2.0, 2.0)])
     np.testing.assert_array_equal([linear, angular], [[1, np.nan, 2]] * 2)
 
 

@@ -9,7 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.description import DescriptionError, load_description, xacro
+from onebot_description.description import (
+    DescriptionError,
+    bounded_process,
+    load_description,
+    xacro,
+)
 from onebot_description.description.bounded_process import BoundMet, Bounds, Place, run_bounded
 
 SMALL = Bounds(memory=150_000_000, processor=1)
@@ -131,6 +136,18 @@ def test_arguments_are_found_in_each_file_once(tmp_path: Path) -> None:
     for name in "ab":
         (tmp_path / f"{name}.xacro").write_text(f"{HEAD}{includes}</robot>")
     assert len(xacro.included_files(str(tmp_path / "a.xacro"))) == 2
+
+
+def test_no_process_can_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One problem, too."""
+    monkeypatch.setattr(bounded_process, "_spawn", unstartable)
+    monkeypatch.setattr(bounded_process, "_fork", unstartable)
+    problem = problem_of(tmp_path, "<link name='a'/>")
+    assert problem == "robot.xacro: cannot be expanded: [Errno 11] no more processes"
+
+
+def unstartable(*_: object) -> None:
+    raise BlockingIOError(11, "no more processes")
 
 
 def work(request: str, place: Place) -> object:

@@ -647,10 +647,12 @@ def test_materials_without_a_name_are_each_their_own():
 
 
 def test_textures_are_files():
-    """One warning where there is none; what is fetched from elsewhere is one too."""
+    """One warning where there is none; what is fetched from elsewhere is one too; "" is none."""
     image = f'<material name="m"><texture filename="{CUBE}"/></material>'
     assert warnings(link(_visual(image))) == []
-    for name in ("", "none.png", "http://a.org/b.png"):
+    nameless = f'<material name="m">{RED}<texture filename=""/></material>'
+    assert warnings(link(_visual(nameless))) == []
+    for name in ("none.png", "http://a.org/b.png"):
         (warning,) = warnings(link(_visual(image.replace(str(CUBE), name))))
         assert warning.startswith('3: link "a" <visual> material "m" <texture>: ')
 

@@ -58,10 +58,19 @@ def test_sourced_workspace_stays_first(monkeypatch, tmp_path):
     assert package_share("mrm_description") == tmp_path / "share/mrm_description"
 
 
-def test_unknown_package_names_the_nearest():
+@pytest.mark.parametrize("name", ["mrm_descripton", "mrn_description"])
+def test_unknown_package_names_the_nearest(name):
     """The error says which package was probably meant."""
-    with pytest.raises(OneBotError, match='"mrm_descripton".*did you mean "mrm_description"'):
-        package_share("mrm_descripton")
+    with pytest.raises(OneBotError, match=f'"{name}".*did you mean "mrm_description"'):
+        package_share(name)
+
+
+@pytest.mark.parametrize("name", ["ridgeback_description", "ur_description", "laser_msgs"])
+def test_an_ending_alone_makes_no_package_the_one_meant(name):
+    """Each robot's package ends in _description, as ours do."""
+    with pytest.raises(OneBotError) as caught:
+        package_share(name)
+    assert "did you mean" not in str(caught.value)
 
 
 @pytest.mark.parametrize("uri", ["meshes/cube.stl", str(CUBE), CUBE.as_uri(), f"file:{CUBE}"])

@@ -44,6 +44,7 @@ def test_what_a_terminal_would_obey_is_escaped() -> None:
     assert str(OneBotError('link "a\x1b[2Jb\u202ec\u200f\xa0d"\nmore \udc80 \u05d0 é')) == (
         'link "a\\x1b[2Jb\\u202ec\\u200f\\xa0d"\nmore \\udc80 \u05d0 é'
     )
+    assert listing(["b\x1b[2J", "a"]) == "a, b\\x1b[2J"
     assert DescriptionError(["a\nb", "c"]).problems == ("a\\nb", "c")
 
 

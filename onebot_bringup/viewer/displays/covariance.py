@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import (
+    LARGEST,
     ODOMETRY,
     REPEAT_AFTER,
     Context,
@@ -156,7 +157,7 @@ class CovarianceStream:
 
     def add(self, stamp_ns: int, sample: OdometrySample) -> None:
         """Add a message; its shapes move there at once, and change their form in ``flush``."""
-        if not sample.frame_id or not np.isfinite(sample.translation).all():
+        if not sample.frame_id or not (np.abs(sample.translation) <= LARGEST).all():
             return
         self.frame = sample.frame_id
         self._last = (stamp_ns, sample)

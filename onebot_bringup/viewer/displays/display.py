@@ -42,6 +42,7 @@ REPEAT_AFTER = 10.0
 # and of server memory, and work for a page that draws slowly.
 SELDOM = 200_000_000
 OTHER_CLOCK_NS = 10_000_000_000  # a greater difference of two times is that of two clocks
+LARGEST = 1e38  # number that is drawn: in 32 bits it is finite, and its square in 64
 WARN_AFTER = 3.0  # seconds that a link, a frame or a transform may be missing without a warning
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import time_column
 from onebot_bringup.viewer.displays.display import (
+    LARGEST,
     REPEAT_AFTER,
     SELDOM,
     ItemsDisplay,
@@ -37,7 +38,7 @@ class PathPoints(NamedTuple):
 
     stamp_ns: int
     frame_id: str
-    points: Floats  # (N, 3) metres; those that are not finite are left out
+    points: Floats  # (N, 3) metres; those that are not finite, or enormous, are left out
 
 
 def read_path(data: bytes) -> PathPoints:
@@ -51,7 +52,7 @@ def read_path(data: bytes) -> PathPoints:
     points = np.array([(p.x, p.y, p.z) for p in places], float).reshape(-1, 3)
     header = message.header
     return PathPoints(
-        nanoseconds(header.stamp), header.frame_id, points[np.isfinite(points).all(axis=1)]
+        nanoseconds(header.stamp), header.frame_id, points[(np.abs(points) <= LARGEST).all(axis=1)]
     )
 
 

@@ -10,6 +10,7 @@ import rerun as rr
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.displays.display import (
+    LARGEST,
     ODOMETRY,
     SELDOM,
     ItemsDisplay,
@@ -176,5 +177,5 @@ def speed_entity(entity: str, name: str) -> str:
 
 
 def _finite(value: float) -> float:
-    """A plot is not drawn at all around infinity."""
-    return value if math.isfinite(value) else math.nan
+    """A plot is not drawn at all around infinity, or what is infinite once it is rounded."""
+    return value if abs(value) <= LARGEST else math.nan

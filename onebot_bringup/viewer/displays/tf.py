@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready, time_column
 from onebot_bringup.viewer.displays.display import (
+    LARGEST,
     OTHER_CLOCK_NS,
     REPEAT_AFTER,
     Context,
@@ -33,7 +34,6 @@ _DEFAULT_LENGTH = 0.5  # of axes, metres, while the robot's size is not known
 # For how long after a new description messages may still name the frames of the old one (seconds).
 _STRAGGLING = 1.0
 _UNIT = 0.01  # that the square of a quaternion's length may be off, in tf2 as well
-_FARTHEST = 1e38  # metres, in the numbers of 32 bits that are logged
 
 Floats = NDArray[np.float64]
 
@@ -249,7 +249,7 @@ def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
     with np.errstate(all="ignore"):
         lengths, distances = (np.einsum("ij,ij->i", a, a) for a in (rotations, translations))
         usable: NDArray[np.bool_] = np.abs(lengths - 1.0) <= _UNIT  # squares, both
-        usable &= distances <= _FARTHEST**2
+        usable &= distances <= LARGEST**2
         return usable
 
 

@@ -15,7 +15,13 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import TIMELINE
-from onebot_bringup.viewer.displays.display import ODOMETRY, SELDOM, ItemsDisplay, LayoutPart
+from onebot_bringup.viewer.displays.display import (
+    LARGEST,
+    ODOMETRY,
+    SELDOM,
+    ItemsDisplay,
+    LayoutPart,
+)
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
 from onebot_description.parameters.reader import REQUIRED
 from onebot_description.wire.messages import OdometrySample
@@ -110,7 +116,7 @@ class TrailStream:
         """Add a message; it is logged at the next ``flush``."""
         place = np.array(sample.translation)
         place[2] += self.settings.height
-        if not np.isfinite(place).all() or not sample.frame_id:
+        if not (np.abs(place) <= LARGEST).all() or not sample.frame_id:
             self._start = None
             return
         if sample.frame_id != self.frame:
