@@ -10,9 +10,11 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 T = TypeVar("T")
 
@@ -104,6 +106,8 @@ class FileWatch:
 
 def in_background(read: Callable[[], T]) -> "Future[T]":
     """Call ``read`` in a thread, to be polled for: a node works on while it reads a file."""
+    from concurrent.futures import Future  # which imports logging: few processes need it
+
     reading: Future[T] = Future()
 
     def run() -> None:
