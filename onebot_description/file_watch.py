@@ -32,7 +32,7 @@ def file_states(files: Iterable[Path]) -> dict[Path, FileState]:
 def _state(file: Path) -> FileState:
     try:
         status = os.stat(file)
-    except OSError:
+    except (OSError, ValueError):  # the latter of a name with a null byte
         return None
     return status.st_mtime_ns, status.st_size, status.st_ino
 

@@ -313,8 +313,10 @@ def read_text(file: Path) -> str:
     """Return a file's text; one that cannot be read is a ConfigError."""
     try:
         return bounded_yaml.read_text(file)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+    except UnicodeDecodeError:
+        raise ConfigError([Problem("", f"{file}: cannot be read: not UTF-8 text")]) from None
+    except (OSError, ValueError) as error:  # the latter of a name with a null byte
+        reason = error.strerror if isinstance(error, OSError) else str(error)
         raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
 
 

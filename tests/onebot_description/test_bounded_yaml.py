@@ -102,6 +102,12 @@ def test_only_regular_files_are_read(tmp_path: Path) -> None:
             read_files([file], "/jsp", JointsConfig)
 
 
+def test_a_name_that_no_file_can_have_is_refused() -> None:
+    """A parameter file may name another one."""
+    with pytest.raises(ConfigError, match="cannot be read: embedded null byte"):
+        read_files([Path("a\0b")], "/jsp", JointsConfig)
+
+
 def test_a_huge_file_is_refused(tmp_path: Path) -> None:
     """A sparse one, too: no more than the bound is read."""
     with (tmp_path / "huge.yaml").open("wb") as file:
