@@ -125,6 +125,11 @@ def _collada_scene(mesh: Mesh, path: Path) -> trimesh.Scene:
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
+    for part in scene.geometry.values():
+        if isinstance(part, trimesh.Trimesh):
+            # Colours of vertices, as Blender writes them into Collada, would become an attribute
+            # "_color", and Rerun shows nothing of a glTF with attributes that it does not know.
+            part.vertex_attributes.clear()
     # glTF's colours are linear light, those of the other formats are what is seen.
     adjust = None if linear else _adjust_colors
     glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)

@@ -1,4 +1,5 @@
 import io
+import json
 
 import numpy as np
 import pytest
@@ -60,6 +61,17 @@ def test_no_collada_is_invisible(tmp_path):
     path.write_text(path.read_text().replace("</lambert>", clear))
     assert clear in path.read_text()
     assert {material.baseColorFactor[3] for material in _materials(_load(path))} == {255}
+
+
+def test_only_what_rerun_knows_of_a_vertex_is_written(tmp_path):
+    """Collada with colours of vertices, as of KUKA's LBR iiwa, was not shown at all."""
+    path = write_collada(tmp_path / "box.dae", 1.0, "Z_UP")
+    more = "".join(f'<input semantic="{of}" source="#p" offset="0"/>' for of in ("NORMAL", "COLOR"))
+    path.write_text(path.read_text().replace("<p>", f"{more}<p>"))
+    glb = _load(path).glb
+    tree = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
+    primitives = [part for mesh in tree["meshes"] for part in mesh["primitives"]]
+    assert {tuple(part["attributes"]) for part in primitives} == {("POSITION", "NORMAL")}
 
 
 def test_collada_with_a_broken_material_keeps_its_surfaces(tmp_path):

@@ -1,7 +1,10 @@
 """The accuracy that the README promises, and the command that measures it."""
 
+import io
 import math
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -53,10 +56,36 @@ def result(**changes: object) -> Result:
     return whole._replace(**changes)
 
 
+class Command(NamedTuple):
+    """A run of the command, and what it measured."""
+
+    report: Report
+    code: int
+    out: str
+    err: str
+    written: str
+
+
 @pytest.fixture(scope="module")
-def diff_drive():
-    """What ``measure`` finds for the test's robot; it takes seconds."""
-    return measure(load_description(ROBOT), config(), PATHS)
+def command(tmp_path_factory):
+    """``onebot accuracy --write FILE`` of the test's robot; to measure takes seconds."""
+    reports, file = [], tmp_path_factory.mktemp("accuracy") / "table.md"
+
+    def kept(*arguments):
+        reports.append(measure(*arguments))
+        return reports[0]
+
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr("onebot_control.accuracy.measure", kept)
+        code = main(["--robot", str(ROBOT), "--write", str(file)])
+    return Command(reports[0], code, out.getvalue(), err.getvalue(), file.read_text())
+
+
+@pytest.fixture(scope="module")
+def diff_drive(command):
+    """What was measured of the test's robot."""
+    return command.report
 
 
 @pytest.fixture(scope="module")
@@ -187,14 +216,11 @@ def test_writing_replaces_what_is_between_the_marks(tmp_path):
     assert file.read_text() == "nothing here\n"
 
 
-def test_command_prints_and_writes_the_same(tmp_path, capfd):
-    """``onebot accuracy --write FILE``; only the table is on stdout."""
-    file = tmp_path / "table.md"
-    code = main(["--robot", str(ROBOT), "--write", str(file)])
-    out, err = capfd.readouterr()
-    assert out.startswith("| Path |")
-    assert file.read_text() == f"{BEGIN}\n{out}{END}\n"
-    assert (code, err) == (0, "")
+def test_command_prints_and_writes_the_same(command):
+    """Only the table is on stdout."""
+    assert command.out.startswith("| Path |") and command.out == table(command.report)
+    assert command.written == f"{BEGIN}\n{command.out}{END}\n"
+    assert (command.code, command.err) == (0, "")
 
 
 def test_a_missing_robot_is_a_clear_error(tmp_path):

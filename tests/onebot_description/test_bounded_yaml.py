@@ -42,14 +42,22 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize(("text", "words"), HOSTILE.values(), ids=HOSTILE.keys())
-def test_too_much_is_refused_with_its_line(text: str, words: str) -> None:
-    """As a map, by an error of the parameters; elsewhere by PyYAML's own."""
+@pytest.mark.parametrize("loader", [bounded_yaml.SafeLoader, yaml.SafeLoader])
+@pytest.mark.parametrize("name", HOSTILE)
+def test_too_much_is_refused_with_its_line(
+    name: str, loader: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a map, by an error of the parameters; elsewhere by PyYAML's own; without libyaml, too."""
+    text, words = HOSTILE[name]
+    if name == "many" and loader is yaml.SafeLoader:
+        monkeypatch.setattr(bounded_yaml, "_MOST_SECONDS", 0.0)
+        words = "not read to its end within 0 s"
+    monkeypatch.setattr(bounded_yaml, "SafeLoader", loader)
     with pytest.raises(ConfigError) as caught:
         read_map(text, "view.yaml")
     assert str(caught.value).startswith("view.yaml:") and words in str(caught.value)
     with pytest.raises(yaml.YAMLError, match="values|deep|within"):
-        bounded_yaml.load(text)
+        bounded_yaml.load(text, loader)
 
 
 @pytest.mark.parametrize("name", [name for name in HOSTILE if name != "many"])

@@ -18,7 +18,7 @@ from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import joint_limits
 from onebot_description.joints.mimic import resolve
 
-COUNT = 6_000
+COUNT = 3_000
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 
