@@ -229,6 +229,18 @@ EQUIVALENT = (
     ),
     Equivalent(
         "onebot_description/joints/motions.py",
+        "_Keyframes._within",
+        "inside = (begin != end) & (end < np.inf)",
+        "the times increase",
+    ),
+    Equivalent(
+        "onebot_description/joints/motions.py",
+        "_keyframes",
+        "if motion.loop and abs(gap) > _WHOLE_TURN and motion.times[-1] != 0.0:",
+        "the times begin at 0 or later",
+    ),
+    Equivalent(
+        "onebot_description/joints/motions.py",
         "_segments",
         "factor = 1.0 if motion.blend <= LINEAR else MINIMUM_JERK_PEAK",
         "no blend comes before linear",
