@@ -78,6 +78,18 @@ EQUIVALENT = (
         "a deadline that nothing comes near",
     ),
     Equivalent(
+        "onebot_control/control_loop.py",
+        "SystemStamps.__init__",
+        "self._last_due, self._last = 0, -(2*63)",
+        "every stamp is after 1970",
+    ),
+    Equivalent(
+        "onebot_control/driven_robot.py",
+        "Plant",
+        "@property",
+        "a protocol is for the type checker",
+    ),
+    Equivalent(
         "onebot_control/driven_robot.py",
         "DrivenRobot.accept",
         "def accept(self, linear: float, angular: float, age: float = -1.0) -> str | None:",
