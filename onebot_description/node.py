@@ -43,7 +43,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _A_YEAR = 365.0 * 24 * 3600  # seconds
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
-_LONGEST = 1000  # characters of a throttled warning: it may name what a message holds
+_LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
 _POLL_PUBLISHERS = 1.0  # seconds
 # For how long a second publisher must be there: a node may end while its successor starts, and to

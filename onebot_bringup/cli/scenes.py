@@ -2,6 +2,7 @@
 
 import re
 import sys
+import time
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -19,6 +20,7 @@ from std_msgs.msg import Header, String
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.pictures import Framing, UnreadableError, render
@@ -457,7 +459,9 @@ def running_viewer(session: Session, patience: float | None = None) -> RunningVi
 
     def on_tf(data: bytes) -> None:
         with suppress(*BAD_MESSAGE):  # a bad message is no reason to give up
-            stamps.append(int(tf_arrays(data).stamps_ns.max(initial=0)))
+            newest = int(tf_arrays(data).stamps_ns.max(initial=0))
+            if newest < time.time_ns() + OTHER_CLOCK_NS:  # the viewer shows no other
+                stamps.append(newest)
 
     subscribe = session.node.create_subscription
     topic = session.full_name(_PAGE)

@@ -33,6 +33,7 @@ from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72
 _SPHERE_SUBDIVISIONS = 4
+_SMALLEST = 1e-6  # radius of a sphere, m; of one without size trimesh makes NaN
 # Above this many faces sharp edges are not searched for (it takes seconds); shading is then flat.
 _MOST_FACES_TO_SMOOTH = 200_000
 
@@ -161,7 +162,7 @@ def _geometry(shape: Box | Cylinder | Sphere | Mesh) -> yourdfpy.Geometry:
     if isinstance(shape, Cylinder):
         return yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(shape.radius, shape.length))
     if isinstance(shape, Sphere):
-        return yourdfpy.Geometry(sphere=yourdfpy.Sphere(shape.radius))
+        return yourdfpy.Geometry(sphere=yourdfpy.Sphere(max(shape.radius, _SMALLEST)))
     return yourdfpy.Geometry(mesh=yourdfpy.Mesh(shape.uri, np.array(shape.scale)))
 
 

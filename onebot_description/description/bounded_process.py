@@ -32,7 +32,7 @@ class Bounds(NamedTuple):
     """What a function may take."""
 
     memory: int = 1_000_000_000  # bytes, beyond those of the process when it begins
-    processor: int = 20  # s of processor time
+    processor: int = 10  # s of processor time
     wall: float = 100.0  # s; that other programs use the processor, too, is no fault
 
 

@@ -78,6 +78,18 @@ EQUIVALENT = (
         "a deadline that nothing comes near",
     ),
     Equivalent(
+        "onebot_control/control_loop.py",
+        "SystemStamps.__init__",
+        "self._last_due, self._last = 0, -(2*63)",
+        "every stamp is after 1970",
+    ),
+    Equivalent(
+        "onebot_control/driven_robot.py",
+        "Plant",
+        "@property",
+        "a protocol is for the type checker",
+    ),
+    Equivalent(
         "onebot_control/driven_robot.py",
         "DrivenRobot.accept",
         "def accept(self, linear: float, angular: float, age: float = -1.0) -> str | None:",
@@ -226,6 +238,18 @@ EQUIVALENT = (
         "_Keyframes.__init__",
         "self._smooth = np.array([motion.blend >= MINIMUM_JERK for motion in motions])",
         "no blend comes after minimum_jerk",
+    ),
+    Equivalent(
+        "onebot_description/joints/motions.py",
+        "_Keyframes._within",
+        "inside = (begin != end) & (end < np.inf)",
+        "the times increase",
+    ),
+    Equivalent(
+        "onebot_description/joints/motions.py",
+        "_keyframes",
+        "if motion.loop and abs(gap) > _WHOLE_TURN and motion.times[-1] != 0.0:",
+        "the times begin at 0 or later",
     ),
     Equivalent(
         "onebot_description/joints/motions.py",

@@ -1,5 +1,6 @@
 """``onebot snapshot``: its command line, the pose it draws, and how the picture is framed."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -8,8 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from std_msgs.msg import Header, String
 
-from onebot_bringup.cli.scenes import _record_description, pose_of, server_of
+from onebot_bringup.cli.scenes import _record_description, pose_of, running_viewer, server_of
+from onebot_bringup.cli.session import Session
 from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
@@ -18,6 +23,8 @@ from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
+from onebot_description.wire.tf_message import TFMessage
+from tests.ros_support import LATCHED, Peer
 
 MIMIC = """<robot name="gripper">
   <link name="palm"/><link name="left"/><link name="right"/><link name="lid"/>
@@ -318,3 +325,18 @@ def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
     assert "gazbo" in typo
     assert missing.startswith("warning: link a: not drawn but marked by a box: mesh ")
     assert f"{tmp_path / 'no.stl'}: no such file" in missing
+
+
+def test_a_stamp_in_the_future_is_not_waited_for(ros_domain):
+    """The picture would be of then; the viewer shows such a transform when it came."""
+    address = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy"
+    with Peer(ros_domain) as peer:
+        peer.node.create_publisher(String, "rerun_viewer/page", LATCHED).publish(
+            String(data=address)
+        )
+        publisher = peer.node.create_publisher(TFMessage, "/tf", 100)
+        transforms = [TransformStamped(header=Header(stamp=Time(sec=s))) for s in (2**31 - 1, 100)]
+        messages = itertools.cycle([TFMessage(transforms=[edge]) for edge in transforms])
+        peer.node.create_timer(0.02, lambda: publisher.publish(next(messages)))
+        with Session() as session:
+            assert running_viewer(session).stamp_ns == 100 * 10**9

@@ -5,8 +5,10 @@ from typing import Any
 
 import pytest
 
+from onebot_control.odometry import DiffDriveKinematics
 from onebot_control.parameters import ControlConfig
 from onebot_control.speed_limiter import SpeedLimits
+from onebot_control.wheel_geometry import WheelGeometry
 from onebot_description.parameters.reader import ConfigError, defaults, descriptor
 from tests.onebot_control.control_support import WHEELS
 
@@ -74,9 +76,21 @@ def test_wheel_names_are_required() -> None:
 
 
 def test_sides_must_have_as_many_wheels() -> None:
-    """Two on the left and one on the right is an error that counts them."""
+    """Two on one side and one on the other is an error that counts them."""
+    text = problem(left_wheel_names=["a"], right_wheel_names=["b", "c"])
+    assert "right_wheel_names: 2 wheels, but left_wheel_names has 1; name as many" in text
     text = problem(left_wheel_names=["a", "b"], right_wheel_names=["c"])
     assert "right_wheel_names: 1 wheels, but left_wheel_names has 2" in text
+
+
+def test_the_multipliers_scale_the_geometry() -> None:
+    """Each its own length."""
+    names = ("wheel_separation", "left_wheel_radius", "right_wheel_radius")
+    factors = dict(zip((f"{name}_multiplier" for name in names), (1.5, 0.5, 2.0), strict=True))
+    kinematics = ControlConfig.from_parameters({**WHEELS, **factors}).kinematics(
+        WheelGeometry(0.25, 0.125)
+    )
+    assert kinematics == DiffDriveKinematics(0.375, 0.0625, 0.25)
 
 
 def test_a_wheel_is_on_one_side() -> None:

@@ -353,6 +353,13 @@ def test_covariance_of_a_straight_line() -> None:
     assert math.degrees(heading) == pytest.approx(1.35, abs=0.01)
 
 
+def test_wheels_are_exact_unless_they_are_said_to_be_noisy() -> None:
+    """The pose stays as certain as it was."""
+    odometry = Odometry(DiffDriveKinematics(0.3, 0.06, 0.06))
+    odometry.update_open_loop(1.0, 0.5, 0.01)
+    assert not matrix(odometry).any()
+
+
 @pytest.mark.parametrize(("linear", "angular"), [(0.3, 0.0), (0.3, 0.6), (-0.2, 0.5), (0.0, 1.0)])
 def test_covariance_does_not_depend_on_the_control_rate(linear: float, angular: float) -> None:
     """Ten cycles or ten thousand: the same way has the same covariance."""

@@ -54,6 +54,7 @@ def value_of(expression: str) -> Any:
         ("sum([1])", NameError),
         ("python.sum({x for x in [1, 1]})", 1),
         ("'a,b'.split(',')[1].strip().upper()", "B"),
+        ("'ab'.capitalize() + str('aab'.count('a')) + 'b'.zfill(2)", "Ab20b"),
         ("python.isinstance(side, str) and len(side) == 4", True),
         ("'%s_%.2f' % (side, 1 / 3)", "left_0.33"),
         ("'{}_{:.2f}_{side}'.format(1, 2 / 3, side='l')", "1_0.67_l"),
