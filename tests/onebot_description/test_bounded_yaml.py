@@ -1,22 +1,26 @@
 """onebot_description.parameters.bounded_yaml: whatever a file holds is read, or refused, soon."""
 
+import contextlib
 import os
 import time
 from pathlib import Path
 
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.introspection.parameter_values import parse_value
-from onebot_bringup.viewer.view_config import load_view
-from onebot_control.parameters import read_control_files
-from onebot_description.cad.dimensions import read_dimensions
+from onebot_bringup.viewer.view_config import load_view, parse_view
+from onebot_control.parameters import ControlConfig, read_control_files
+from onebot_description.cad.dimensions import Dimensions, read_dimensions
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters import bounded_yaml
 from onebot_description.parameters.files import read_files, read_map, read_parameters
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError, read
+from tests.readme import CHECKOUT
 
 NESTED = "".join(f"{' ' * level}a:\n" for level in range(3000))
 BRACKETS = "a: " + "[" * 20_000
@@ -66,7 +70,7 @@ def test_every_file_is_read_within_the_bounds(name: str, tmp_path: Path) -> None
     text = HOSTILE[name][0]
     file = tmp_path / "metadata.yaml"
     file.write_text(text)
-    for read in (
+    for read_it in (
         lambda: read_files([file], "/jsp", JointsConfig),
         lambda: read_control_files([file], "/", "velocity_controller"),
         lambda: load_view(file),
@@ -74,8 +78,46 @@ def test_every_file_is_read_within_the_bounds(name: str, tmp_path: Path) -> None
         lambda: Bag(tmp_path),  # without a file that holds messages
     ):
         with pytest.raises(OneBotError):
-            read()
+            read_it()
     assert parse_value(text)[2] == text, "a string, as all that is not YAML"
+
+
+_SEEDS = [
+    (CHECKOUT / file).read_text()
+    for file in (
+        "onebot_control/config/control.yaml",
+        "onebot_description/config/dimensions.yaml",
+        "onebot_description/config/view.yaml",
+        "mrm_description/config/joints.yaml",
+    )
+]
+_BITS = (
+    "[ ] { } : - &a *a !!int !!set !!omap << \0 ' \" \n | > % @ 1e999 .nan 0x 1:1 ~ null ? \t = "
+    "!!binary !!timestamp !!python/object:a.b 2020-01-01 \ufeff \\0"
+).split(" ")
+_damages = st.lists(
+    st.tuples(st.floats(0.0, 1.0), st.integers(0, 8), st.sampled_from(_BITS) | st.text(max_size=3)),
+    min_size=1,
+    max_size=6,
+)
+
+
+@given(st.sampled_from(_SEEDS), _damages)
+def test_a_damaged_file_is_read_or_refused(
+    text: str, damages: list[tuple[float, int, str]]
+) -> None:
+    """Whatever it then is: there is no other end."""
+    for where, length, bit in damages:
+        at = int(where * len(text))
+        text = f"{text[:at]}{bit} {text[at + length :]}"
+    for read_damaged in (
+        lambda: read(Dimensions, read_map(text, "file.yaml").values),
+        lambda: parse_view(text),
+        lambda: JointsConfig.from_parameters(read_parameters(text, "f.yaml", "/jsp").values),
+        lambda: read(ControlConfig, read_parameters(text, "f.yaml", "/controller").values),
+    ):
+        with contextlib.suppress(OneBotError):
+            read_damaged()
 
 
 def test_aliases_that_repeat_little_are_fine() -> None:
