@@ -385,17 +385,17 @@ class StateConverter:
 
     def _without_unusable(self, state: JointStateArrays) -> JointStateArrays:
         """Leave out joints whose positions give no finite transforms, with a warning."""
-        usable = self._plan(state.names).usable(state.positions)
-        if usable.all():
-            return state
-        bad = {name for name, good in zip(state.names, usable, strict=True) if not good}
-        finite = bool(np.isfinite(state.positions[~usable]).any())
-        why = ", or one too large for what follows it" if finite else ""
-        text = f"joint state without a finite position{why}: {listing(bad)}; ignored"
-        self._warn("finite", text)
-        kept = [name not in bad for name in state.names]
-        names = tuple(itertools.compress(state.names, kept))
-        return state._replace(names=names, positions=state.positions[kept])
+        # A joint left out may follow another one, and have no finite transform by that, either.
+        while not (usable := self._plan(state.names).usable(state.positions)).all():
+            bad = {name for name, good in zip(state.names, usable, strict=True) if not good}
+            finite = bool(np.isfinite(state.positions[~usable]).any())
+            why = ", or one too large for what follows it" if finite else ""
+            text = f"joint state without a finite position{why}: {listing(bad)}; ignored"
+            self._warn("finite", text)
+            kept = [name not in bad for name in state.names]
+            names = tuple(itertools.compress(state.names, kept))
+            state = state._replace(names=names, positions=state.positions[kept])
+        return state
 
     def _warn_of_sizes(self, names: int, positions: int) -> None:
         self._warn(

@@ -439,3 +439,14 @@ def test_a_plan_agrees_with_the_model(urdf, data):
     actual = plan.transforms(positions.astype(float))
     np.testing.assert_allclose(actual, expected[plan.rows], rtol=1e-12, atol=1e-12)
     assert plan.children == [f"robot/{child}" for child in model.moving.children]
+
+
+def test_a_follower_left_out_follows_nothing_that_overflows():
+    """Its own position is NaN; then it would follow the other's, and be infinite by that."""
+    model = _model(FOLLOWED.format(multiplier=10.0, offset=0.0))
+    names = ["lead", "follow", "other"]
+    usual = _message(names, [0.0, 0.0, 0.25])
+    message = _message(names, [1.7e308, np.nan, 0.25], (101, 0))
+    *_, (compiled, ordinary) = _both(model, [usual, message])
+    assert compiled == ordinary
+    assert [transform.child_frame_id for transform in compiled.transforms] == ["c"]
