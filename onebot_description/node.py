@@ -31,7 +31,7 @@ from onebot_description.description.packages import (
     package_share,
     use_environment_prefix,
 )
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, shortened
 from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")
@@ -432,4 +432,4 @@ class Throttled:
         wait = self._every if every is None else every
         if now - self._logged_at.get(kind, -math.inf) >= wait:
             self._logged_at[kind] = now
-            self._log(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...")
+            self._log(shortened(text, _LONGEST))

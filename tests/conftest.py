@@ -2,7 +2,8 @@
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -46,3 +47,23 @@ def ros_domain() -> Iterator[int]:
     """A domain of the test's own."""
     with used_domain() as domain:
         yield domain
+
+
+@pytest.fixture
+def start_node(ros_domain: int) -> Iterator[Callable[..., Any]]:
+    """Makes a node with these parameters set on its command line."""
+    import rclpy  # slow, and most tests do without
+
+    from tests.ros_support import ros_args
+
+    nodes: list[Any] = []
+
+    def make(build: Callable[[], Any], **parameters: Any) -> Any:
+        rclpy.init(args=ros_args(**parameters))
+        nodes.append(build())
+        return nodes[0]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()

@@ -2,13 +2,12 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -32,29 +31,12 @@ from onebot_description.node import RosArguments, ignore_impossible_times
 from onebot_description.robot_state_publisher import RobotStatePublisher
 from onebot_description.wire.tf_message import TFMessage
 from tests.any_message import broken, messages, received, serialized
-from tests.ros_support import ros_args
 from tests.support import wait_for
 
 ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
 NAMES = ("left_wheel_joint", "right_wheel_joint", "base_link", "left_wheel", "odom", "world")
 EXAMPLES = 60
 any_content = settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
-
-
-@pytest.fixture
-def start(ros_domain: int) -> Iterator[Callable[..., Node]]:
-    """Makes a node with these parameters set on its command line."""
-    nodes: list[Node] = []
-
-    def make(build: Callable[[], Node], **parameters: Any) -> Node:
-        rclpy.init(args=ros_args(**parameters))
-        nodes.append(build())
-        return nodes[0]
-
-    yield make
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
 
 
 class Published:
@@ -119,9 +101,9 @@ ARM = """<robot name="arm"><link name="base"/><link name="a"/><link name="b"/>
 </robot>"""
 
 
-def test_robot_state_publisher(start: Callable[..., Node]) -> None:
+def test_robot_state_publisher(start_node: Callable[..., Node]) -> None:
     """Bytes of any kind; the next good message is published, whatever the stamps before it were."""
-    node = start(lambda: RobotStatePublisher(parse_description(ARM)))
+    node = start_node(lambda: RobotStatePublisher(parse_description(ARM)))
     published = Published(node)
     feed(node, lambda: None, names=("lead", "follow"), examples=400)
     for second in (100, 200):
@@ -133,9 +115,9 @@ def test_robot_state_publisher(start: Callable[..., Node]) -> None:
     assert published.not_finite == []
 
 
-def test_joint_state_publisher(start: Callable[..., Node]) -> None:
+def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
     """What it receives, and what it publishes after it."""
-    node = start(
+    node = start_node(
         lambda: JointStatePublisher(None, RosArguments(names=(("", "robot_description"),))),
         source_list="[others]",
     )
@@ -150,10 +132,10 @@ def test_joint_state_publisher(start: Callable[..., Node]) -> None:
 
 
 @pytest.mark.parametrize("kind", ["Twist", "TwistStamped"])
-def test_velocity_controller(start: Callable[..., Node], kind: str) -> None:
+def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None:
     """Commands, poses and descriptions, without any limit; then the robot still drives."""
     urdf = re.sub(r'velocity="[^"]*"', 'velocity="1e300"', load_description(ONEBOT).urdf)
-    node = start(
+    node = start_node(
         lambda: VelocityController(None, RosArguments()),
         robot_description=json.dumps(urdf),
         cmd_vel_type=kind,
@@ -175,17 +157,17 @@ def test_velocity_controller(start: Callable[..., Node], kind: str) -> None:
     assert published.not_finite == []
 
 
-def test_clock(start: Callable[..., Node]) -> None:
+def test_clock(start_node: Callable[..., Node]) -> None:
     """Of any node with use_sim_time."""
     ignore_impossible_times()
-    node = start(lambda: RobotStatePublisher(load_description(ONEBOT)), use_sim_time="true")
+    node = start_node(lambda: RobotStatePublisher(load_description(ONEBOT)), use_sim_time="true")
     feed(node, lambda: node.get_clock().now().to_msg(), ("/clock",))
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
+def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """All displays, without a warning of numpy's in the node's output."""
-    node = start(
+    node = start_node(
         RerunViewer,
         viewer="none",
         save=tmp_path / "x.rrd",
@@ -211,9 +193,9 @@ def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
     any_messages()
 
 
-def test_steering_page(start: Callable[..., Node]) -> None:
+def test_steering_page(start_node: Callable[..., Node]) -> None:
     """Odometry and the address of a view, which the page shows as JSON and as a link."""
-    node = start(SteeringPage, port=0, open_browser="false", odom_topic="/odom")
+    node = start_node(SteeringPage, port=0, open_browser="false", odom_topic="/odom")
     node._poll_graph()
 
     def shown() -> None:
@@ -241,8 +223,8 @@ def test_text(kind: Any) -> None:
     any_messages()
 
 
-def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:
+def test_bag_recorder(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """They are recorded as they come, without being looked at."""
-    node = start(BagRecorder, folder=tmp_path / "run")
+    node = start_node(BagRecorder, folder=tmp_path / "run")
     feed(node, node._write)
     assert node._bag.open

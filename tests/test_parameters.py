@@ -1,11 +1,9 @@
 """What the nodes publish about their parameters: descriptions, ranges, read-only flags."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-import rclpy
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -19,28 +17,11 @@ from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.node import RosArguments
 from onebot_description.robot_state_publisher import RobotStatePublisher
-from tests.ros_support import ros_args
 
 # rclpy's own, of every node.
 OTHERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
 MRM = Path("mrm_description/urdf/mrm.xacro")
-
-
-@pytest.fixture
-def start(ros_domain: int) -> Iterator[Callable[..., Node]]:
-    """Makes a node with these parameters set on its command line."""
-    nodes: list[Node] = []
-
-    def make(build: Callable[[], Node], **parameters: Any) -> Node:
-        rclpy.init(args=ros_args(**parameters))
-        nodes.append(build())
-        return nodes[0]
-
-    yield make
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
 
 
 def described(node: Node) -> dict[str, Any]:
@@ -67,9 +48,9 @@ def refused(node: Node, name: str) -> str:
     return str(result.reason)
 
 
-def test_robot_state_publisher(start: Callable[..., Node]) -> None:
+def test_robot_state_publisher(start_node: Callable[..., Node]) -> None:
     """All four can be changed while it runs; 50 is as good as 50.0."""
-    node = start(lambda: RobotStatePublisher(load_description(MRM)), publish_frequency=50)
+    node = start_node(lambda: RobotStatePublisher(load_description(MRM)), publish_frequency=50)
     found = described(node)
     assert float_range(found["publish_frequency"]) == (0.0, 1000.0)
     assert not any(one.read_only for one in found.values())
@@ -79,11 +60,11 @@ def test_robot_state_publisher(start: Callable[..., Node]) -> None:
     )
 
 
-def test_joint_state_publisher(start: Callable[..., Node]) -> None:
+def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
     """Those with names of the user's own are described as well, also if set while it runs."""
     joint = "base_link__link_01"
     names = [("", f"motions.{joint}.position")]
-    node = start(
+    node = start_node(
         lambda: JointStatePublisher(str(MRM), RosArguments((), names=names)),
         **{f"motions.{joint}.position": 0.5},
     )
@@ -97,10 +78,10 @@ def test_joint_state_publisher(start: Callable[..., Node]) -> None:
     assert "rest position" in described(node)[f"zeros.{joint}"].description
 
 
-def test_velocity_controller(start: Callable[..., Node]) -> None:
+def test_velocity_controller(start_node: Callable[..., Node]) -> None:
     """What is read at the start only is read-only; no range where NaN is "no limit"."""
     arguments = RosArguments((default_control_file(),))
-    node = start(lambda: VelocityController(str(ONEBOT), arguments), x=1)
+    node = start_node(lambda: VelocityController(str(ONEBOT), arguments), x=1)
     found = described(node)
     read_only = {name for name, one in found.items() if one.read_only}
     names = {"left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"}
@@ -121,9 +102,9 @@ def test_velocity_controller(start: Callable[..., Node]) -> None:
     assert refused(node, "linear.x") == "linear.x: no such parameter"
 
 
-def test_steering_page(start: Callable[..., Node]) -> None:
+def test_steering_page(start_node: Callable[..., Node]) -> None:
     """All are read when it starts; a rate of 20 is as good as 20.0."""
-    node = start(SteeringPage, port=0, open_browser="false", rate=20)
+    node = start_node(SteeringPage, port=0, open_browser="false", rate=20)
     found = described(node)
     assert "no such parameter" in refused(node, "odom_topc")
     assert all(one.read_only for one in found.values())
@@ -132,18 +113,18 @@ def test_steering_page(start: Callable[..., Node]) -> None:
     assert (port.from_value, port.to_value) == (0, 65535)
 
 
-def test_bag_recorder(start: Callable[..., Node], tmp_path: Path) -> None:
+def test_bag_recorder(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """All are read when it starts."""
-    node = start(BagRecorder, folder=tmp_path / "run")
+    node = start_node(BagRecorder, folder=tmp_path / "run")
     found = described(node)
     assert "no such parameter" in refused(node, "compresion")
     assert set(found) == {"folder", "topics", "compression"}
     assert all(one.read_only for one in found.values())
 
 
-def test_rerun_viewer(start: Callable[..., Node], tmp_path: Path) -> None:
+def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """Its own are read at the start, the view's settings can be changed."""
-    node = start(RerunViewer, viewer="none", save=tmp_path / "x.rrd", **{"axes.length": 2})
+    node = start_node(RerunViewer, viewer="none", save=tmp_path / "x.rrd", **{"axes.length": 2})
     found = described(node)
     own = {"viewer", "save", "view", "frame_prefix", "grpc_port", "web_port", "open_browser"}
     assert {name for name, one in found.items() if one.read_only} == {*own, "memory_limit"}

@@ -53,9 +53,8 @@ def start_process(interrupted: int) -> None:
     """
     import signal
 
-    if (
-        signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
-    ):  # as a shell's background jobs have it
+    # Background jobs of a shell ignore it, and go on doing so.
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, lambda *_: os._exit(interrupted))
     if sys.stdout is not None:
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]

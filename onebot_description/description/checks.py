@@ -111,7 +111,7 @@ def check_tree(
         else:
             above[child] = joint
     parents = {child: ends[joint][0] for child, joint in above.items()}
-    for loop in _loops(parents):
+    for loop in cycles(parents):
         names = " -> ".join([*loop, loop[0]])
         findings.error(
             joints[above[loop[0]]], f"the links {names} form a loop; remove one of its joints"
@@ -127,8 +127,8 @@ def check_tree(
     return roots[0] if roots else ""
 
 
-def _loops(parents: Mapping[str, str]) -> list[list[str]]:
-    """The cycles in a map of child to parent, each from parent to child."""
+def cycles(parents: Mapping[str, str]) -> list[list[str]]:
+    """Return the cycles in a map of child to parent, each from parent to child."""
     loops = []
     done: set[str] = set()
     for start in parents:
@@ -167,7 +167,7 @@ def check_mimics(
             wrong[name] = f'there is no joint "{master}" to mimic{hint}'
         elif joints[master].kind and joints[master].kind not in MOVING_KINDS:
             wrong[name] = f'joint "{master}" is {joints[master].kind} and has no position to mimic'
-    circles = _loops({name: master for name, master in masters.items() if name not in wrong})
+    circles = cycles({name: master for name, master in masters.items() if name not in wrong})
     order = {name: number for number, name in enumerate(masters)}
     for circle in circles:
         first = min(circle, key=order.__getitem__)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description import Joint
+from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, Limits
@@ -114,19 +115,8 @@ def _without_leader(
 
 def _circles(mimics: Followers) -> list[list[str]]:
     """Return each circle as its joints, in the order in which they follow."""
-    circles = []
-    done: set[str] = set()
-    for start in mimics:
-        path: dict[str, None] = {}  # a set with an order
-        name = start
-        while name in mimics and name not in done and name not in path:
-            path[name] = None
-            name = mimics[name].parent
-        if name in path:
-            names = list(path)
-            circles.append(names[names.index(name) :])
-        done.update(path)
-    return circles
+    parents = {name: mimic.parent for name, mimic in mimics.items()}
+    return [circle[::-1] for circle in cycles(parents)]
 
 
 def _reduced(joints: Sequence[Joint], mimics: Followers) -> Following:

@@ -78,11 +78,17 @@ static inline double onebot_load(const unsigned char *numbers, int64_t index) {
   return number;
 }
 
-/* constant: ONEBOT_POSE numbers, sine: 4, slide: 3. s, c: sine and cosine of the position times the
- * joint's half turn. */
+/* constant: ONEBOT_POSE numbers, sine: 4 (as many as ONEBOT_LANES), slide: 3. s, c: sine and cosine
+ * of the position times the joint's half turn. pose: may be in a message, unaligned. */
 static inline void onebot_joint_transform(const double *constant, const double *sine,
                                           const double *slide, double position, double s, double c,
-                                          double *pose) {
-  for (int i = 0; i < 3; i++) pose[i] = constant[i] + slide[i] * position;
-  for (int i = 0; i < 4; i++) pose[3 + i] = constant[3 + i] * c + sine[i] * s;
+                                          void *pose) {
+  double slid[3];
+  for (int i = 0; i < 3; i++) slid[i] = constant[i] + slide[i] * position;
+  onebot_numbers at_zero, factor;
+  memcpy(&at_zero, constant + 3, sizeof at_zero);
+  memcpy(&factor, sine, sizeof factor);
+  const onebot_numbers turned = at_zero * c + factor * s;
+  memcpy(pose, slid, sizeof slid);
+  memcpy((unsigned char *)pose + sizeof slid, &turned, sizeof turned);
 }

@@ -195,14 +195,8 @@ static ONEBOT_WIDE void fill(unsigned char *message, const struct layout *layout
     for (size_t i = 0; i < number; i++) {
       const struct joint *joint = joints + i;
       memcpy(message + joint->stamp_at, &stamp, sizeof stamp);
-      double slid[3];
-      for (int j = 0; j < 3; j++) slid[j] = joint->constant[j] + joint->slide[j] * some.position[i];
-      onebot_numbers constant, sine;
-      memcpy(&constant, joint->constant + 3, sizeof constant);
-      memcpy(&sine, joint->sine, sizeof sine);
-      const onebot_numbers turned = constant * some.cosine[i] + sine * some.sine[i];
-      memcpy(message + joint->values_at, slid, sizeof slid);
-      memcpy(message + joint->values_at + sizeof slid, &turned, sizeof turned);
+      onebot_joint_transform(joint->constant, joint->sine, joint->slide, some.position[i],
+                             some.sine[i], some.cosine[i], message + joint->values_at);
     }
   }
 }
