@@ -284,7 +284,9 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
         with steering(check=False, **LIMITS) as node:
             page.open(node.address)
             wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
-            wait_for(lambda: page.text("#braking output") == "0.25 m", "v\u00b2/2a at 0.5 m/s\u00b2")
+            wait_for(
+                lambda: page.text("#braking output") == "0.25 m", "v\u00b2/2a at 0.5 m/s\u00b2"
+            )
             page.enter("#linear-limit", "0,4")
             wait_for(lambda: page.text("#braking output") == "0.16 m", "the lower limit")
             page.hold_pad(0.0, 0.5)
@@ -448,7 +450,21 @@ def test_what_the_page_works_out(page: Page) -> None:
     """Without a robot: the limit that an entry is, and the braking distance of the controller."""
     with files_served(STATIC.parent) as address:
         page.driver.get(address)
-        typed = ["0,5", "0.5", ",5", "5.", "+2", "1e3", "", "-3", "0", "1,000.5", "0x1", "NaN", "3 m"]
+        typed = [
+            "0,5",
+            "0.5",
+            ",5",
+            "5.",
+            "+2",
+            "1e3",
+            "",
+            "-3",
+            "0",
+            "1,000.5",
+            "0x1",
+            "NaN",
+            "3 m",
+        ]
         assert page.module("settings.js", "limitOf", [[words] for words in typed]) == [
             0.5, 0.5, 0.5, 5, 2, 1000, None, *["RangeError"] * 6
         ]  # fmt: skip
@@ -657,7 +673,8 @@ def test_the_last_page_to_take_hold_drives_and_the_other_sees_so(
         other.hold_pad(0.0, -1.5)
         other.wait_for_states(3)
         wait_for(lambda: other.body("hand") == "", "the stop that is still pressed")
-        page.let_go()
+        with at_rest(page, heard):
+            page.let_go()
         wait_to_stop(page, heard)
         other.let_go()
 
