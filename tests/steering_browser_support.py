@@ -118,6 +118,20 @@ class Page:
         """A command of Chromium's DevTools."""
         return self.driver.execute_cdp_cmd(command, parameters)
 
+    def emulate(self, width: int, height: int, mobile: bool = False, **media: str) -> None:
+        """Show the page on a screen of this size, with media features such as ``forced_colors``."""
+        self.devtools(
+            "Emulation.setDeviceMetricsOverride",
+            width=width, height=height, deviceScaleFactor=1, mobile=mobile,
+        )  # fmt: skip
+        features = [{"name": name.replace("_", "-"), "value": media[name]} for name in media]
+        self.devtools("Emulation.setEmulatedMedia", features=features)
+
+    def emulate_nothing(self) -> None:
+        """Back to the window's own size and the system's own preferences."""
+        self.devtools("Emulation.clearDeviceMetricsOverride")
+        self.devtools("Emulation.setEmulatedMedia", features=[])
+
     # --- what went over the WebSocket -----------------------------------------------------------
 
     def frames(self) -> list[tuple[str, dict[str, Any]]]:

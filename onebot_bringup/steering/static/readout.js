@@ -24,6 +24,7 @@ export class Readout {
       const bar = this.fields[`${axis}-bar`];
       bar.style.setProperty("--command", share(command[axis], limits[axis]));
       bar.style.setProperty("--measured", share(measured, limits[axis]));
+      bar.setAttribute("aria-valuenow", share(measured, limits[axis]).toFixed(2));
       bar.setAttribute("aria-valuetext", `${(measured ?? 0).toFixed(2)} ${UNITS[axis]}`);
     }
     for (const name of ["x", "y", "yaw"]) this.number(name, odometry?.[name], 3);
