@@ -22,7 +22,16 @@ SCREENS = {
     "small phone held sideways": (640, 360, True),
 }
 SCHEMES = ("light", "dark")
-STEERS = ("#pad", "#linear", "#angular", "#stop", "#linear-limit", "#angular-limit", "#driver")
+STEERS = (
+    "#pad",
+    "#linear",
+    "#angular",
+    "#stop",
+    "#braking",
+    "#linear-limit",
+    "#angular-limit",
+    "#driver",
+)
 
 
 @pytest.fixture(scope="module")
