@@ -22,7 +22,16 @@ SCREENS = {
     "small phone held sideways": (640, 360, True),
 }
 SCHEMES = ("light", "dark")
-STEERS = ("#pad", "#linear", "#angular", "#stop", "#linear-limit", "#angular-limit", "#driver")
+STEERS = (
+    "#pad",
+    "#linear",
+    "#angular",
+    "#stop",
+    "#braking",
+    "#linear-limit",
+    "#angular-limit",
+    "#driver",
+)
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +136,26 @@ def test_what_steers_is_in_sight_without_scrolling(page: Page, screen: str) -> N
     assert max(page.find("#linear input").size.values()) >= 60
     assert max(page.find("#angular input").size.values()) >= 60
     assert min(page.find("#view").size.values()) >= 150
+
+
+COVERED = """
+const view = document.createElement("iframe");
+document.querySelector("#view").append(view);
+const { left, top, right, bottom } = view.getBoundingClientRect();
+return ["#slow", "#message", "#readout"].filter((selector) => {
+  const box = document.querySelector(selector).getBoundingClientRect();
+  const apart = box.left >= right || box.right <= left || box.top >= bottom || box.bottom <= top;
+  return !apart || box.height === 0 || bottom - top < 60;
+});
+"""
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_nothing_covers_the_buttons_of_the_view(page: Page, screen: str) -> None:
+    """Notes and messages have a place outside of the frame, which is still to be seen."""
+    page.emulate(*SCREENS[screen])
+    page.driver.execute_script(WARN)
+    assert page.driver.execute_script(COVERED) == []
 
 
 @pytest.mark.parametrize("enabled", [True, False])
