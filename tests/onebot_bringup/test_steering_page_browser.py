@@ -277,10 +277,13 @@ def test_leaving_the_page_stops(peer: Peer, page: Page, leave: str) -> None:
 def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
     peer: Peer, page: Page
 ) -> None:
-    """By the controller's timeout; the page says it is lost, connects anew, and does not drive."""
+    """By the controller's timeout; the page says it is lost, connects anew, and does not drive.
+
+    The limit that was chosen by hand is still there, and after a restart of the robot too.
+    """
     speeds = peer.hear(Odometry, "/velocity_controller/odom", 1000)
     heard = peer.hear(Twist, TOPIC, 1000)
-    with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
+    with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)) as robot:
         with steering(check=False, **LIMITS) as node:
             page.open(node.address)
             wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
@@ -317,6 +320,34 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
             page.hold_pad(0.0, 0.5)
             wait_for(lambda: speeds[-1].twist.twist.linear.x > 0.1, "driving again")
             page.let_go()
+            robot.interrupt()
+            wait_for(lambda: page.text("#topic output") == "Twist, 1 subscriber", "its end")
+            with NodeProcess("onebot_control.velocity_controller", str(ONEBOT)):
+                wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "its return")
+                page.wait_for_states(10)
+                assert page.limit("linear") == "0.4"
+                _drive(page, heard, (0.4, 0.0))
+
+
+def test_a_page_that_gave_way_to_others_waits_for_its_user(peer: Peer, page: Page) -> None:
+    """It would close another page if it connected again by itself."""
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        page.driver.execute_script(CROWD)
+        wait_for(lambda: page.body("connection") == "down", "the page to give way")
+        assert "gave way" in page.text("#message")
+        page.driver.execute_script("for (const other of crowd.splice(1)) other.close()")
+        page.wait_for_states(20)
+        assert page.body("connection") == "down"
+        page.find("#view").click()
+        wait_for(lambda: page.connected, "the page to connect again")
+
+
+# As many connections as one computer may have.
+CROWD = """
+const address = location.href.replace("http", "ws") + "ws";
+window.crowd = Array.from({ length: 32 }, () => new WebSocket(address));
+"""
 
 
 def test_arrows_and_letters_drive_while_they_are_down(peer: Peer, page: Page) -> None:
