@@ -145,7 +145,7 @@ const { left, top, right, bottom } = view.getBoundingClientRect();
 return ["#slow", "#message", "#readout"].filter((selector) => {
   const box = document.querySelector(selector).getBoundingClientRect();
   const apart = box.left >= right || box.right <= left || box.top >= bottom || box.bottom <= top;
-  return !apart || box.height === 0 || bottom - top < 60;
+  return !apart || box.height === 0 || bottom - top < 40;
 });
 """
 
