@@ -58,10 +58,10 @@ from onebot_description.errors import OneBotError, printable
 from onebot_description.file_watch import in_background
 from onebot_description.node import (
     LATCHED,
-    DescriptionPublishers,
     Throttled,
     ends_node,
     run_node,
+    warn_of_two_robots,
 )
 from onebot_description.parameters.reader import (
     ConfigError,
@@ -342,7 +342,7 @@ class RerunViewer(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_PERIOD, self._tick, clock=steady)
         self.create_timer(POLL_PERIOD, self._poll, clock=steady)
-        DescriptionPublishers(self, own=False)
+        warn_of_two_robots(self, own=False)
 
     def _tick(self) -> None:
         for warning in self._view.tick(int(self.get_clock().now().nanoseconds)):
