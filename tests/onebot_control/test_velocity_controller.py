@@ -219,10 +219,9 @@ def test_simulated_time(peer: Peer, model: str) -> None:
         wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
         words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
         with NodeProcess(MODULE, model, *words) as other:
-            warning = "/clock is also published by {}: time jumps between two simulations"
-            names = {one: "/other/velocity_controller", other: NODE}
-            for node, name in names.items():
-                wait_for(lambda n=node, w=warning.format(name): w in n.output, "the warning")
+            for node, name in ((one, "/other/velocity_controller"), (other, NODE)):
+                warning = f"/clock is also published by {name}: time jumps between two simulations"
+                wait_for(lambda n=node, w=warning: w in n.output, "the warning")
                 assert "domain_id:=" in node.output
     stamps = [seconds(m) for m in joints]
     gaps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
