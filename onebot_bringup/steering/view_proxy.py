@@ -77,7 +77,7 @@ class ViewProxy:
         view, method = self._known(), request.match_info["method"]
         if method not in _METHODS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
-        return await self._proxy.forward_data(request, view.data_port, f"{_SERVICE}/{method}")
+        return await self._proxy.forward_data(request, view.page_port, f"{_SERVICE}/{method}")
 
     def _known(self) -> View:
         if self.view is None:
