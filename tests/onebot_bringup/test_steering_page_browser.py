@@ -535,6 +535,10 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         page.enter("#topic-name", "/rosout")
         wait_for(lambda: "/rosout has the type" in page.text("#topic-hint"), "the refusal")
         assert page.text("#message") == ""
+        page.emulate(1280, 580)
+        page.enter("#topic-name", "/rosout")
+        wait_for(lambda: page.in_sight("#topic-hint"), "the refusal, scrolled to")
+        page.emulate_nothing()
         assert page.find("#topic-name").get_property("value") == "/other/cmd_vel"
         page.act().key_down("w").perform()
         wait_for(lambda: heard and pair(heard[-1].twist) == (0.5, 0.0), "a stamped command")

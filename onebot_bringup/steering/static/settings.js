@@ -128,6 +128,7 @@ class Hint {
     this.refusal = sentence;
     this.input.setAttribute("aria-invalid", sentence !== "");
     this.show();
+    if (sentence) this.element.scrollIntoView({ block: "nearest" });
   }
 
   warn(sentence) {
