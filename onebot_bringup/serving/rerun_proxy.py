@@ -26,15 +26,19 @@ def content_policy(*sources: str) -> str:
 class RerunProxy:
     """Forwards requests to servers of Rerun on this computer, and streams their responses."""
 
-    def __init__(self, app: web.Application, policy: str, unavailable: str) -> None:
+    def __init__(
+        self, app: web.Application, policy: str, unavailable: str, script: str = ""
+    ) -> None:
         """Forward requests of ``app``.
 
         Args:
             app: its start opens the connection pool, its shutdown ends what is being forwarded.
             policy: the Content-Security-Policy of all responses.
             unavailable: the text of a response 502, when a server does not respond.
+            script: JavaScript that runs in the page before its own scripts.
         """
         self._policy, self._unavailable = policy, unavailable
+        self._head = f"<head><script>{script}</script>".encode() if script else b"<head>"
         self._session: aiohttp.ClientSession | None = None
         self._streams: dict[aiohttp.ClientResponse, web.Request] = {}
         app.on_startup.append(self._open)
@@ -99,7 +103,7 @@ class RerunProxy:
         html = b""
         if found.content_type == "text/html":
             # The policy does not keep a browser from connecting ahead to foreign hosts.
-            html = _FOREIGN_LINK.sub(b"", await found.read())
+            html = _FOREIGN_LINK.sub(b"", await found.read()).replace(b"<head>", self._head, 1)
             answer.headers["Content-Length"] = answer.headers["rerun-final-length"] = str(len(html))
         await answer.prepare(request)
         if request.method != "HEAD":

@@ -3,6 +3,9 @@
 A request needs a Host of this server, an Origin of its own pages, and the token where one is set. A
 program on this computer may omit the Origin, which browsers always send with a WebSocket: it could
 drive the robot through ROS anyway. If a token is set, it needs that, too.
+
+The robot's view is a frame without cookies and with an opaque origin, "null". Its requests have a
+key in their path instead.
 """
 
 import hashlib
@@ -17,6 +20,16 @@ from onebot_bringup.serving.ports import is_loopback, listen
 
 _HOST = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?")
 _LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
+_OTHER_NAMES = {"127.0.0.1": "localhost", "localhost": "127.0.0.1"}
+
+
+def other_site(host: str) -> str:
+    """Return ``host`` (a Host header) with the other name of loopback, "" if it has none.
+
+    To a browser that is another site, and what it shows of one site runs in another process.
+    """
+    name, colon, port = host.lower().partition(":")
+    return f"{_OTHER_NAMES[name]}{colon}{port}" if name in _OTHER_NAMES else ""
 
 
 def new_token() -> str:
@@ -53,13 +66,29 @@ class Access:
             token: of the query, if any.
             cookie: the value of the cookie of this server, if any.
         """
+        refusal = self._site_refusal(host, origin, f"http://{host}")
+        if refusal:
+            return refusal
+        if self.token and not self.is_token(token) and not _equal(cookie or "", self.cookie):
+            return "The token is missing or wrong: open the whole address that was printed."
+        return ""
+
+    def view_refusal(self, host: str, origin: str | None) -> str:
+        """Return why a request with the view's key is rejected; "" if it is accepted.
+
+        Args:
+            host: the Host header.
+            origin: the Origin header, if any: the view's, or of the page that has it in a frame.
+        """
+        pages = f"http://{host}", f"http://{other_site(host)}"
+        return self._site_refusal(host, origin, "null", *pages)
+
+    def _site_refusal(self, host: str, origin: str | None, *allowed: str) -> str:
         if not self.knows(host):
             names = ", ".join(sorted(self._names))
             return f'This server is not "{_shown(host)}": open it as {names}.'
-        if origin is not None and origin.lower() != f"http://{host}".lower():
+        if origin is not None and origin.lower() not in {one.lower() for one in allowed}:
             return f"Pages of {_shown(origin)} may not steer this robot."
-        if self.token and not self.is_token(token) and not _equal(cookie or "", self.cookie):
-            return "The token is missing or wrong: open the whole address that was printed."
         return ""
 
     def is_token(self, token: str | None) -> bool:

@@ -458,7 +458,6 @@ class SteeringPage(Node):
         self._arbiter = ThreadSafeArbiter(DEFAULT_LIMITS, self._commands.publish, settings.ceiling)
         self._arbiter.set_limits(settings.limits())
         self._view = ViewProxy()
-        self._viewers = 0
         self._rejected = 0
         self._page_topic = settings.viewer_page
         self.create_subscription(String, self._page_topic, self._on_viewer, LATCHED)
@@ -569,8 +568,7 @@ class SteeringPage(Node):
             self._arbiter.changed()
 
     def _on_viewer(self, message: String) -> None:
-        self._viewers += bool(message.data)
-        view = View.parse(message.data, self._viewers)
+        view = View.parse(message.data)
         if message.data and view is None:
             self.get_logger().warning(
                 f"{self._page_topic} has no address of a page on this computer",

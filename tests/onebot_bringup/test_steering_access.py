@@ -44,6 +44,18 @@ def test_foreign_origins_are_refused(origin):
     assert "may not steer" in OPEN.refusal("127.0.0.1:8080", origin, "the token", None)
 
 
+def test_the_view_needs_its_own_frame_or_page():
+    """Its opaque origin, or the page's under one of loopback's names; its key is the token."""
+    for origin in (None, "null", ORIGIN, "http://localhost:8080"):
+        assert LOCAL.view_refusal("127.0.0.1:8080", origin) == ""
+        assert LOCAL.view_refusal("localhost:8080", origin) == ""
+    assert OPEN.view_refusal("192.0.2.1:8080", "null") == ""
+    for origin in ("http://evil.example", "http://localhost:8081", "http://[::1]:8080", ""):
+        assert "may not" in LOCAL.view_refusal("127.0.0.1:8080", origin)
+    assert "may not" in OPEN.view_refusal("192.0.2.1:8080", ORIGIN)
+    assert "open it as" in LOCAL.view_refusal("evil.example:8080", "null")
+
+
 @pytest.mark.parametrize("token", [None, "", "the toke", "the token ", "The token", "\udcff"])
 def test_a_wrong_token_is_refused(token):
     """However near it is; and so is the token in the place of the cookie."""

@@ -54,7 +54,6 @@ function up() {
 
 function down(reason) {
   letGo();
-  view.forget();
   document.body.dataset.connection = "down";
   document.body.dataset.driver = "nobody";
   enable(false);
