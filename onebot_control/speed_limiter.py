@@ -84,6 +84,18 @@ class SpeedLimiter:
         self._limits_velocity = not math.isnan(limits.max_velocity)
         self._limits_jerk = not math.isnan(limits.max_jerk)
 
+    @property
+    def deceleration(self) -> float:
+        """The greatest deceleration to rest in the direction that brakes less; NaN: not limited."""
+        if not self._limits_acceleration:
+            return math.nan
+        return min(-self._forward[0], self._backward[1])
+
+    @property
+    def braking_jerk(self) -> float:
+        """The greatest jerk that starts such a deceleration; NaN: not limited."""
+        return min(-self._jerk[0], self._jerk[1]) if self._limits_jerk else math.nan
+
     def limit(self, command: float, last: float, before_last: float, dt: float) -> float:
         """Return the nearest command that is within the limits.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from packaging.requirements import Requirement
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -84,6 +85,20 @@ def test_every_data_folder_is_in_the_table():
         assert table[f"{package}/package.xml"] == f"share/{package}/package.xml"
         marker = f"share/ament_index/resource_index/packages/{package}"
         assert table[f"{package}/py.typed"] == marker
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "wheels"),
+    [("linux", "x86_64", 2), ("linux", "aarch64", 0), ("darwin", "arm64", 0)],
+)
+def test_wheels_of_ros_are_asked_for_where_they_exist(system, machine, wheels):
+    """Elsewhere pip installs the rest, and ROS is an installed one."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    required = map(Requirement, project["dependencies"])
+    platform = {"sys_platform": system, "platform_machine": machine}
+    asked = [each.name for each in required if not each.marker or each.marker.evaluate(platform)]
+    assert len([name for name in asked if name.startswith("ros-")]) == wheels
+    assert {"xacro", "rerun-sdk", "pybullet"} <= set(asked)
 
 
 def _environment_without_ros_variables() -> dict[str, str]:

@@ -28,6 +28,7 @@ VERBS = {
     "param": "list, get, set and dump parameters",
     "service": "list and call services",
     "interface": "list types of messages and show them",
+    "tf": "show the tree of frames, and transforms between frames",
     "snapshot": "draw a robot into a picture file",
     "replay": "show a recording",
     "accuracy": "measure how accurately OneBot drives",
@@ -36,9 +37,9 @@ VERBS = {
     "teleop": "drive from the keyboard",
 }
 # Verbs with subcommands, the module's ``COMMANDS``.
-_GROUPS = ("topic", "node", "param", "service", "interface")
+_GROUPS = ("topic", "node", "param", "service", "interface", "tf")
 # Verbs that run until Ctrl-C, which is a success for them.
-_UNTIL_CTRL_C = ("view", "topic", "replay", "steer", "teleop")
+_UNTIL_CTRL_C = ("view", "topic", "tf", "replay", "steer", "teleop")
 
 
 def start_process(interrupted: int) -> None:

@@ -5,11 +5,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch
-from onebot_bringup.cli.session import Session, add_spin_time, call
+from onebot_bringup.cli.session import Session, add_spin_time
 from onebot_bringup.introspection import parameter_values
 from onebot_bringup.introspection.parameter_values import NOT_SET, parse_value
 from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError, did_you_mean
+
+_REPEAT = 1.0  # s without a response until a request is sent again
+_ATTEMPTS = 5
+_ANSWER = _REPEAT * _ATTEMPTS  # s for a service to be discovered, and again for its response
 
 
 class ParameterClient:
@@ -32,7 +36,27 @@ class ParameterClient:
             "DescribeParameters": "describe_parameters",
             "SetParameters": "set_parameters",
         }[service]
-        return call(self._session, kind, f"{self._node}/{name}", kind.Request(**fields), 5.0)
+        client = self._session.node.create_client(kind, f"{self._node}/{name}")
+        try:
+            return self._response(client, kind.Request(**fields))
+        finally:
+            self._session.node.destroy_client(client)
+
+    def _response(self, client: Any, request: Any) -> Any:
+        """Send a request until there is a response.
+
+        A server drops its response if it has not discovered the client yet, as it may when the
+        machine is busy. All these requests may be repeated.
+        """
+        session, name = self._session, client.srv_name
+        if not session.spin(client.service_is_ready, _ANSWER):
+            raise OneBotError(f"the service {name} is not available")
+        futures = []
+        for _ in range(_ATTEMPTS):
+            futures.append(client.call_async(request))
+            if answered := session.spin(lambda: [f for f in futures if f.done()], _REPEAT):
+                return answered[0].result()
+        raise OneBotError(f"the service {name} does not answer (waited {_ANSWER:g} s)")
 
     def names(self, prefixes: Sequence[str] = ()) -> list[str]:
         """Return the names of all parameters, or of those below the prefixes."""

@@ -1,4 +1,4 @@
-"""A short-lived, hidden node for one command, with discovery and service calls.
+"""A short-lived, hidden node for one command, with discovery.
 
 There is no daemon: other nodes have to be discovered first, which takes some tenths of a second. A
 command waits until the entity that it needs is discovered; lists wait until the graph is stable.
@@ -22,7 +22,6 @@ _MOST = 2.0  # s of discovery
 _LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
 PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
-_ANSWER = 10.0  # s for a service to respond
 
 
 class Session:
@@ -215,31 +214,6 @@ def add_spin_time(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help="time for discovery (default: until nothing new is discovered, at most 2 s)",
     )
-
-
-def call(session: Session, kind: Any, name: str, request: Any, timeout: float = _ANSWER) -> Any:
-    """Call a service and return its response.
-
-    Args:
-        session: its node calls the service.
-        kind: the class of the service.
-        name: its full name.
-        request: of the class ``kind.Request``.
-        timeout: seconds to discover the service, and again for its response.
-
-    Raises:
-        OneBotError: the service is not available, or does not respond.
-    """
-    client = session.node.create_client(kind, name)
-    try:
-        if not session.spin(client.service_is_ready, timeout):
-            raise OneBotError(f"the service {name} is not available")
-        future = client.call_async(request)
-        if not session.spin(future.done, timeout):
-            raise OneBotError(f"the service {name} does not answer (waited {timeout:g} s)")
-        return future.result()
-    finally:
-        session.node.destroy_client(client)
 
 
 def await_class(session: Session, name: str, type_name: str | None = None) -> tuple[str, Any]:

@@ -6,6 +6,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -85,6 +86,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     own, for_xacro = _divide(given, declared, of_model)
     values = checked_values(declared, own)
+    find_spec("rclpy")  # one error here if it is missing, rather than one of each node
     # No matrix of a node is large enough for threads; without them xacro can run in a fork here.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_files(values, own)

@@ -1,47 +1,40 @@
-"""An aiohttp application served in a thread of its own, beside a node's executor."""
+"""An aiohttp application served in a thread of its own."""
 
 import asyncio
-import contextlib
 import socket
-import threading
-from collections.abc import Callable
+from functools import partial
 
 from aiohttp import web
 
-_SHUTDOWN_TIMEOUT = 0.5  # s for pending responses when the server stops
+from onebot_bringup.serving.connections import IDLE_TIMEOUT, Connections
+from onebot_bringup.serving.event_loop import STOP_TIMEOUT, LoopThread
+
+_LINGERING = 1.0  # s for the rest of a request that has its response
 
 
-class ServerThread:
+class ServerThread(LoopThread):
     """Serves an application on a socket, in a thread, until it is stopped."""
 
     def __init__(self, app: web.Application, listener: socket.socket, name: str) -> None:
         """Start the thread, called ``name``, and wait until its event loop runs."""
         self._app, self._listener = app, listener
-        self._end = asyncio.Event()
-        self._running = threading.Event()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve()), name=name, daemon=True
-        )
-        self._thread.start()
-        self._running.wait()
+        super().__init__(name)
 
-    def call(self, action: Callable[[], None]) -> None:
-        """Call ``action`` in the server's thread; ignored after `stop`."""
-        with contextlib.suppress(RuntimeError):
-            self._loop.call_soon_threadsafe(action)
-
-    def stop(self) -> None:
-        """Close all connections and the socket."""
-        self.call(self._end.set)
-        self._thread.join(4 * _SHUTDOWN_TIMEOUT)
-
-    async def _serve(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        self._running.set()
+    async def serve(self, end: asyncio.Event) -> None:
+        """Serve until ``end`` is set, then close all connections and the socket."""
+        connections = Connections(self._app)
         runner = web.AppRunner(
-            self._app, access_log=None, handle_signals=False, shutdown_timeout=_SHUTDOWN_TIMEOUT
+            self._app,
+            access_log=None,
+            handle_signals=False,
+            shutdown_timeout=STOP_TIMEOUT / 4,  # for pending responses
+            keepalive_timeout=IDLE_TIMEOUT,
+            lingering_time=_LINGERING,
         )
         await runner.setup()
-        await web.SockSite(runner, self._listener).start()
-        await self._end.wait()
+        assert runner.server is not None
+        accept = partial(connections.accept, runner.server)
+        server = await asyncio.get_running_loop().create_server(accept, sock=self._listener)
+        await end.wait()
+        server.close()
         await runner.cleanup()

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import ipaddress
+import secrets
 import socket
 from typing import Any
 
@@ -87,6 +88,18 @@ def free_port(wanted: int, name: str = "port") -> int:
     """
     with listen(LOOPBACK, wanted, name) as probe:
         return int(probe.getsockname()[1])
+
+
+def hidden_address() -> tuple[str, int]:
+    """Return an address of loopback that cannot be guessed, and a free port of it.
+
+    All of 127.0.0.0/8 is loopback on Linux; elsewhere only the port is random.
+    """
+    address = str(ipaddress.ip_address("127.0.0.0") + secrets.randbelow((1 << 24) - 2) + 1)
+    for host in (address, LOOPBACK):
+        with contextlib.suppress(OneBotError), listen(host, 0) as probe:
+            return host, int(probe.getsockname()[1])
+    raise OneBotError(f"there is no free port on {LOOPBACK}")
 
 
 def answers(port: int) -> bool:

@@ -4,23 +4,32 @@ Every response gets a Content-Security-Policy, which keeps the page from connect
 computers (Rerun's page sends usage statistics).
 """
 
+import asyncio
 import re
+from urllib.parse import quote
 
 import aiohttp
 from aiohttp import web
 from yarl import URL
 
+from onebot_bringup.serving.connections import BODY_TIMEOUT
+from onebot_bringup.serving.origin import guard
 from onebot_bringup.serving.ports import LOOPBACK
 
 _HEADERS = frozenset({"content-type", "content-length", "content-encoding", "rerun-final-length"})
 _FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
 _PAGE_TIMEOUT = 10.0  # s without a byte of a part of the page
+SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
+"""Below this, Rerun's page requests its data from the host and port of its ``url=`` parameter."""
+_READS = frozenset({f"/{SERVICE}/ReadMessages", f"/{SERVICE}/ReadTables"})
 
 
-def content_policy(*sources: str) -> str:
-    """Return the Content-Security-Policy of the page, which gets its data from ``sources``."""
-    connect = " ".join(("'self'", *sources, "data: blob:"))
-    return f"default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src {connect}"
+def content_policy() -> str:
+    """Return the Content-Security-Policy of the page: all comes from the server that it is from."""
+    return (
+        "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:;"
+        " connect-src 'self' data: blob:"
+    )
 
 
 class RerunProxy:
@@ -48,14 +57,33 @@ class RerunProxy:
         """Respond with the part of the page at ``path`` of 127.0.0.1:``port``."""
         return await self._forward(request, "GET", port, path, sock_read=_PAGE_TIMEOUT)
 
-    async def forward_data(self, request: web.Request, port: int, path: str) -> web.StreamResponse:
-        """Respond to a call by gRPC-web; the response may have no end."""
+    async def forward_data(
+        self, request: web.Request, port: int, path: str, host: str = LOOPBACK
+    ) -> web.StreamResponse:
+        """Respond to a call by gRPC-web, which may have no end.
+
+        Args:
+            request: the call.
+            port: of the server to forward it to.
+            path: service and method.
+            host: the server's address.
+
+        Raises:
+            HTTPForbidden: the method writes into the recording.
+            HTTPRequestTimeout: the call was not received in whole within seconds.
+        """
+        if path not in _READS:
+            raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
+        try:
+            body = await asyncio.wait_for(request.read(), BODY_TIMEOUT)
+        except asyncio.TimeoutError:
+            raise web.HTTPRequestTimeout from None
         headers = {
             name: value
             for name, value in request.headers.items()
             if name.lower() in ("content-type", "accept") or "grpc" in name.lower()
         }
-        return await self._forward(request, "POST", port, path, headers, await request.read())
+        return await self._forward(request, "POST", port, path, headers, body, host=host)
 
     async def _forward(
         self,
@@ -66,13 +94,14 @@ class RerunProxy:
         headers: dict[str, str] | None = None,
         body: bytes | None = None,
         sock_read: float | None = None,  # s
+        host: str = LOOPBACK,
     ) -> web.StreamResponse:
         assert self._session is not None
         answer = web.StreamResponse()
         try:
             async with self._session.request(
                 method,
-                URL(f"http://{LOOPBACK}:{port}{path}", encoded=True),
+                URL(f"http://{host}:{port}{path}", encoded=True),
                 headers=headers,
                 data=body,
                 allow_redirects=False,
@@ -131,25 +160,34 @@ class RerunProxy:
             await self._session.close()
 
 
-def page_app(backend: int, start: str) -> web.Application:
-    """Make the application that serves Rerun's page.
+def data_url(host: str) -> str:
+    """Return the ``url=`` parameter of a page that gets its data from ``host``, a Host header."""
+    # Without a port, Rerun's page would take that of its own servers.
+    full = host if re.search(r":\d+$", host) else f"{host}:80"
+    return f"url={quote(f'rerun+http://{full}/proxy', safe=':/[]')}"
+
+
+def page_app(page: int, options: str, data: tuple[str, int]) -> web.Application:
+    """Make the application that serves Rerun's page, and its data, on 127.0.0.1.
 
     Args:
-        backend: the port of Rerun's server on 127.0.0.1.
-        start: path and query that the bare address leads to.
+        page: the port of Rerun's server of the page on 127.0.0.1.
+        options: the parameters of the page beside ``url=``.
+        data: address and port of the recording's server.
     """
-    app = web.Application()
-    proxy = RerunProxy(
-        app,
-        content_policy("http://127.0.0.1:*", "http://localhost:*"),
-        "Rerun's server does not answer; it is being restarted",
-    )
+    app = web.Application(middlewares=[guard(LOOPBACK)])
+    policy = f"{content_policy()}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+    proxy = RerunProxy(app, policy, "Rerun's server does not answer; it is being restarted")
 
     async def respond(request: web.Request) -> web.StreamResponse:
         path = request.rel_url.raw_path_qs
         if path == "/":
-            raise web.HTTPFound(URL(start, encoded=True))
-        return await proxy.forward_page(request, backend, path)
+            raise web.HTTPFound(URL(f"/?{data_url(request.host)}&{options}", encoded=True))
+        return await proxy.forward_page(request, page, path)
+
+    async def respond_with_data(request: web.Request) -> web.StreamResponse:
+        return await proxy.forward_data(request, data[1], request.path, data[0])
 
     app.router.add_get("/{path:.*}", respond)
+    app.router.add_post(f"/{SERVICE}/{{method}}", respond_with_data)
     return app

@@ -4,19 +4,18 @@ The last page that starts to hold a control drives. `Arbiter` decides; `ThreadSa
 the commands, for a server and a node on different threads.
 """
 
-import math
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from onebot_bringup.steering.limits import Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
 DRIVER_TIMEOUT = 1.0  # s without a message until the driver has to release and hold again
 ZEROS = 3  # zero commands after the last one, in case one gets lost
-_NO_CEILING = Velocity(math.inf, math.inf)
 
 
 @dataclass
@@ -30,7 +29,7 @@ class Arbiter:
     A page that lost control, for any reason, has to release before it can drive again.
     """
 
-    def __init__(self, limits: Velocity) -> None:
+    def __init__(self, limits: Limits) -> None:
         """Start without pages."""
         self.limits = limits  # of commands
         self.driver: str | None = None  # the page that drives
@@ -50,7 +49,7 @@ class Arbiter:
     @property
     def command(self) -> Velocity:
         """The present command, within the limits."""
-        return self._velocity.clamped(self.limits) if self.moving else Velocity()
+        return self.limits.clamp(self._velocity) if self.moving else Velocity()
 
     @property
     def busy(self) -> bool:
@@ -132,30 +131,23 @@ class DrivingState:
 
     driver: str | None  # the page that drives
     pages: int  # the number of open pages
-    limits: Velocity
+    limits: Limits
     command: Velocity  # the present command, within the limits
 
 
 class ThreadSafeArbiter:
     """An Arbiter with a lock that publishes its commands: stops and new drivers at once."""
 
-    def __init__(
-        self,
-        limits: Velocity,
-        publish: Callable[[Velocity], None],
-        ceiling: Velocity = _NO_CEILING,
-    ) -> None:
+    def __init__(self, limits: Limits, publish: Callable[[Velocity], None]) -> None:
         """Start without pages.
 
         Args:
             limits: of commands.
             publish: called with each command, from any thread, one call at a time.
-            ceiling: the upper bound of the limits.
         """
         self._lock = threading.Lock()
-        self._arbiter = Arbiter(limits.clamped(ceiling))
+        self._arbiter = Arbiter(limits)
         self._publish = publish
-        self._ceiling = ceiling
         self.changed: Callable[[], None] = lambda: None  # called when pages need a new state
 
     @property
@@ -169,10 +161,12 @@ class ThreadSafeArbiter:
         with self._update():
             self._arbiter.join(page)
 
-    def leave(self, page: str) -> None:
-        """Remove a page; if it drove, the robot stops."""
+    def leave(self, page: str) -> bool:
+        """Remove a page; if it drove, the robot stops. Return whether it did."""
         with self._update():
+            drove = self._arbiter.driver == page
             self._arbiter.leave(page)
+        return drove
 
     def handle(self, page: str, message: Drive | Release | Stop | SetLimits) -> None:
         """Handle a message of a page."""
@@ -184,16 +178,19 @@ class ThreadSafeArbiter:
             elif isinstance(message, Stop):
                 self._arbiter.stop()
             else:
-                self._arbiter.limits = message.limits.clamped(self._ceiling)
+                self._arbiter.limits = replace(self._arbiter.limits, chosen=message)
 
-    def reject(self, page: str) -> None:
-        """Handle an invalid message; if the page drove, the robot stops."""
+    def reject(self, page: str) -> bool:
+        """Handle an invalid message; if the page drove, the robot stops. Return whether it did."""
         with self._update():
+            drove = self._arbiter.driver == page
             self._arbiter.reject(page)
+        return drove
 
-    def set_limits(self, limits: Velocity) -> None:
-        """Set the limits of commands."""
-        self.handle("", SetLimits(limits))
+    def set_limits(self, limits: Limits) -> None:
+        """Set what the robot may do; what an operator chose stays."""
+        with self._update():
+            self._arbiter.limits = replace(limits, chosen=self._arbiter.limits.chosen)
 
     def check_timeout(self) -> None:
         """Stop the robot if its driver has timed out; to be called every 50 ms."""

@@ -6,10 +6,10 @@ Page to server, each with a ``type``:
     release: the control was released.
     stop: the stop button; every page loses control.
     topic: ``topic``, the name of the command topic to publish on.
-    limits: ``linear`` (m/s), ``angular`` (rad/s), for all pages.
+    limits: ``linear`` (m/s), ``angular`` (rad/s), chosen for all pages; null for the robot's own.
 
 Server to page: ``welcome`` (``id``, ``rate``), ``state`` (see ``state_text``) and ``error``
-(``message``).
+(``message``; ``about``, the type of the refused message; ``field``, the one that is wrong).
 """
 
 import json
@@ -29,6 +29,17 @@ _MAX_TOPIC = 200  # characters
 class ProtocolError(OneBotError):
     """A message of a page is invalid; the text describes how."""
 
+    def __init__(self, problem: str, field: str | None = None) -> None:
+        """Make the error, about no type of message yet.
+
+        Args:
+            problem: what is wrong.
+            field: the one that is wrong, if it is one.
+        """
+        super().__init__(problem)
+        self.field = field
+        self.about: str | None = None  # the type of the message, if it has one
+
 
 @dataclass(frozen=True)
 class Velocity:
@@ -37,12 +48,25 @@ class Velocity:
     linear: float = 0.0
     angular: float = 0.0
 
-    def clamped(self, limits: "Velocity") -> "Velocity":
-        """Return the nearest command that is within plus and minus ``limits``."""
+    def clamped(self, least: "Velocity", most: "Velocity") -> "Velocity":
+        """Return the fastest command between ``least`` and ``most`` along the same arc.
+
+        One factor scales both speeds. Clamping each on its own would change the radius: a robot
+        that cannot turn as commanded would leave its arc to the outside, at full speed.
+        """
+        linear = min(max(self.linear, least.linear), most.linear)
+        angular = min(max(self.angular, least.angular), most.angular)
+        shares = _share(linear, self.linear), _share(angular, self.angular)
+        share = min(shares)
+        # What is at its limit is that limit exactly, without the rounding of a product.
         return Velocity(
-            max(-limits.linear, min(limits.linear, self.linear)),
-            max(-limits.angular, min(limits.angular, self.angular)),
+            linear if shares[0] == share else self.linear * share,
+            angular if shares[1] == share else self.angular * share,
         )
+
+
+def _share(clamped: float, wanted: float) -> float:
+    return clamped / wanted if wanted else 1.0
 
 
 @dataclass(frozen=True)
@@ -71,9 +95,10 @@ class ChooseTopic:
 
 @dataclass(frozen=True)
 class SetLimits:
-    """New limits of commands, each above zero."""
+    """Limits of commands that an operator chose, each above zero; None for the robot's own."""
 
-    limits: Velocity
+    linear: float | None = None  # m/s
+    angular: float | None = None  # rad/s
 
 
 Message = Drive | Release | Stop | ChooseTopic | SetLimits
@@ -97,20 +122,25 @@ def parse(text: str) -> Message:
     kind = fields.pop("type", None)
     if not isinstance(kind, str) or kind not in _FIELDS:
         raise ProtocolError(f"the type must be one of {', '.join(_FIELDS)}")
+    try:
+        return _message(kind, fields)
+    except ProtocolError as error:
+        error.about = kind
+        raise
+
+
+def _message(kind: str, fields: Mapping[str, Any]) -> Message:
     if set(fields) != _FIELDS[kind]:
         needed = ", ".join(sorted(_FIELDS[kind])) or "no fields"
         raise ProtocolError(f'a message of type "{kind}" has {needed} beside its type, no others')
     if kind == "drive":
         if type(fields["seq"]) is not int or fields["seq"] < 0:
-            raise ProtocolError("seq must be an integer from 0 on")
-        return Drive(_velocity(fields))
+            raise ProtocolError("seq must be an integer from 0 on", "seq")
+        return Drive(Velocity(_number("linear", fields), _number("angular", fields)))
     if kind == "topic":
         return ChooseTopic(_topic(fields["topic"]))
     if kind == "limits":
-        limits = _velocity(fields)
-        if min(limits.linear, limits.angular) <= 0.0:
-            raise ProtocolError("limits must be above zero")
-        return SetLimits(limits)
+        return SetLimits(_limit("linear", fields), _limit("angular", fields))
     return Release() if kind == "release" else Stop()
 
 
@@ -137,25 +167,31 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _velocity(fields: Mapping[str, Any]) -> Velocity:
-    return Velocity(_number("linear", fields["linear"]), _number("angular", fields["angular"]))
-
-
-def _number(name: str, value: object) -> float:
+def _number(name: str, fields: Mapping[str, Any]) -> float:
+    value = fields[name]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ProtocolError(f"{name} must be a number")
+        raise ProtocolError(f"{name} must be a number", name)
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise ProtocolError(f"{name} must be a finite number")
+        raise ProtocolError(f"{name} must be a finite number", name)
     return number
+
+
+def _limit(name: str, fields: Mapping[str, Any]) -> float | None:
+    if fields[name] is None:
+        return None
+    limit = _number(name, fields)
+    if limit <= 0.0:
+        raise ProtocolError(f"{name} must be above zero", name)
+    return limit
 
 
 def _topic(value: object) -> str:
     if not isinstance(value, str) or not _TOPIC.fullmatch(value) or len(value) > _MAX_TOPIC:
-        raise ProtocolError("topic must be the name of a ROS topic, such as /cmd_vel")
+        raise ProtocolError("topic must be the name of a ROS topic, such as /cmd_vel", "topic")
     return value
 
 
@@ -164,9 +200,15 @@ def welcome_text(page: str, rate: float) -> str:
     return json.dumps({"type": "welcome", "id": page, "rate": rate})
 
 
-def error_text(message: str) -> str:
-    """Return an error message for a page, one sentence."""
-    return json.dumps({"type": "error", "message": message})
+def error_text(message: str, about: str | None = None, field: str | None = None) -> str:
+    """Return an error message for a page.
+
+    Args:
+        message: one sentence.
+        about: the type of the page's message that was refused, if it has one.
+        field: of that message, the one that is wrong, if it is one.
+    """
+    return json.dumps({"type": "error", "message": message, "about": about, "field": field})
 
 
 def velocity_fields(velocity: Velocity) -> dict[str, float]:
@@ -179,7 +221,8 @@ def state_text(fields: Mapping[str, Any]) -> str:
 
     Args:
         fields: ``driver`` (the name of the page that drives, or None), ``you``, ``pages``,
-            ``topic``, ``topic_type``, ``topics``, ``listeners``, ``limits``, ``command``,
+            ``topic``, ``topic_type``, ``topics``, ``listeners``, ``controllers``, ``limits``
+            (in force), ``chosen``, ``ceiling``, ``ceiling_from``, ``braking``, ``command``,
             ``odometry`` and ``view``.
     """
     return json.dumps({"type": "state", **fields}, allow_nan=False)

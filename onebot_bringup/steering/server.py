@@ -2,16 +2,19 @@
 
 import asyncio
 import secrets
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import WebSocketError, WSMsgType, web
 
+from onebot_bringup.serving.connections import KEEP
 from onebot_bringup.steering.access import Access, other_site
 from onebot_bringup.steering.arbiter import ThreadSafeArbiter
+from onebot_bringup.steering.limits import Braking, Limits
 from onebot_bringup.steering.protocol import (
     ChooseTopic,
     ProtocolError,
@@ -29,6 +32,8 @@ _MIN_PERIOD = 0.02  # s between two states, even if more changes
 _HEARTBEAT = 5.0  # s between two pings; a page that does not respond counts as closed
 _MAX_MESSAGE = 1 << 16  # bytes; beyond it the connection is closed
 _MAX_PAGES = 64
+_MOST_OF_A_PEER = 32  # pages
+GAVE_WAY = 4000  # code of a WebSocket that is closed for another page
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -45,6 +50,8 @@ class RobotStatus:
     topic_type: str = "geometry_msgs/msg/Twist"
     topics: tuple[str, ...] = ()  # the topics to choose from, those with subscribers first
     listeners: int = 0  # the number of subscribers
+    controllers: tuple[str, ...] = ()  # the nodes whose limits are known
+    braking: Braking | None = None  # None if no controller is known
     odometry: Mapping[str, Any] | None = None  # its fields in the state
 
 
@@ -56,10 +63,14 @@ class ServerContext:
     access: Access
     view: ViewProxy
     robot: Callable[[], RobotStatus]
-    # Called with the name of a page and of the topic that it chose; ``SteeringServer.show_error``
-    # replies to that page if the topic cannot be used.
+    # Called with the name of a page and of the topic that it chose; ``show_topic_error`` of the
+    # server replies to that page if the topic cannot be used.
     choose_topic: Callable[[str, str], None]
-    report: Callable[[str], None]  # called with the problem of each rejected message
+    # Called with the problem of each rejected message, and whether its page drove.
+    rejected: Callable[[str, bool], None]
+    # Called when a page has gone: with why its connection was lost, "" if it was closed, and
+    # whether it drove.
+    ended: Callable[[str, bool], None]
     rate: float  # of commands, Hz
 
 
@@ -70,6 +81,7 @@ class SteeringServer:
         """Make the application, ``app``."""
         self._context = context
         self._pages: dict[web.WebSocketResponse, _Page] = {}
+        self._closing: set[asyncio.Future[bool]] = set()  # of pages that gave way
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
         self.app.on_shutdown.append(self._close_pages)
@@ -83,11 +95,11 @@ class SteeringServer:
         for page in self._pages.values():
             page.changed.set()
 
-    def show_error(self, name: str, sentence: str) -> None:
-        """Send one page an error message; to be called in the server's thread."""
+    def show_topic_error(self, name: str, sentence: str) -> None:
+        """Send one page why its topic cannot be used; to be called in the server's thread."""
         for page in self._pages.values():
             if page.name == name:
-                page.errors.append(sentence)
+                page.errors.append(error_text(sentence, "topic", "topic"))
                 page.changed.set()
 
     @web.middleware
@@ -117,29 +129,63 @@ class SteeringServer:
         return web.FileResponse(STATIC / "index.html")
 
     async def _serve_page(self, request: web.Request) -> web.WebSocketResponse:
-        if len(self._pages) >= _MAX_PAGES:
-            raise web.HTTPServiceUnavailable(text="There are too many pages open.\n")
         socket = web.WebSocketResponse(heartbeat=_HEARTBEAT, max_msg_size=_MAX_MESSAGE)
         await socket.prepare(request)
-        page = _Page(socket, request.host)
+        request[KEEP] = True
+        page = _Page(socket, request.host, request.remote or "")
+        self._make_room(page.peer)
         self._pages[socket] = page
         self._context.arbiter.join(page.name)
         sender = asyncio.ensure_future(self._send_states(page))
+        lost = "it broke off"
         try:
-            async for message in socket:
-                if message.type == WSMsgType.ERROR:
-                    self._context.report("too large, or no WebSocket frame")
-                    break
-                await self._on_message(
-                    page, message.data if message.type == WSMsgType.TEXT else None
-                )
+            lost = await self._receive(page)
         except ConnectionError:
             pass  # the page was closed before it got a response
         finally:
-            self._context.arbiter.leave(page.name)
+            self._context.ended(lost, self._context.arbiter.leave(page.name))
             self._pages.pop(socket, None)
             sender.cancel()
         return socket
+
+    def _make_room(self, peer: str) -> None:
+        """Close the page that has been idle longest if there are too many, or of one computer."""
+        crowds: dict[str, list[_Page]] = {}
+        for page in self._pages.values():
+            crowds.setdefault(page.peer, []).append(page)
+        crowd = crowds.get(peer, [])
+        if len(crowd) < _MOST_OF_A_PEER:
+            if len(self._pages) < _MAX_PAGES:
+                return
+            crowd = max(crowds.values(), key=len)
+        driver = self._context.arbiter.state.driver
+        idle = min((page for page in crowd if page.name != driver), key=lambda page: page.active)
+        del self._pages[idle.socket]
+        reason = b"another page was opened"
+        closing = idle.socket.close(code=GAVE_WAY, message=reason, drain=False)
+        task = asyncio.ensure_future(closing)
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
+
+    async def _receive(self, page: "_Page") -> str:
+        """Handle a page's messages; return why its connection was lost, "" if it was closed."""
+        while True:
+            message = await page.socket.receive()
+            if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                page.active = time.monotonic()
+                await self._on_message(
+                    page, message.data if message.type == WSMsgType.TEXT else None
+                )
+            elif isinstance(message.data, WebSocketError):
+                drove = self._context.arbiter.reject(page.name)
+                self._context.rejected("too large, or no WebSocket frame", drove)
+                return ""
+            elif message.type in (WSMsgType.CLOSE, WSMsgType.CLOSING):
+                return ""
+            elif isinstance(page.socket.exception(), asyncio.TimeoutError):
+                return "it does not respond"
+            else:
+                return "it broke off"
 
     async def _on_message(self, page: "_Page", text: str | None) -> None:
         context = self._context
@@ -148,9 +194,9 @@ class SteeringServer:
                 raise ProtocolError("messages are text")
             message = parse(text)
         except ProtocolError as error:
-            context.arbiter.reject(page.name)
-            context.report(str(error))
-            await page.socket.send_str(error_text(f"Refused: {error}."))
+            context.rejected(str(error), context.arbiter.reject(page.name))
+            text = error_text(f"Refused: {error}.", error.about, error.field)
+            await page.socket.send_str(text)
             return
         if isinstance(message, ChooseTopic):
             context.choose_topic(page.name, message.topic)
@@ -164,7 +210,7 @@ class SteeringServer:
             while not page.socket.closed:
                 page.changed.clear()
                 while page.errors:
-                    await page.socket.send_str(error_text(page.errors.popleft()))
+                    await page.socket.send_str(page.errors.popleft())
                 await page.socket.send_str(state_text(self._state(page)))
                 await asyncio.sleep(_MIN_PERIOD)
                 try:
@@ -188,7 +234,9 @@ class SteeringServer:
             "topic_type": robot.topic_type,
             "topics": robot.topics,
             "listeners": robot.listeners,
-            "limits": velocity_fields(now.limits),
+            "controllers": robot.controllers,
+            **_limit_fields(now.limits),
+            "braking": asdict(robot.braking) if robot.braking is not None else None,
             "command": velocity_fields(now.command),
             "odometry": robot.odometry,
             "view": view.addresses(page.host) if view is not None else None,
@@ -199,13 +247,25 @@ class SteeringServer:
             await page.close(code=1001, message=b"the server is stopped")
 
 
+def _limit_fields(limits: Limits) -> dict[str, Any]:
+    linear, angular = limits.linear, limits.angular
+    return {
+        "limits": velocity_fields(limits.in_force),
+        "chosen": asdict(limits.chosen),
+        "ceiling": {"linear": linear.most, "angular": angular.most},
+        "ceiling_from": {"linear": linear.source, "angular": angular.source},
+    }
+
+
 @dataclass
 class _Page:
     socket: web.WebSocketResponse
     host: str  # of this server, as the browser has it
+    peer: str  # the address of its computer
+    active: float = field(default_factory=time.monotonic)  # when it was opened, or sent something
     name: str = field(default_factory=lambda: secrets.token_hex(4))
     changed: asyncio.Event = field(default_factory=asyncio.Event)
-    errors: deque[str] = field(default_factory=deque)
+    errors: deque[str] = field(default_factory=deque)  # messages that are yet to be sent
 
 
 def _policy(request: web.Request, status: int) -> dict[str, str]:

@@ -8,7 +8,7 @@ which other browsers give a process of its own.
 Such a frame has no cookies. All that it requests is below a path with a random key, which only the
 steering page gets; ``static/view_frame.js`` runs in it and sends Rerun's requests for data there,
 which Rerun makes to ``/rerun.sdk_comms.v1alpha1.MessageProxyService/...`` of the host and port of
-its page's ``url=`` parameter. Requests that write into the recording are rejected.
+its page's ``url=`` parameter.
 """
 
 import hmac
@@ -16,29 +16,25 @@ import re
 import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 from aiohttp import web
 
-from onebot_bringup.serving.rerun_proxy import RerunProxy, content_policy
+from onebot_bringup.serving.rerun_proxy import SERVICE, RerunProxy, content_policy, data_url
 from onebot_bringup.steering.access import other_site
 
 _SANDBOX = "allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
 _POLICY = f"{content_policy()}; base-uri 'none'; form-action 'none'; sandbox {_SANDBOX}"
 _SCRIPT = Path(__file__).parent / "static" / "view_frame.js"
-_SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
-_METHODS = frozenset({"ReadMessages", "ReadTables"})
 _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
-_DATA = re.compile(r"rerun\+http://127\.0\.0\.1:(\d{1,5})/proxy")
 
 
 @dataclass(frozen=True)
 class View:
     """The address of a viewer's page on this computer."""
 
-    page_port: int  # of the page's server, on 127.0.0.1
-    data_port: int  # of the recording's server, on 127.0.0.1
-    options: tuple[str, ...] = ()  # the other parameters of the page's address
+    port: int  # of the page and its data, on 127.0.0.1
+    options: tuple[str, ...] = ()  # the parameters of the page's address beside url=
     # Required in the path of the view's requests. Each viewer has its own: when it changes, a page
     # loads the view again.
     key: str = field(default_factory=lambda: secrets.token_urlsafe(16))
@@ -47,29 +43,17 @@ class View:
     def parse(cls, address: str) -> "View | None":
         """Parse the message of rerun_viewer's ~/page; None if it is no page on this computer."""
         page = _PAGE.fullmatch(address)
-        if page is None:
+        if page is None or not 0 < int(page[1]) < 65536:
             return None
         words = page[2].split("&")
-        data = [_DATA.fullmatch(unquote(word[4:])) for word in words if word.startswith("url=")]
-        if len(data) != 1 or data[0] is None:
-            return None
-        ports = int(page[1]), int(data[0][1])
-        if not all(0 < port < 65536 for port in ports):
-            return None
-        return cls(*ports, tuple(word for word in words if not word.startswith("url=")))
+        return cls(int(page[1]), tuple(word for word in words if not word.startswith("url=")))
 
     def addresses(self, host: str) -> list[str]:
         """Return where the view is, the best first, for a page that the browser has at ``host``."""
         return [self._address(name, host) for name in (other_site(host), host) if name]
 
     def _address(self, host: str, page: str) -> str:
-        # Without a port, Rerun's page would take that of its own servers.
-        full = host if re.search(r":\d+$", host) else f"{host}:80"
-        words = [
-            f"url={quote(f'rerun+http://{full}/proxy', safe=':/[]')}",
-            *self.options,
-            f"page={quote(f'http://{page}', safe=':/[]')}",
-        ]
+        words = data_url(host), *self.options, f"page={quote(f'http://{page}', safe=':/[]')}"
         return f"http://{host}/view/{self.key}/?{'&'.join(words)}"
 
 
@@ -85,8 +69,8 @@ class ViewProxy:
         unavailable = "The robot's view does not answer at the moment."
         self._proxy = RerunProxy(app, _POLICY, unavailable, _SCRIPT.read_text())
         app.on_response_prepare.append(self._add_headers)
-        app.router.add_post(f"/view/{{key}}/{_SERVICE}/{{method}}", self._data)
-        app.router.add_options(f"/view/{{key}}/{_SERVICE}/{{method}}", self._preflight)
+        app.router.add_post(f"/view/{{key}}/{SERVICE}/{{method}}", self._data)
+        app.router.add_options(f"/view/{{key}}/{SERVICE}/{{method}}", self._preflight)
         app.router.add_get("/view/{key}/{path:.*}", self._page)
 
     def has_key(self, request: web.Request) -> bool:
@@ -97,13 +81,11 @@ class ViewProxy:
     async def _page(self, request: web.Request) -> web.StreamResponse:
         view = self._known(request)
         path = request.rel_url.raw_path_qs.split("/", 3)[3]
-        return await self._proxy.forward_page(request, view.page_port, f"/{path}")
+        return await self._proxy.forward_page(request, view.port, f"/{path}")
 
     async def _data(self, request: web.Request) -> web.StreamResponse:
         view, method = self._known(request), request.match_info["method"]
-        if method not in _METHODS:
-            raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
-        return await self._proxy.forward_data(request, view.data_port, f"/{_SERVICE}/{method}")
+        return await self._proxy.forward_data(request, view.port, f"/{SERVICE}/{method}")
 
     async def _preflight(self, request: web.Request) -> web.StreamResponse:
         self._known(request)

@@ -17,7 +17,8 @@ from urllib.parse import quote
 import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
-from onebot_bringup.serving.ports import LOOPBACK, answers, free_port, listen
+from onebot_bringup.serving.grpc_gate import GrpcGate
+from onebot_bringup.serving.ports import LOOPBACK, answers, free_port, hidden_address, listen
 from onebot_description.errors import OneBotError
 
 # Rerun's own program as a child process that can never outlive us, whatever ends us.
@@ -117,11 +118,17 @@ class WebPage:
     Attributes:
         port: where it listens, on 127.0.0.1.
         url: what to open in a browser.
-        address: where that leads to: the page, with the recording to show.
+        address: the page and its options, with the address of the recording for native viewers.
     """
 
-    def __init__(self, port: int, recording_uri: str) -> None:
-        """Start hosting on ``port``, or another one if it is in use (0: any)."""
+    def __init__(self, port: int, recording_uri: str, data: tuple[str, int]) -> None:
+        """Start hosting.
+
+        Args:
+            port: wanted port, another one is taken if it is in use (0: any).
+            recording_uri: where native viewers connect.
+            data: address and port of the recording's server.
+        """
         from onebot_bringup.serving.http_server import ServerThread  # imports aiohttp
         from onebot_bringup.serving.rerun_proxy import page_app
 
@@ -130,14 +137,11 @@ class WebPage:
         self._backend = free_port(0)
         self._child = self._start()
         # persist=0: it shows this robot's view, not one remembered from another robot.
-        start = (
-            f"/?url={quote(recording_uri, safe=':/')}"
-            "&hide_welcome_screen&theme=dark&persist=0&notebook=1"
-        )
+        options = "hide_welcome_screen&theme=dark&persist=0&notebook=1"
         self.port = int(listener.getsockname()[1])
         self.url = f"http://{LOOPBACK}:{self.port}"
-        self.address = self.url + start
-        self._server = ServerThread(page_app(self._backend, start), listener, "page")
+        self.address = f"{self.url}/?url={quote(recording_uri, safe=':/')}&{options}"
+        self._server = ServerThread(page_app(self._backend, options, data), listener, "page")
 
     def _start(self) -> Child:
         return Child(["--serve-web", "--web-viewer-port", str(self._backend), self._uri])
@@ -214,12 +218,14 @@ class Recording:
     """An open recording; the server lives as long as ``stream`` is referenced."""
 
     stream: rr.RecordingStream  # to log to
-    port: int | None  # of the gRPC server on 127.0.0.1, None if nothing is served
     file: Path | None  # the file written, or None
+    port: int | None = None  # for native viewers, on 127.0.0.1; None if nothing is served
+    server: tuple[str, int] = ("", 0)  # address and port of Rerun's server, which that leads to
+    gate: GrpcGate | None = None  # which listens on the port
 
     @property
     def uri(self) -> str:
-        """Where viewers connect."""
+        """Where native viewers connect."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     def check_file(self, patience: float = _CHECKING) -> None:
@@ -248,6 +254,8 @@ class Recording:
         try:
             self.check_file(_WRITING_OUT)
         finally:
+            if self.gate is not None:
+                self.gate.stop()
             self.stream.disconnect()
 
 
@@ -277,14 +285,14 @@ def open_recording(
     Raises:
         OneBotError: the file cannot be written.
     """
-    sinks: list[rr.GrpcServerSink | rr.FileSink] = []
-    if port is not None:
-        port = free_port(port, "grpc_port")
-        sinks.append(
-            rr.GrpcServerSink(bind_ip=LOOPBACK, port=port, server_memory_limit=memory_limit)
-        )
     if save is not None:
         check_writable(save)
+    listener = None if port is None else listen(LOOPBACK, port, "grpc_port")
+    server = hidden_address()
+    sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+    if listener is not None:
+        sinks.append(rr.GrpcServerSink(*server, server_memory_limit=memory_limit))
+    if save is not None:
         # A footer would keep a record of every chunk in memory: nothing for a run of days.
         sinks.append(rr.FileSink(save, write_footer=False))
     if not sinks:
@@ -296,7 +304,10 @@ def open_recording(
         if save is None:
             raise OneBotError(f"the recording cannot be served: {error}") from None
         raise OneBotError(f"save:={save}: {_writing_error(save)}") from None
-    return Recording(stream, port, save)
+    if listener is None:
+        return Recording(stream, save)
+    known = int(listener.getsockname()[1])
+    return Recording(stream, save, known, server, GrpcGate(listener, server))
 
 
 def check_writable(path: Path) -> None:
@@ -379,7 +390,7 @@ class DisplayServer:
         if save is not None:
             log.info(f"recording to {save}")
         if viewer == "web":
-            self._page = WebPage(web_port, self._recording.uri)
+            self._page = WebPage(web_port, self._recording.uri, self._recording.server)
             self._say_port("web_port", web_port, self._page.port)
         elif viewer == "native":
             self._window = NativeWindow(self._recording.uri)

@@ -132,10 +132,11 @@ static const struct layout *find(struct state *state, const unsigned char *data,
 }
 
 /* Whether none of the doubles, which need not be aligned, is NaN or larger than MODERATE. */
-static bool all_moderate(const unsigned char *numbers, uint64_t count) {
+static ONEBOT_WIDE bool all_moderate(const unsigned char *numbers, uint64_t count) {
+  int64_t others = 0;
   for (uint64_t i = 0; i < count; i++)
-    if (!(fabs(onebot_load(numbers, (int64_t)i)) <= MODERATE)) return false;
-  return true;
+    others += !(fabs(onebot_load(numbers, (int64_t)i)) <= MODERATE);
+  return others == 0;
 }
 
 /* ---- Publish it ---- */
@@ -151,7 +152,8 @@ static int64_t read_stamp(const unsigned char *data) {
 /* DUE is published, EARLY is not. OLD is left to the way through ordinary messages, which warns. */
 enum due { DUE, EARLY, OLD };
 
-static enum due when_due(const struct state *state, const struct layout *layout, int64_t stamp) {
+static ONEBOT_WIDE enum due when_due(const struct state *state, const struct layout *layout,
+                                    int64_t stamp) {
   if (state->ignore_timestamp) return DUE;
   int64_t oldest = INT64_MAX - state->interval;
   for (uint64_t i = 0; i < layout->count; i++) {

@@ -25,6 +25,13 @@ def onebot(*words: str, text: str | None = None) -> subprocess.CompletedProcess[
     )
 
 
+def output_of(*words: str) -> str:
+    """Run a command to its end, which is to be a good one, and return what it printed."""
+    done = onebot(*words)
+    assert done.returncode == 0, f"exit code {done.returncode}: {done.stderr}"
+    return done.stdout
+
+
 class Running:
     """A command that runs on; its output so far."""
 

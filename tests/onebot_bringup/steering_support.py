@@ -8,6 +8,7 @@ import threading
 from collections.abc import Coroutine, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
+from urllib.parse import urlsplit
 
 import aiohttp
 from geometry_msgs.msg import Twist
@@ -25,6 +26,7 @@ class PageClient:
     def __init__(self, address: str, **headers: str) -> None:
         self.states: list[dict[str, Any]] = []
         self.errors: list[str] = []
+        self.refused: list[tuple[str | None, str | None]] = []  # the message and field, of each
         self.id = ""
         self.closed = False
         self._loop = asyncio.new_event_loop()
@@ -50,6 +52,7 @@ class PageClient:
             elif fields["type"] == "state":
                 self.states.append(fields)
             else:
+                self.refused.append((fields["about"], fields["field"]))
                 self.errors.append(fields["message"])
         self.closed = True
 
@@ -99,6 +102,11 @@ class PageClient:
         self.silence()
         self.send("release")
 
+    @property
+    def close_code(self) -> int | None:
+        """What the server closed it with."""
+        return self._socket.close_code
+
     def cut(self) -> None:
         """Lose the connection without a word, as a browser that is killed."""
         self.silence()
@@ -126,6 +134,20 @@ class PageClient:
     def __exit__(self, *_: object) -> None:
         if self._thread.is_alive():
             self.close()
+
+
+def raw_page(address: str, source: str = "127.0.0.1") -> socket.socket:
+    """A WebSocket that never says or answers anything, as of a computer that hangs."""
+    port = urlsplit(address).port
+    found = socket.create_connection(("127.0.0.1", port), PATIENCE, (source, 0))
+    request = (
+        f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
+        "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+        "Sec-WebSocket-Version: 13\r\n\r\n"
+    )
+    found.sendall(request.encode())
+    assert found.recv(12) == b"HTTP/1.1 101"
+    return found
 
 
 @contextmanager

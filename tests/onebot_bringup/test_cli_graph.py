@@ -1,14 +1,21 @@
 """``onebot node, param, service, interface``, on real DDS, in the forms that ros2 prints."""
 
 import pytest
+import rclpy
 import yaml
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    ParameterDescriptor,
+    ParameterType,
+    ParameterValue,
+    SetParametersResult,
+)
+from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 from onebot_bringup.introspection.parameter_values import DOUBLE, INTEGER, STRING, parse_value
 from onebot_description.errors import OneBotError
-from tests.onebot_bringup.cli_support import onebot
+from tests.onebot_bringup.cli_support import onebot, output_of
 from tests.ros_support import Peer
 
 
@@ -31,9 +38,9 @@ def test_nodes(ros_domain: int) -> None:
     """All nodes but hidden ones; what one does, with empty lists shown as empty lines."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_service(SetBool, "switch", lambda _, response: response)
-        assert onebot("node", "list").stdout == "/talker\n"
-        assert "/_onebot_" in onebot("node", "list", "--all").stdout
-        info = onebot("node", "info", "/talker").stdout
+        assert output_of("node", "list") == "/talker\n"
+        assert "/_onebot_" in output_of("node", "list", "--all")
+        info = output_of("node", "info", "/talker")
         assert info.startswith("/talker\n  Subscribers:\n\n  Publishers:\n    /parameter_events: ")
         assert "  Service Servers:\n    /switch: std_srvs/srv/SetBool\n" in info
         assert info.endswith("  Service Clients:\n\n  Action Servers:\n\n  Action Clients:\n\n")
@@ -45,9 +52,9 @@ def test_param_list_get_and_dump(ros_domain: int) -> None:
     """The names, sorted; each value with its type; all as a file that ROS reads again."""
     with Peer(ros_domain, "robot") as peer:
         with_parameters(peer)
-        names = onebot("param", "list", "/robot").stdout
+        names = output_of("param", "list", "/robot")
         assert names.startswith("  fixed\n  label\n  limits.speed\n  rate\n")
-        every = onebot("param", "list", "--param-type").stdout
+        every = output_of("param", "list", "--param-type")
         assert every.startswith("/robot:\n  fixed (type: integer)\n  label (type: string)\n")
         for name, shown in {
             "rate": "Double value is: 10.0",
@@ -56,15 +63,33 @@ def test_param_list_get_and_dump(ros_domain: int) -> None:
             "use_sim_time": "Boolean value is: False",
             "weights": "Double values are: array('d', [1.0, 2.0])",
         }.items():
-            assert onebot("param", "get", "/robot", name).stdout == f"{shown}\n"
-        assert onebot("param", "get", "robot", "rate", "--hide-type").stdout == "10.0\n"
-        text = onebot("param", "dump", "/robot").stdout
+            assert output_of("param", "get", "/robot", name) == f"{shown}\n"
+        assert output_of("param", "get", "robot", "rate", "--hide-type") == "10.0\n"
+        text = output_of("param", "dump", "/robot")
         assert text.startswith("/robot:\n  ros__parameters:\n    fixed: 3\n")
         assert text.endswith("\n\n")
         values = yaml.safe_load(text)["/robot"]["ros__parameters"]
         assert values["limits"] == {"speed": 0.5} and values["weights"] == [1.0, 2.0]
         wrong = onebot("param", "get", "/robot", "rat")
         assert wrong.returncode == 1 and 'did you mean "rate"' in wrong.stderr
+
+
+def test_lost_response(ros_domain: int) -> None:
+    """A request is sent again when its response is lost, as on a busy machine."""
+    with Peer(ros_domain) as peer:
+        node = rclpy.create_node("robot", context=peer.context, start_parameter_services=False)
+        service = peer.node.create_service(
+            GetParameters,
+            "/robot/get_parameters",
+            lambda _, response: GetParameters.Response(
+                values=[ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=10.0)]
+            ),
+        )
+        send, lost = service.send_response, []
+        service.send_response = lambda *words: send(*words) if lost else lost.append(words)
+        assert output_of("param", "get", "/robot", "rate") == "Double value is: 10.0\n"
+        assert len(lost) == 1
+        node.destroy_node()
 
 
 def test_parameter_without_value(ros_domain: int) -> None:
@@ -76,7 +101,7 @@ def test_parameter_without_value(ros_domain: int) -> None:
         assert dumped.returncode == 0, dumped.stderr
         values = yaml.safe_load(dumped.stdout)["/robot"]["ros__parameters"]
         assert values["limits"] == {"speed": 0.5} and values["label"] == "x"
-        assert onebot("param", "get", "/robot", "limits.later").stdout == "Parameter not set.\n"
+        assert output_of("param", "get", "/robot", "limits.later") == "Parameter not set.\n"
 
 
 def test_param_set(ros_domain: int) -> None:
@@ -143,8 +168,8 @@ def test_services(ros_domain: int) -> None:
         )
         wrong = onebot("service", "call", "/switch", "std_srvs/srv/Trigger")
         assert wrong.returncode == 1 and "is a std_srvs/srv/SetBool, not a" in wrong.stderr
-        assert "/switch [std_srvs/srv/SetBool]\n" in onebot("service", "list", "-t").stdout
-        assert onebot("service", "type", "switch").stdout == "std_srvs/srv/SetBool\n"
+        assert "/switch [std_srvs/srv/SetBool]\n" in output_of("service", "list", "-t")
+        assert output_of("service", "type", "switch") == "std_srvs/srv/SetBool\n"
 
 
 def test_service_mistakes(ros_domain: int) -> None:
@@ -157,18 +182,17 @@ def test_service_mistakes(ros_domain: int) -> None:
 
 def test_interfaces() -> None:
     """The definition, nested ones indented by tabs; the list of all types."""
-    shown = onebot("interface", "show", "geometry_msgs/msg/Twist", "--no-comments").stdout
+    shown = output_of("interface", "show", "geometry_msgs/msg/Twist", "--no-comments")
     assert shown == (
         "Vector3  linear\n\tfloat64 x\n\tfloat64 y\n\tfloat64 z\n"
         "Vector3  angular\n\tfloat64 x\n\tfloat64 y\n\tfloat64 z\n"
     )
-    service = onebot("interface", "show", "std_srvs/srv/SetBool").stdout
+    service = output_of("interface", "show", "std_srvs/srv/SetBool")
     assert "bool data" in service and "\n---\n" in service
-    assert (
-        "\n\tstd_msgs/Header header\n\t\t"
-        in onebot("interface", "show", "tf2_msgs/msg/TFMessage").stdout
+    assert "\n\tstd_msgs/Header header\n\t\t" in output_of(
+        "interface", "show", "tf2_msgs/msg/TFMessage"
     )
-    listed = onebot("interface", "list").stdout
+    listed = output_of("interface", "list")
     assert "Messages:\n" in listed and "    geometry_msgs/msg/Twist\n" in listed
     assert "Services:\n" in listed and "    std_srvs/srv/SetBool\n" in listed
 

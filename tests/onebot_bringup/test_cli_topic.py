@@ -11,7 +11,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import String
 
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.cli_support import MODULE, onebot, running
+from tests.onebot_bringup.cli_support import MODULE, onebot, output_of, running
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
@@ -174,13 +174,13 @@ def test_list(ros_domain: int) -> None:
         peer.node.create_publisher(String, "/chatter", 10)
         peer.node.create_publisher(String, "/_secret", 10)
         peer.hear(Twist, "/cmd_vel")
-        plain = onebot("topic", "list").stdout.splitlines()
+        plain = output_of("topic", "list").splitlines()
         assert plain == ["/chatter", "/cmd_vel", "/parameter_events", "/rosout"]
-        typed = onebot("topic", "list", "-t").stdout
+        typed = output_of("topic", "list", "-t")
         assert "/chatter [std_msgs/msg/String]\n/cmd_vel [geometry_msgs/msg/Twist]\n" in typed
-        assert onebot("topic", "list", "--count-topics").stdout == "4\n"
-        assert "/_secret" in onebot("topic", "list", "--include-hidden-topics").stdout
-        verbose = onebot("topic", "list", "-v").stdout
+        assert output_of("topic", "list", "--count-topics") == "4\n"
+        assert "/_secret" in output_of("topic", "list", "--include-hidden-topics")
+        verbose = output_of("topic", "list", "-v")
         assert verbose.startswith("Published topics:\n * /chatter [std_msgs/msg/String] 1 publi")
         assert verbose.endswith(
             "\n\nSubscribed topics:\n * /cmd_vel [geometry_msgs/msg/Twist] 1 subscriber\n\n"
@@ -191,18 +191,18 @@ def test_info_type_and_find(ros_domain: int) -> None:
     """The counts; with -v each endpoint, its node and QoS; a topic's type and a type's topics."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_publisher(String, "/chatter", LATCHED)
-        assert onebot("topic", "info", "chatter").stdout == (
+        assert output_of("topic", "info", "chatter") == (
             "Type: std_msgs/msg/String\nPublisher count: 1\nSubscription count: 0\n"
         )
-        verbose = onebot("topic", "info", "-v", "/chatter").stdout
+        verbose = output_of("topic", "info", "-v", "/chatter")
         assert verbose.startswith(
             "Type: std_msgs/msg/String\n\nPublisher count: 1\n\n"
             "Node name: talker\nNode namespace: /\nTopic type: std_msgs/msg/String\n"
         )
         assert "  Durability: TRANSIENT_LOCAL\n" in verbose
         assert verbose.endswith("\n\nSubscription count: 0\n\n")
-        assert onebot("topic", "type", "/chatter").stdout == "std_msgs/msg/String\n"
-        assert onebot("topic", "find", "std_msgs/msg/String").stdout == "/chatter\n"
+        assert output_of("topic", "type", "/chatter") == "std_msgs/msg/String\n"
+        assert output_of("topic", "find", "std_msgs/msg/String") == "/chatter\n"
         wrong = onebot("topic", "info", "/chater")
         assert wrong.returncode == 1 and 'did you mean "/chatter"' in wrong.stderr
 

@@ -1,6 +1,7 @@
 """The rerun_viewer node, fed over real DDS."""
 
 import errno
+import ipaddress
 import os
 import re
 import resource
@@ -165,7 +166,8 @@ def test_everything_listens_on_loopback_only(ros_domain, tmp_path):
             for connection in member.net_connections("tcp")
             if connection.status == psutil.CONN_LISTEN
         ]
-        assert len(addresses) >= 3 and set(addresses) == {"127.0.0.1"}
+        assert len(addresses) >= 3
+        assert all(ipaddress.ip_address(address).is_loopback for address in addresses)
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

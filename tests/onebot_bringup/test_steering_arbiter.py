@@ -1,13 +1,16 @@
 """Who drives, of several pages, and when the robot is stopped: no ROS, network or clock."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, DRIVER_TIMEOUT, ZEROS, Arbiter
-from onebot_bringup.steering.protocol import Velocity
+from onebot_bringup.steering.limits import Bound, Limits
+from onebot_bringup.steering.protocol import SetLimits, Velocity
 
-LIMITS = Velocity(1.0, 2.0)
+LIMITS = Limits(Bound(1.0, 1.0, 1.0), Bound(2.0, 2.0, 2.0))
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
 
 
@@ -34,11 +37,13 @@ def test_nothing_is_published_before_anybody_drives(arbiter):
 
 
 def test_what_is_held_is_published_within_the_limits(arbiter):
-    """A command beyond them is clamped, and so is one that was given before they were lowered."""
-    arbiter.drive("a", Velocity(5.0, -9.0), 0.0)
+    """A command beyond them is slowed, and so is one that was given before they were lowered."""
+    arbiter.drive("a", Velocity(4.0, -8.0), 0.0)
     assert arbiter.next_command() == Velocity(1.0, -2.0)
-    arbiter.limits = Velocity(0.2, 0.3)
-    assert arbiter.next_command() == arbiter.command == Velocity(0.2, -0.3)
+    arbiter.limits = replace(LIMITS, chosen=SetLimits(0.25, None))
+    assert arbiter.next_command() == arbiter.command == Velocity(0.25, -0.5)
+    arbiter.limits = replace(LIMITS, angular=Bound(0.125, 0.125, 0.125))
+    assert arbiter.next_command() == Velocity(0.0625, -0.125)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
 from tests.onebot_bringup.bringup_support import MARK
-from tests.onebot_bringup.cli_support import Running, onebot, running
+from tests.onebot_bringup.cli_support import Running, onebot, output_of, running
 from tests.onebot_bringup.steering_support import PageClient
 from tests.orphans import marked
 from tests.ros_support import LATCHED, Peer
@@ -149,6 +149,6 @@ def test_other_computers_need_the_token_that_it_prints(ros_domain, tmp_path):
         assert len(urlsplit(_address(command)).query) > len("token=") + 20
         command.says("other computers can reach the page")
         # A page that is started again has to come back at the same address.
-        token = onebot("param", "get", "/steering_page", "token").stdout.split()[-1]
+        token = output_of("param", "get", "/steering_page", "token").split()[-1]
         assert urlsplit(_address(command)).query == f"token={token}"
         assert command.interrupt() == 0

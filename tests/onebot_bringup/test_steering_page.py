@@ -6,6 +6,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
 from urllib.error import HTTPError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
@@ -19,6 +20,7 @@ from tests.onebot_bringup.steering_support import (
     Commands,
     PageClient,
     address_of,
+    raw_page,
     steered,
     steering,
 )
@@ -44,7 +46,7 @@ def test_commands_go_out_while_held_and_stop_when_let_go(peer):
         assert {(m.linear.x, m.angular.z) for m in robot.moving} == {(0.25, -0.5)}
         page.hold(100.0, 100.0)
         robot.reach(1.0)
-        assert robot.heard[-1].angular.z == 2.0
+        assert robot.heard[-1].angular.z == 1.0, "on the same arc"
         page.let_go()
         robot.come_to_rest()
         count = len(robot.moving)
@@ -143,6 +145,29 @@ def test_nonsense_is_refused_and_stops_the_robot(peer, nonsense):
         assert set(robot.speeds) == {0.3, 0.0, 0.2}
 
 
+def test_the_log_says_how_a_page_was_lost(peer):
+    """Closed, broken off, not responding or refused: four things; and whether it drove."""
+    stopped = "; it drove, so the robot is stopped"
+    with steered(3) as (node, refused, closed, broken):
+        robot = Commands(peer, refused)
+        mute = raw_page(address_of(node))
+        for page, end, words in (
+            (refused, lambda: refused.say("{}"), "rejected a message of a page (1 so far): the ty"),
+            (closed, closed.close, f"a page was closed{stopped}"),
+            (broken, broken.cut, f"lost the connection to a page: it broke off{stopped}"),
+        ):
+            count = len(robot.moving)
+            page.hold(0.3)
+            wait_for(lambda count=count: len(robot.moving) > count, "commands")
+            end()
+            wait_for(lambda words=words: words in node.output, words)
+            page.silence()
+        wait_for(lambda: "to a page: it does not respond\n" in node.output, "the lost heartbeat")
+        mute.close()
+        assert node.output.count("rejected a message") == 1
+        assert f"topic, limits{stopped}" in node.output
+
+
 def test_a_huge_message_ends_the_connection(peer):
     """Nobody fills the memory; the robot is stopped, and other pages go on."""
     with steered(2) as (_, page, other):
@@ -204,6 +229,66 @@ def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
             return answer.status, answer.read().decode()
     except HTTPError as error:
         return error.code, error.read().decode()
+
+
+def test_pages_that_do_nothing_give_way_to_a_new_one(peer):
+    """Of a computer that has too many; not the one that drives, however long it has been open."""
+    with steered(2) as (node, driver, idle), ExitStack() as opened:
+        robot = Commands(peer, driver)
+        driver.hold(0.3)
+        robot.reach(0.3)
+        others = [opened.enter_context(raw_page(address_of(node), "127.0.0.2")) for _ in range(40)]
+        wait_for(lambda: all(map(_ended, others[:8])), "the oldest of the others to give way")
+        assert not idle.closed
+        for _ in range(31):
+            opened.enter_context(raw_page(address_of(node)))
+        wait_for(lambda: idle.closed, "the idle page to give way")
+        assert idle.close_code == 4000
+        with PageClient(address_of(node)) as page:
+            assert page.state["driver"] == driver.id and driver.state["you"]
+            page.send("stop")
+            robot.come_to_rest()
+
+
+def _ended(connection: socket.socket) -> bool:
+    """Whether the server has closed it; reads what there is."""
+    connection.setblocking(False)
+    try:
+        while connection.recv(1 << 16):
+            pass
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        pass
+    return True
+
+
+BEGINNINGS = (
+    "",
+    "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ",
+    "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\n{",
+    "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+)
+
+
+def test_connections_that_do_nothing_end_and_lock_nobody_out(peer):
+    """Silent, with half a head or body, or kept open: 300, and a page is opened and drives."""
+    with steering() as node, ExitStack() as opened:
+        port = urlsplit(address_of(node)).port
+        idle = []
+        for number in range(300):
+            one = opened.enter_context(socket.create_connection(("127.0.0.1", port), 60.0))
+            with suppress(ConnectionError):
+                one.sendall(BEGINNINGS[number % 4].encode())
+            idle.append(one)
+        with PageClient(address_of(node)) as page:
+            robot = Commands(peer, page)
+            page.hold(0.3)
+            robot.reach(0.3)
+            wait_for(lambda: all(map(_ended, idle)), "the end of what is idle")
+            assert page.state["you"] and not page.closed
+            page.let_go()
+            robot.come_to_rest()
 
 
 def test_page_is_served_with_a_strict_policy(ros_domain):

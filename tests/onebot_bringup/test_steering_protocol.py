@@ -30,7 +30,8 @@ from onebot_bringup.steering.protocol import (
         ('{"type":"release"}', Release()),
         ('{"type":"stop"}', Stop()),
         ('{"type":"topic","topic":"/robot_1/cmd_vel"}', ChooseTopic("/robot_1/cmd_vel")),
-        ('{"type":"limits","linear":1,"angular":2e-1}', SetLimits(Velocity(1.0, 0.2))),
+        ('{"type":"limits","linear":1,"angular":2e-1}', SetLimits(1.0, 0.2)),
+        ('{"type":"limits","linear":null,"angular":1e9}', SetLimits(None, 1e9)),
     ],
 )
 def test_each_message_is_understood(text, meant):
@@ -103,13 +104,47 @@ def test_whatever_comes_is_a_finite_command_or_refused(text):
         assert math.isfinite(message.velocity.linear) and math.isfinite(message.velocity.angular)
 
 
-@given(*[st.floats(allow_nan=False) for _ in range(2)], st.floats(0, 5), st.floats(0, 5))
-def test_a_clamped_command_is_within_the_limits(linear, angular, most, turn):
-    """And it is the command itself, where that is within them."""
-    clamped = Velocity(linear, angular).clamped(Velocity(most, turn))
-    assert abs(clamped.linear) <= most and abs(clamped.angular) <= turn
-    if abs(linear) <= most and abs(angular) <= turn:
-        assert clamped == Velocity(linear, angular)
+_speed = st.floats(allow_nan=False, allow_infinity=False)
+_bound = st.floats(0, 5)
+
+
+@given(_speed, _speed, _bound, _bound, _bound, _bound)
+def test_a_clamped_command_is_within_the_limits_on_the_same_arc(
+    linear, angular, back, most, right, left
+):
+    """It is the command itself where that is within them; else one factor slows both speeds."""
+    wanted = Velocity(linear, angular)
+    clamped = wanted.clamped(Velocity(-back, -right), Velocity(most, left))
+    assert -back <= clamped.linear <= most and -right <= clamped.angular <= left
+    if -back <= linear <= most and -right <= angular <= left:
+        assert clamped == wanted
+        return
+    size = max(abs(linear), abs(angular))
+    across = clamped.linear * (angular / size), clamped.angular * (linear / size)
+    assert math.isclose(*across, rel_tol=1e-9, abs_tol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "wanted, sent",
+    [
+        ((10251000000100.0, 0.0), (0.4, 0.0)),
+        ((-1e9, 0.0), (-0.2, 0.0)),
+        ((0.8, 0.3), (0.4, 0.15)),
+        ((0.4, 6.0), (0.1, 1.5)),
+        ((0.0, -7.0), (0.0, -1.5)),
+        ((0.3, -0.0), (0.3, 0.0)),
+    ],
+)
+def test_a_command_beyond_a_limit_is_slowed_to_it(wanted, sent):
+    """Forward, backward and turning; what is at its limit is exactly that."""
+    clamped = Velocity(*wanted).clamped(Velocity(-0.2, -1.5), Velocity(0.4, 1.5))
+    assert (clamped.linear, clamped.angular) == sent
+
+
+def test_a_robot_that_cannot_reverse_does_not_turn_on_the_spot_instead():
+    """The arc cannot be driven, at no speed: it stands."""
+    assert Velocity(-0.5, 0.5).clamped(Velocity(0, -1), Velocity(1, 1)) == Velocity()
+    assert Velocity(0.0, 0.5).clamped(Velocity(0, -1), Velocity(1, 1)) == Velocity(0.0, 0.5)
 
 
 def test_the_state_is_json_that_browsers_take():
@@ -141,7 +176,7 @@ def test_both_limits_are_above_zero(limits, name):
     linear, angular = limits.split(",")
     text = f'{{"type":"limits","linear":{linear},"angular":{angular}}}'
     if name:
-        assert parse(text) == SetLimits(Velocity(float(linear), float(angular)))
+        assert parse(text) == SetLimits(float(linear), float(angular))
     else:
         with pytest.raises(ProtocolError, match="above zero"):
             parse(text)
@@ -164,17 +199,31 @@ def test_what_is_refused_is_named():
             parse(text)
 
 
-@given(st.floats(-3, 3), st.floats(-3, 3))
-def test_a_command_beyond_a_limit_becomes_that_limit(linear, angular):
-    """On its own side, and without touching the other number."""
-    clamped = Velocity(linear, angular).clamped(Velocity(1.0, 2.0))
-    assert clamped.linear == (math.copysign(1.0, linear) if abs(linear) > 1.0 else linear)
-    assert clamped.angular == (math.copysign(2.0, angular) if abs(angular) > 2.0 else angular)
+@pytest.mark.parametrize(
+    "text, about, field",
+    [
+        ('{"type":"limits","linear":-1,"angular":1}', "limits", "linear"),
+        ('{"type":"limits","linear":null,"angular":"0,5"}', "limits", "angular"),
+        ('{"type":"limits","linear":1}', "limits", None),
+        ('{"type":"topic","topic":"/a//b"}', "topic", "topic"),
+        ('{"type":"drive","seq":-1,"linear":1,"angular":1}', "drive", "seq"),
+        ('{"type":"fly"}', None, None),
+        ("hello", None, None),
+    ],
+)
+def test_a_refusal_names_the_message_and_the_field(text, about, field):
+    """For the page to show it beside the field that it is about."""
+    with pytest.raises(ProtocolError) as caught:
+        parse(text)
+    assert (caught.value.about, caught.value.field) == (about, field)
 
 
 def test_what_the_server_says_is_json():
     """Each message has its type."""
     assert json.loads(welcome_text("p1", 20.0)) == {"type": "welcome", "id": "p1", "rate": 20.0}
-    assert json.loads(error_text('a "b"')) == {"type": "error", "message": 'a "b"'}
+    error = {"type": "error", "message": 'a "b"', "about": None, "field": None}
+    assert json.loads(error_text('a "b"')) == error
+    about = {"about": "limits", "field": "linear"}
+    assert json.loads(error_text('a "b"', **about)) == {**error, **about}
     assert velocity_fields(Velocity(1.0, -2.0)) == {"linear": 1.0, "angular": -2.0}
     assert json.loads(state_text({"driver": None})) == {"type": "state", "driver": None}

@@ -8,9 +8,15 @@ from onebot_bringup.steering.arbiter import (
     ZEROS,
     ThreadSafeArbiter,
 )
+from onebot_bringup.steering.limits import Bound, Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
+
+
+def limits(linear: float, angular: float) -> Limits:
+    """Of a robot, the same forward and backward."""
+    return Limits(Bound(linear, linear, linear), Bound(angular, angular, angular))
 
 
 class Steered:
@@ -21,9 +27,8 @@ class Steered:
         monkeypatch.setattr("time.monotonic", lambda: self.now)
         self.published: list[Velocity] = []
         self.changes = 0
-        self.arbiter = ThreadSafeArbiter(
-            Velocity(1.0, 2.0), self.published.append, Velocity(3.0, 4.0)
-        )
+        self.arbiter = ThreadSafeArbiter(limits(3.0, 4.0), self.published.append)
+        self.arbiter.handle("", SetLimits(1.0, 2.0))
         self.arbiter.join("a")
         self.arbiter.join("b")
         self.arbiter.changed = self._changed
@@ -118,20 +123,40 @@ def test_silence_counts_from_the_last_word(steered: Steered) -> None:
     assert steered.arbiter.state.command == FORWARD and steered.arbiter.timeouts == 0
 
 
-def test_limits_are_bounded_by_the_ceiling(steered: Steered) -> None:
-    """From the beginning, and whoever sets them; pages learn of what is new only."""
-    assert ThreadSafeArbiter(
-        Velocity(9.0, 9.0), lambda _: None, Velocity(3.0, 4.0)
-    ).state.limits == Velocity(3, 4)
-    assert ThreadSafeArbiter(Velocity(9.0, 9.0), lambda _: None).state.limits == Velocity(9, 9)
-    steered.arbiter.handle("a", SetLimits(Velocity(5.0, 0.5)))
-    assert steered.arbiter.state.limits == Velocity(3.0, 0.5) and steered.changes == 1
-    steered.arbiter.set_limits(Velocity(3.0, 0.5))
+def test_limits_are_the_robots_or_lower(steered: Steered) -> None:
+    """Whoever sets them; pages learn of what is new only."""
+    arbiter = steered.arbiter
+    arbiter.handle("a", SetLimits(5.0, 0.5))
+    assert arbiter.state.limits.in_force == Velocity(3.0, 0.5) and steered.changes == 1
+    arbiter.handle("b", SetLimits(5.0, 0.5))
     assert steered.changes == 1
-    steered.arbiter.set_limits(Velocity(0.25, 0.05))
+    arbiter.handle("a", SetLimits(0.25, None))
+    assert arbiter.state.limits.in_force == Velocity(0.25, 4.0)
     assert steered.changes == 2 and steered.sent() == []
+    arbiter.handle("a", Drive(FORWARD))
+    assert steered.sent() == [Velocity(0.25, 0.05)] == [arbiter.state.command]
+
+
+def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
+    """Also what is above the present robot's limit; and it binds a command that is held."""
+    arbiter = steered.arbiter
+    arbiter.handle("a", SetLimits(0.5, 9.0))
+    arbiter.handle("a", Drive(Velocity(0.5, 0.0)))
+    arbiter.set_limits(limits(0.125, 1.0))
+    assert arbiter.state.command == Velocity(0.125, 0.0) and arbiter.state.driver == "a"
+    assert arbiter.state.limits.in_force == Velocity(0.125, 1.0)
+    arbiter.set_limits(limits(2.0, 6.0))
+    assert arbiter.state.limits.in_force == Velocity(0.5, 6.0)
+    assert arbiter.state.command == Velocity(0.5, 0.0)
+
+
+def test_who_drove_is_known_to_the_log(steered: Steered) -> None:
+    """To lose a page that drives is another thing than to lose one that looks on."""
     steered.arbiter.handle("a", Drive(FORWARD))
-    assert steered.sent() == [Velocity(0.25, 0.05)] == [steered.arbiter.state.command]
+    assert not steered.arbiter.reject("b") and steered.arbiter.reject("a")
+    steered.arbiter.handle("b", Release())
+    steered.arbiter.handle("b", Drive(FORWARD))
+    assert not steered.arbiter.leave("a") and steered.arbiter.leave("b")
 
 
 def test_pages_come_and_go(steered: Steered) -> None:

@@ -1,6 +1,7 @@
 """The steering page follows what is on the ROS graph: types, topics, limits, odometry, views."""
 
 import math
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -8,13 +9,16 @@ import pytest
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.steering.protocol import Velocity
-from onebot_bringup.steering.steering_page import CommandSubscriber, ControllerLimits
+from onebot_bringup.steering.controllers import Controllers
+from onebot_bringup.steering.limits import LINEAR, TIMEOUT
+from onebot_bringup.steering.odometry import choose_odometry
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
@@ -127,6 +131,7 @@ def test_a_topic_of_another_type_is_refused(peer):
             assert page.state["topic"] == TOPIC and page.state["you"]
             assert not _holds_twist(peer, topic)
         assert len(page.errors) == 2 and other.errors == [] and texts == []
+        assert page.refused == [("topic", "topic")] * 2
         page.let_go()
         robot.come_to_rest()
 
@@ -152,19 +157,211 @@ def test_topics_with_a_listener_are_offered_first(peer):
         _waited(page, "topics", ["/z_robot", "/a_source"])
 
 
+def _pair(linear: Any, angular: Any) -> dict[str, Any]:
+    return {"linear": linear, "angular": angular}
+
+
+def _declare(robot: Peer, linear: float, angular: float, **more: float) -> None:
+    values = {"linear.x.max_velocity": linear, "angular.z.max_velocity": angular, **more}
+    for name, value in values.items():
+        robot.node.declare_parameter(name, value)
+
+
 def test_the_limits_are_the_controllers(peer):
-    """As its parameters say; a page may set others, for all pages; without any, the usual ones."""
-    peer.node.declare_parameter("linear.x.max_velocity", 0.4)
-    peer.node.declare_parameter("angular.z.max_velocity", math.nan)
+    """As its parameters say; a page may set lower ones, for all pages, and take them back."""
+    _declare(peer, 0.5, math.nan)
     with steered(2) as (_, page, other):
-        _waited(page, "limits", {"linear": 1.0, "angular": 2.0})
+        _waited(page, "limits", _pair(1.0, 2.0))
+        assert page.state["ceiling"] == _pair(2.0, 4.0)
+        assert page.state["ceiling_from"] == _pair("", "") and page.state["braking"] is None
         robot = Commands(peer, page)
-        _waited(page, "limits", {"linear": 0.4, "angular": 2.0})
+        _waited(page, "limits", _pair(0.5, 2.0))
+        assert page.state["ceiling"] == _pair(0.5, 4.0)
+        assert page.state["ceiling_from"] == _pair("/peer", "")
+        assert page.state["controllers"] == ["/peer"]
         page.hold(5.0)
-        robot.reach(0.4)
-        page.send("limits", linear=0.2, angular=0.5)
-        _waited(other, "limits", {"linear": 0.2, "angular": 0.5})
-        robot.reach(0.2)
+        robot.reach(0.5)
+        page.send("limits", linear=0.25, angular=3.0)
+        _waited(other, "limits", _pair(0.25, 3.0))
+        robot.reach(0.25)
+        page.send("limits", linear=None, angular=9.0)
+        _waited(other, "limits", _pair(0.5, 4.0))
+        assert other.state["chosen"] == _pair(None, 9.0)
+
+
+def test_whatever_a_page_sends_no_more_than_the_limit_goes_out(peer):
+    """Forward, backward and turning; also where nothing is known of the robot."""
+    with steered() as (_, page):
+        robot = Commands(peer, page)
+        for linear, angular in ((1e9, 0.0), (-10251000000100.0, 0.0), (0.0, 1e300), (1e9, -1e9)):
+            page.send("limits", linear=1e9, angular=10251000000100.0)
+            _waited(page, "limits", _pair(2.0, 4.0))
+            count = len(robot.moving)
+            page.hold(linear, angular)
+            wait_for(lambda count=count: len(robot.moving) > count + 3, "commands")
+            page.let_go()
+            robot.come_to_rest()
+        assert max(abs(m.linear.x) for m in robot.moving) == 2.0
+        assert max(abs(m.angular.z) for m in robot.moving) == 4.0
+
+
+def test_limits_that_change_while_driving_are_kept(peer):
+    """At once, without letting go; and a reverse limit is one of its own."""
+    _declare(peer, 1.0, 2.0, **{"linear.x.min_velocity": -0.25})
+    with steered() as (_, page):
+        robot = Commands(peer, page)
+        _waited(page, "ceiling_from", _pair("/peer", "/peer"))
+        page.hold(1.0, 0.5)
+        robot.reach(1.0)
+        peer.node.set_parameters([Parameter("linear.x.max_velocity", value=0.5)])
+        _waited(page, "limits", _pair(0.5, 2.0))
+        robot.reach(0.5)
+        assert {(m.linear.x, m.angular.z) for m in robot.moving} == {(1.0, 0.5), (0.5, 0.25)}
+        page.hold(-1.0)
+        robot.reach(-0.25)
+        page.let_go()
+        robot.come_to_rest()
+        assert min(robot.speeds) == -0.25
+
+
+def test_what_an_operator_set_outlasts_robot_and_topic(peer, ros_domain):
+    """The robot is restarted with other limits, and another one is chosen: the lower one stays."""
+    with steered() as (_, page):
+        with Peer(ros_domain, "robot") as robot:
+            _declare(robot, 0.5, 1.0)
+            robot.hear(Twist, TOPIC)
+            _waited(page, "limits", _pair(0.5, 1.0))
+            page.send("limits", linear=0.25, angular=None)
+            _waited(page, "limits", _pair(0.25, 1.0))
+        _waited(page, "listeners", 0)
+        assert page.state["limits"] == _pair(0.25, 1.0), "until another one is known"
+        with Peer(ros_domain, "robot") as robot:
+            _declare(robot, 2.5, 3.0)
+            robot.hear(Twist, TOPIC)
+            _waited(page, "limits", _pair(0.25, 3.0))
+            page.send("topic", topic="/other")
+            _waited(page, "topic", "/other")
+            _waited(page, "limits", _pair(0.25, 2.0))
+            assert page.state["chosen"] == _pair(0.25, None)
+            assert page.state["controllers"] == []
+
+
+def test_of_two_controllers_the_stricter_limits_count(peer, ros_domain):
+    """Each axis, and the one that brakes later; a warning names both."""
+    both = {"linear.x.max_acceleration": 0.5, "cmd_vel_timeout": 0.5}
+    with Peer(ros_domain, "left") as left, Peer(ros_domain, "right") as right:
+        _declare(left, 0.25, 3.0, **both)
+        _declare(right, 1.0, 1.5, **both, **{"linear.x.max_deceleration": -0.25})
+        with steered() as (node, page):
+            left.hear(Twist, TOPIC)
+            robot = Commands(right, page)
+            _waited(page, "ceiling", _pair(0.25, 1.5))
+            assert page.state["ceiling_from"] == _pair("/left", "/right")
+            assert page.state["controllers"] == ["/left", "/right"]
+            assert page.state["braking"] == {"deceleration": 0.25, "jerk": None, "timeout": 0.5}
+            wait_for(lambda: "2 controllers subscribe to /velocity_controller" in node.output, "it")
+            assert "(/left, /right)" in node.output and "0.25 m/s, 1.5 rad/s" in node.output
+            page.hold(1.0)
+            robot.reach(0.25)
+
+
+def _mute(context: rclpy.Context, name: str, answers: dict[Any, Any]) -> Any:
+    """A node that subscribes to commands; its parameter services answer so, or never."""
+    node = rclpy.create_node(name, context=context, start_parameter_services=False)
+    node.create_subscription(Twist, TOPIC, lambda _: None, LATEST)
+    for kind, service in ((ListParameters, "list"), (GetParameters, "get")):
+        answer = answers.get(kind, lambda _, response: response)
+        node.create_service(kind, f"/{name}/{service}_parameters", answer)
+    return node
+
+
+def _lists(_: Any, response: Any) -> Any:
+    response.result.names = ["linear.x.max_velocity", "angular.z.max_velocity", "x", "x"]
+    return response
+
+
+def _texts(request: Any, response: Any) -> Any:
+    text = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="fast")
+    response.values = [text for _ in request.names]
+    return response
+
+
+def _impossible(request: Any, response: Any) -> Any:
+    number = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=-7.0)
+    response.values = [number for _ in request.names]
+    return response
+
+
+def test_onlookers_change_nothing(peer, ros_domain):
+    """Nobody foresaw them, they come first, and take the other type of command.
+
+    Without parameter services, with some that never answer, with few values, texts, or impossible
+    numbers; and one that publishes odometry where the robot's is looked for.
+    """
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain, args=[])
+    executor = SingleThreadedExecutor(context=context)
+    onlookers = [
+        _mute(context, "a_bridge", {ListParameters: _lists}),
+        _mute(context, "a_logger", {ListParameters: _lists, GetParameters: _texts}),
+        _mute(context, "a_monitor", {ListParameters: _lists, GetParameters: _impossible}),
+    ]
+    for node in onlookers:
+        executor.add_node(node)
+    onlookers.append(_mute(context, "a_sleeper", {}))  # it is never spun
+    echo = rclpy.create_node("a_echo", context=context, start_parameter_services=False)
+    echo.create_subscription(Twist, TOPIC, lambda _: None, LATEST)
+    onlookers.append(echo)
+    estimator = Peer(ros_domain, "a_estimator")
+    estimator.hear(Twist, TOPIC)
+    stop = rclpy.task.Future()
+    spinning = threading.Thread(target=executor.spin_until_future_complete, args=(stop,))
+    spinning.start()
+    try:
+        with steered() as (_, page), Peer(ros_domain, "z_robot") as robot:
+            _waited(page, "listeners", 6)
+            assert page.state["controllers"] == [] and page.state["limits"] == _pair(1.0, 2.0)
+            other = estimator.node.create_publisher(Odometry, "/velocity_controller/odom", 10)
+            own = robot.node.create_publisher(Odometry, "/base/wheels", 10)
+            _declare(robot, 0.25, 0.5, **{"linear.x.max_jerk": 2.0, "cmd_vel_timeout": 0.0})
+            commands = Commands(robot, page, kind=TwistStamped)
+            _waited(page, "controllers", ["/z_robot"])
+            assert page.state["limits"] == page.state["ceiling"] == _pair(0.25, 0.5)
+            assert page.state["ceiling_from"] == _pair("/z_robot", "/z_robot")
+            assert page.state["braking"] == {"deceleration": None, "jerk": 2.0, "timeout": None}
+            _waited(page, "topic_type", STAMPED)
+            page.hold(1.0)
+            commands.reach(0.25)
+            wait_for(lambda: not other.get_subscription_count(), "the estimator to be left")
+            assert _shown(page, own, _odometry(1.0, 0.0))["topic"] == "/base/wheels"
+    finally:
+        stop.set_result(None)
+        spinning.join(10.0)
+        executor.shutdown()
+        for node in onlookers:
+            node.destroy_node()
+        rclpy.shutdown(context=context)
+        estimator.__exit__()
+
+
+@pytest.mark.parametrize(
+    "publishers, wanted",
+    [
+        ({}, ""),
+        ({"/far": ["/other"]}, "/far"),
+        ({"/far": ["/other"], "/near": ["/another"]}, ""),
+        ({"/base/odom": ["/ekf"], "/far": ["/other"]}, "/base/odom"),
+        ({"/base/odom": ["/ekf"], "/far": ["/robot"]}, "/far"),
+        ({"/robot/odom": ["/robot"], "/robot/ground_truth": ["/robot"]}, "/robot/odom"),
+        ({"/robot/a": ["/robot"], "/robot/b": ["/robot"]}, ""),
+        ({"/far": ["/driver"], "/near": ["/other"]}, "/far"),
+        ({"/base/odom": ["/ekf"], "/far": ["/driver"]}, "/base/odom"),
+    ],
+)
+def test_odometry_is_the_controllers_own_or_the_likeliest(publishers, wanted):
+    """Then the sibling of the topic, then that of another subscriber, then the only one."""
+    found = choose_odometry(publishers, "/base/cmd_vel", ["/robot"], ["/robot", "/driver"])
+    assert found == wanted
 
 
 class _Dies(Exception):
@@ -176,22 +373,24 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     peer, ros_domain, monkeypatch, seen, patience
 ):
     """The limits of the next one of its name are received, whether or not the poll saw it end."""
-    monkeypatch.setattr("onebot_bringup.steering.steering_page._RESPONSE_TIMEOUT", patience)
-    limits = ControllerLimits(peer.node)
-    robots = [CommandSubscriber("/robot", "geometry_msgs/msg/Twist")]
+    monkeypatch.setattr("onebot_bringup.steering.controllers._PERIOD", patience)
+    changes: list[None] = []
+    controllers = Controllers(peer.node, lambda: changes.append(None))
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain, args=[])
     mute = rclpy.create_node("robot", context=context, start_parameter_services=False)
 
     def die(request: Any, answer: Any) -> Any:
+        assert request.prefixes == [LINEAR, "angular.z", TIMEOUT]
         raise _Dies
 
+    mute.create_service(ListParameters, "/robot/list_parameters", die)
     mute.create_service(GetParameters, "/robot/get_parameters", die)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(mute)
 
     def asked() -> bool:
-        assert limits.update(robots) is None
+        controllers.update(["/robot"])
         try:
             executor.spin_once(0.1)
         except _Dies:
@@ -203,20 +402,50 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     mute.destroy_node()
     rclpy.shutdown(context=context)
     if seen:
-        assert limits.update([]) is None
+        controllers.update([])
+    assert controllers.known == () and changes == []
     with Peer(ros_domain, "robot") as robot:
-        robot.node.declare_parameter("linear.x.max_velocity", 0.4)
-        robot.node.declare_parameter("angular.z.max_velocity", 0.5)
-        found = wait_for(lambda: limits.update(robots), "the second robot's limits")
-    assert found == Velocity(0.4, 0.5)
+        _declare(robot, 0.5, 0.25)
+
+        def known() -> bool:
+            controllers.update(["/robot", "/not-a-ros/node", "/"])
+            return bool(controllers.known)
+
+        wait_for(known, "the second robot's limits")
+    (found,) = controllers.known
+    assert found.node == "/robot" and len(changes) == 1
+    assert (found.linear.max_velocity, found.angular.max_velocity) == (0.5, 0.25)
+    controllers.forget()
+    assert controllers.known == () and len(changes) == 2
 
 
 def test_given_limits_are_the_most_that_pages_can_set(peer):
-    """max_linear and max_angular are the operator's word."""
+    """max_linear and max_angular are the operator's word; the controller's are kept beside them."""
     with steered(max_linear=0.5, max_angular=0.7) as (_, page):
-        _waited(page, "limits", {"linear": 0.5, "angular": 0.7})
+        _waited(page, "limits", _pair(0.5, 0.7))
+        assert page.state["ceiling_from"] == _pair("max_linear", "max_angular")
         page.send("limits", linear=9.0, angular=0.1)
-        _waited(page, "limits", {"linear": 0.5, "angular": 0.1})
+        _waited(page, "limits", _pair(0.5, 0.1))
+        _declare(peer, 0.25, 0.75)
+        peer.hear(Twist, TOPIC)
+        _waited(page, "ceiling", _pair(0.25, 0.7))
+        assert page.state["ceiling_from"] == _pair("/peer", "max_angular")
+
+
+@pytest.mark.parametrize(
+    "limits, field",
+    [((0.0, 1.0), "linear"), ((1.0, "0,5"), "angular"), ((-1.0, None), "linear")],
+)
+def test_a_limit_that_cannot_be_one_is_refused_by_name(peer, limits, field):
+    """The page that sent it learns which field is wrong; all limits stay."""
+    with steered(2) as (_, page, other):
+        page.send("limits", linear=0.5, angular=0.5)
+        _waited(page, "limits", _pair(0.5, 0.5))
+        page.send("limits", **_pair(*limits))
+        wait_for(lambda: page.errors, "the refusal")
+        assert page.refused == [("limits", field)] and other.refused == []
+        assert page.errors[0].startswith(f"Refused: {field} must be ")
+        assert page.state["limits"] == _pair(0.5, 0.5)
 
 
 def _odometry(x: float, yaw: float) -> Odometry:

@@ -101,7 +101,7 @@ def test_a_layout_arranged_and_saved_in_the_page_is_shown_again(tmp_path):
     """In Chromium: open the list of views, save the layout, download it, load it: the same."""
     require_renderer()
     recording = open_recording(0)
-    page = WebPage(0, recording.uri)
+    page = WebPage(0, recording.uri, recording.server)
     live = RobotView(recording.stream, ViewConfig())
     describe(live, ARM)
     for step in range(30):

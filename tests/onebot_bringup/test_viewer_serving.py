@@ -1,6 +1,7 @@
 """The processes and servers around the recording."""
 
 import contextlib
+import ipaddress
 import os
 import signal
 import socket
@@ -14,6 +15,7 @@ import psutil
 import pytest
 
 from onebot_bringup.serving.ports import answers, free_port
+from onebot_bringup.serving.rerun_proxy import SERVICE
 from onebot_bringup.viewer.display_server import (
     Child,
     NativeWindow,
@@ -26,7 +28,7 @@ from tests.support import PATIENCE, wait_for
 
 OWNER = """
 from onebot_bringup.viewer.display_server import WebPage
-page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
 print(page._child.pid, flush=True)
 input()
 """
@@ -70,16 +72,16 @@ def _get(url: str) -> urllib.request.addinfourl:
 def test_the_page_is_served_with_an_order_to_stay_on_this_machine():
     """The short address leads to the viewer, which may connect to this host only."""
     recording = open_recording(0)
-    page = WebPage(0, recording.uri)
+    page = WebPage(0, recording.uri, recording.server)
     try:
         wait_for(lambda: page.ready, "the page")
         with _get(page.url) as response:
-            assert response.url.replace("%2B", "+") == page.address.replace("%2B", "+")
-            assert f"url=rerun%2Bhttp://127.0.0.1:{recording.port}/proxy" in response.url
+            assert f"url=rerun%2Bhttp://127.0.0.1:{page.port}/proxy" in response.url
+            assert f"url=rerun%2Bhttp://127.0.0.1:{recording.port}/proxy" in page.address
             policy = response.headers["Content-Security-Policy"]
             html = response.read().decode()
-        assert "connect-src 'self' http://127.0.0.1:*" in policy
-        assert "https://" not in policy and "fonts.googleapis" not in html
+        assert "connect-src 'self' data: blob:;" in policy and "frame-ancestors 'none'" in policy
+        assert "http" not in policy and "fonts.googleapis" not in html
         assert "<title>Rerun Viewer</title>" in html
         with _get(f"{page.url}/re_viewer_bg.wasm") as response:
             assert response.headers["Content-Type"] == "application/wasm"
@@ -92,9 +94,83 @@ def test_the_page_is_served_with_an_order_to_stay_on_this_machine():
     assert not answers(page.port)
 
 
+READ, WRITE = (f"/{SERVICE}/{method}Messages" for method in ("Read", "Write"))
+GRPC = {"Content-Type": "application/grpc-web+proto"}
+
+
+def _status(url: str, data: bytes | None = None, **headers: str) -> int:
+    try:
+        with urllib.request.urlopen(
+            urllib.request.Request(url, data, headers), timeout=PATIENCE
+        ) as r:
+            return int(r.status)
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def test_foreign_pages_get_neither_the_page_nor_the_recording():
+    """Of another site, or of a name that was made to lead here; and nobody writes."""
+    recording = open_recording(0)
+    page = WebPage(0, recording.uri, recording.server)
+    try:
+        wait_for(lambda: page.ready, "the page")
+        own, data = page.url, b"\0" * 5
+        local = own.replace("127.0.0.1", "localhost")
+        for url in (own, local):
+            assert _status(url) == 200 and _status(url, Origin=url) == 200
+            assert _status(url + READ, data, Origin=url, **GRPC) == 200
+            assert _status(url + WRITE, data, Origin=url, **GRPC) == 403
+        for foreign in (
+            {"Origin": "http://evil.example"},
+            {"Origin": "null"},
+            {"Origin": own.replace(str(page.port), "1")},
+            {"Host": "evil.example"},
+            {"Host": f"evil.example:{page.port}", "Origin": f"http://evil.example:{page.port}"},
+        ):
+            assert _status(own, **foreign) == _status(own + "/re_viewer.js", **foreign) == 403
+            assert _status(own + READ, data, **GRPC, **foreign) == 403
+        known = f"http://127.0.0.1:{recording.port}"
+        for path, body in (("/", None), (READ, data), (WRITE, data)):
+            assert _status(known + path, body, **GRPC) == 403
+    finally:
+        page.stop()
+        recording.close()
+    assert not answers(recording.port)
+
+
+PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
+SETTINGS = bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))  # an empty frame of HTTP/2
+
+
+def test_native_viewers_get_through_to_the_recording():
+    """HTTP/2 from the first byte: Rerun's own server answers, however many others do nothing."""
+    recording = open_recording(0)
+    address = ("127.0.0.1", recording.port)
+    with contextlib.ExitStack() as opened:
+
+        def connect() -> socket.socket:
+            return opened.enter_context(socket.create_connection(address, PATIENCE))
+
+        idle = [connect() for _ in range(50)]
+        idle[-1].sendall(PREFACE[:-1])
+        viewer = connect()
+        viewer.sendall(PREFACE + SETTINGS)
+        assert viewer.recv(9)[3] == SETTINGS[3]
+        browser = connect()
+        browser.sendall(b"PRI /proxy HTTP/1.1\r\nHost: evil.example\r\n\r\n")
+        assert b"403 Forbidden" in browser.recv(1000)
+        for one in idle:
+            with contextlib.suppress(ConnectionResetError):
+                assert one.recv(1) == b""
+        recording.close()
+        with contextlib.suppress(ConnectionResetError):
+            while viewer.recv(1000):
+                pass
+
+
 def test_a_page_that_died_is_hosted_again_at_the_same_address():
     """Killing Rerun's server costs a moment."""
-    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
     try:
         wait_for(lambda: page.ready, "the page")
         os.kill(page._child.pid, signal.SIGKILL)
@@ -108,7 +184,7 @@ def test_a_page_that_died_is_hosted_again_at_the_same_address():
 
 def test_the_page_responds_by_the_rules_of_http():
     """HEAD has no body, nothing is written, and a Rerun server that died is a 502 with its why."""
-    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
     try:
         wait_for(lambda: page.ready, "the page")
         whole = urllib.request.Request(f"{page.url}/re_viewer_bg.wasm", method="HEAD")
@@ -128,7 +204,7 @@ def test_the_page_responds_by_the_rules_of_http():
 
 def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd):
     """One idles, one does not read what it asked for: both connections are closed, silently."""
-    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy")
+    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
     with socket.socket() as idle, socket.socket() as slow:
         try:
             wait_for(lambda: page.ready, "the page")
@@ -156,7 +232,7 @@ def test_a_web_server_is_imported_only_for_a_page():
 def test_only_loopback_is_listened_on():
     """Nobody on the network can look or write."""
     recording = open_recording(0)
-    page = WebPage(0, recording.uri)
+    page = WebPage(0, recording.uri, recording.server)
     try:
         wait_for(lambda: page.ready, "the page")
         listening = [
@@ -166,7 +242,9 @@ def test_only_loopback_is_listened_on():
             if connection.status == psutil.CONN_LISTEN
         ]
         assert {recording.port, page.port} <= {address.port for address in listening}
-        assert {address.ip for address in listening} == {"127.0.0.1"}
+        assert all(ipaddress.ip_address(address.ip).is_loopback for address in listening)
+        hidden = [address.ip for address in listening if address.ip != "127.0.0.1"]
+        assert hidden == [recording.server[0]]
     finally:
         page.stop()
         recording.close()

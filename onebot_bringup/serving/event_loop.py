@@ -1,0 +1,41 @@
+"""An event loop in a thread of its own, beside a node's executor."""
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable
+
+STOP_TIMEOUT = 2.0  # s
+
+
+class LoopThread:
+    """Runs ``serve``, of a class derived from this one, until it is stopped."""
+
+    def __init__(self, name: str) -> None:
+        """Start the thread, called ``name``, and wait until its event loop runs."""
+        self._end = asyncio.Event()
+        self._running = threading.Event()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._run()), name=name, daemon=True
+        )
+        self._thread.start()
+        self._running.wait()
+
+    def call(self, action: Callable[[], None]) -> None:
+        """Call ``action`` in the thread; ignored after `stop`."""
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(action)
+
+    def stop(self) -> None:
+        """End what is served."""
+        self.call(self._end.set)
+        self._thread.join(STOP_TIMEOUT)
+
+    async def serve(self, end: asyncio.Event) -> None:
+        """Serve until ``end`` is set."""
+        raise NotImplementedError
+
+    async def _run(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._running.set()
+        await self.serve(self._end)

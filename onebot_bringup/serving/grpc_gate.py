@@ -1,0 +1,94 @@
+"""The port of a recording: native viewers get through it to Rerun's server, browsers do not.
+
+Rerun's server checks neither Host nor Origin of a request, and lets it write into the recording. So
+it listens on an address of loopback that cannot be guessed, and the known port is here. Native
+viewers speak HTTP/2 from the first byte; a browser does so only with TLS. So a foreign page cannot
+get to the recording, whatever the name that it made lead here (DNS rebinding).
+"""
+
+import asyncio
+import socket
+import time
+from contextlib import suppress
+
+from onebot_bringup.serving.event_loop import LoopThread
+
+_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"  # RFC 9113, 3.4
+_PREFACE_TIMEOUT = 5.0  # s
+_MOST = 32  # connections
+_CHUNK = 1 << 16  # bytes
+_REFUSAL = "This port is for native viewers: open the page's address in a browser, not this one.\n"
+_RESPONSE = (
+    "HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nConnection: close\r\n"
+    f"Content-Length: {len(_REFUSAL)}\r\n\r\n{_REFUSAL}"
+).encode()
+
+
+class GrpcGate(LoopThread):
+    """Passes connections of native viewers through, in a thread, until it is stopped."""
+
+    def __init__(self, listener: socket.socket, backend: tuple[str, int]) -> None:
+        """Start the thread.
+
+        Args:
+            listener: the socket that viewers connect to.
+            backend: address and port of Rerun's server.
+        """
+        self._listener, self._backend = listener, backend
+        self._heard: dict[asyncio.StreamWriter, float] = {}  # when each client last sent something
+        super().__init__("grpc gate")
+
+    async def serve(self, end: asyncio.Event) -> None:
+        """Serve until ``end`` is set, then close all connections and the socket."""
+        server = await asyncio.start_server(self._serve_client, sock=self._listener)
+        await end.wait()
+        server.close()
+        for client in self._heard:
+            client.transport.abort()
+
+    async def _serve_client(
+        self, reader: asyncio.StreamReader, client: asyncio.StreamWriter
+    ) -> None:
+        if len(self._heard) >= _MOST:  # one that was silent for long makes room
+            silent = min(self._heard, key=self._heard.__getitem__)
+            del self._heard[silent]
+            silent.transport.abort()
+        self._heard[client] = time.monotonic()
+        try:
+            preface = await asyncio.wait_for(reader.readexactly(len(_PREFACE)), _PREFACE_TIMEOUT)
+            if preface == _PREFACE:
+                await self._pass_through(reader, client)
+            else:
+                client.write(_RESPONSE)
+        except (OSError, EOFError, asyncio.TimeoutError):
+            pass  # it left, or Rerun's server did
+        finally:
+            self._heard.pop(client, None)
+            client.close()
+
+    async def _pass_through(
+        self, reader: asyncio.StreamReader, client: asyncio.StreamWriter
+    ) -> None:
+        source, server = await asyncio.open_connection(*self._backend)
+        server.write(_PREFACE)
+        there = asyncio.ensure_future(self._pump(reader, server, client))
+        back = asyncio.ensure_future(self._pump(source, client))
+        try:
+            await asyncio.wait((there, back), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for pump in (there, back):
+                pump.cancel()
+            server.close()
+
+    async def _pump(
+        self,
+        source: asyncio.StreamReader,
+        sink: asyncio.StreamWriter,
+        client: asyncio.StreamWriter | None = None,
+    ) -> None:
+        with suppress(ConnectionError):
+            while data := await source.read(_CHUNK):
+                if client is not None:
+                    self._heard[client] = time.monotonic()
+                sink.write(data)
+                await sink.drain()

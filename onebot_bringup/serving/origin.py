@@ -1,0 +1,62 @@
+"""Which requests a server takes: under its own names, from pages of its own.
+
+A page of another site can make a browser send requests here, and its name can be made to lead to
+127.0.0.1 (DNS rebinding). Browsers say where a request is from (Origin) and goes to (Host).
+"""
+
+import re
+from collections.abc import Iterable
+
+from aiohttp import web
+from aiohttp.typedefs import Handler, Middleware
+
+from onebot_bringup.serving.ports import is_loopback
+
+_HOST = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?")
+_LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
+
+
+def refusal(address: str, host: str, origin: str | None, sites: Iterable[str]) -> str:
+    """Return why a request is rejected, one sentence; "" if it is accepted.
+
+    Args:
+        address: the IP address that the server listens on.
+        host: the Host header.
+        origin: the Origin header, if any.
+        sites: the hosts, with their ports, whose pages may send requests.
+    """
+    if not is_own_name(address, host):
+        names = ", ".join(sorted(_LOOPBACK_NAMES | {address}))
+        return f'This server is not "{_shown(host)}": open it as {names}.'
+    if origin is not None and origin.lower() not in {f"http://{site}".lower() for site in sites}:
+        return f"Pages of {_shown(origin)} have no access to this robot."
+    return ""
+
+
+def is_own_name(address: str, host: str) -> bool:
+    """Return whether a Host header can be of the server that listens on ``address``.
+
+    Any port will do: a tunnel may lead to it from another one.
+    """
+    found = _HOST.fullmatch(host)
+    if found is None:
+        return False
+    return not is_loopback(address) or found[1].lower() in _LOOPBACK_NAMES | {address}
+
+
+def guard(address: str) -> Middleware:
+    """Return what keeps an application on ``address`` to requests of its own pages."""
+
+    @web.middleware
+    async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
+        host = request.headers.get("Host", "")
+        if problem := refusal(address, host, request.headers.get("Origin"), {host}):
+            return web.Response(status=403, text=f"{problem}\n")
+        return await handler(request)
+
+    return check
+
+
+def _shown(text: str) -> str:
+    """A header as it may be repeated in a response."""
+    return "".join(c for c in text[:100] if c.isascii() and c.isprintable() and c not in '<>"&')

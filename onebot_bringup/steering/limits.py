@@ -1,0 +1,153 @@
+"""The limits of commands: what an operator chose, within what the robot's controllers allow.
+
+A controller's limits are its parameters, named as diff_drive_controller's are. Of several
+controllers on one topic the stricter limits count: each of them gets every command.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from onebot_bringup.steering.protocol import SetLimits, Velocity
+from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
+from onebot_description.parameters.reader import ConfigError, read
+
+# Where no limit of the robot is known: brisk indoors, and far from what a typing error commands.
+UNKNOWN = Velocity(2.0, 4.0)
+DEFAULT = Velocity(1.0, 2.0)  # there, until somebody chooses others
+_NONE = Velocity()
+LINEAR, ANGULAR, TIMEOUT = "linear.x", "angular.z", "cmd_vel_timeout"
+_NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
+NAMES = frozenset({TIMEOUT, *(f"{axis}.{name}" for axis in (LINEAR, ANGULAR) for name in _NAMES)})
+"""The parameters of a controller that matter here."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What a controller's parameters say."""
+
+    node: str  # full name
+    linear: SpeedLimits = SpeedLimits()
+    angular: SpeedLimits = SpeedLimits()
+    timeout: float | None = None  # s without a command until it brakes; None: it never does
+
+    @classmethod
+    def of(cls, node: str, values: Mapping[str, float]) -> "Controller | None":
+        """Return the controller with these parameters; None if they are no controller's.
+
+        A limit that cannot be one, such as of the wrong sign, counts as not given.
+        """
+        linear, angular = _speed_limits(LINEAR, values), _speed_limits(ANGULAR, values)
+        if "max_velocity" not in linear and "max_velocity" not in angular:
+            return None
+        timeout = values.get(TIMEOUT, 0.0)
+        known = 0.0 < timeout < math.inf
+        return cls(node, SpeedLimits(**linear), SpeedLimits(**angular), timeout if known else None)
+
+
+def _speed_limits(axis: str, values: Mapping[str, float]) -> dict[str, float]:
+    given = {name: values[f"{axis}.{name}"] for name in _NAMES if f"{axis}.{name}" in values}
+    return {name: value for name, value in given.items() if _is_possible(name, value)}
+
+
+def _is_possible(name: str, value: float) -> bool:
+    try:
+        read(SpeedLimits, {name: value})
+    except ConfigError:
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class Bound:
+    """How fast the robot may go in one direction of motion, m/s or rad/s."""
+
+    most: float  # forward, or to the left
+    reverse: float  # backward, or to the right
+    initial: float  # the limit until somebody chooses another
+    # The controller's full name, or the name of the page's parameter; "" if no limit is known.
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits of commands."""
+
+    linear: Bound
+    angular: Bound
+    chosen: SetLimits = SetLimits()  # by an operator
+
+    @property
+    def in_force(self) -> Velocity:
+        """The limits of commands, forward and to the left."""
+        return Velocity(
+            _in_force(self.linear, self.chosen.linear), _in_force(self.angular, self.chosen.angular)
+        )
+
+    def clamp(self, command: Velocity) -> Velocity:
+        """Return the fastest command within the limits, on the same arc."""
+        most = self.in_force
+        least = Velocity(
+            -min(most.linear, self.linear.reverse), -min(most.angular, self.angular.reverse)
+        )
+        return command.clamped(least, most)
+
+
+def _in_force(bound: Bound, chosen: float | None) -> float:
+    return min(bound.initial if chosen is None else chosen, bound.most)
+
+
+def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Limits:
+    """Return the limits that these controllers and the page's parameters set, none chosen.
+
+    Args:
+        controllers: all that get the commands.
+        fixed: the parameters max_linear and max_angular; 0 for none.
+    """
+    linear = _bound([(c.node, c.linear) for c in controllers], ("max_linear", fixed.linear))
+    angular = _bound([(c.node, c.angular) for c in controllers], ("max_angular", fixed.angular))
+    return Limits(
+        linear or Bound(UNKNOWN.linear, UNKNOWN.linear, DEFAULT.linear),
+        angular or Bound(UNKNOWN.angular, UNKNOWN.angular, DEFAULT.angular),
+    )
+
+
+def _bound(
+    controllers: Iterable[tuple[str, SpeedLimits]], parameter: tuple[str, float]
+) -> Bound | None:
+    found = [(node, one) for node, one in controllers if not math.isnan(one.max_velocity)]
+    limits = [(one.max_velocity, node) for node, one in found]
+    if parameter[1]:
+        limits.append((parameter[1], parameter[0]))
+    if not limits:
+        return None
+    most, source = min(limits)
+    reverse = [-one.min_velocity for _, one in found if not math.isnan(one.min_velocity)]
+    return Bound(most, min([most, *reverse]), most, source)
+
+
+@dataclass(frozen=True)
+class Braking:
+    """How the robot comes to rest once it is commanded to; None where that is not limited."""
+
+    deceleration: float | None  # m/s2
+    jerk: float | None  # m/s3
+    timeout: float | None  # s without a command until it brakes; None: it never does
+
+
+def braking_of(controllers: Iterable[Controller]) -> Braking | None:
+    """Return how the controller that brakes last does so; None without a controller."""
+    limiters = [(c.timeout, SpeedLimiter(c.linear)) for c in controllers]
+    if not limiters:
+        return None
+    timeouts = [timeout for timeout, _ in limiters]
+    return Braking(
+        _least(limiter.deceleration for _, limiter in limiters),
+        _least(limiter.braking_jerk for _, limiter in limiters),
+        None if None in timeouts else max(t for t in timeouts if t is not None),
+    )
+
+
+def _least(values: Iterable[float]) -> float | None:
+    return min((value for value in values if not math.isnan(value)), default=None)

@@ -1,0 +1,264 @@
+"""How the steering page looks in a real browser: accessibility, layouts, colours, motion."""
+
+import re
+from collections.abc import Iterator
+from importlib.resources import files
+
+import pytest
+
+from tests.onebot_bringup.steering_support import PageClient
+from tests.steering_browser_support import Page, Steering, steering
+from tests.support import used_domain, wait_for
+from tests.support_browser import browser
+
+pytestmark = pytest.mark.slow
+
+SCREENS = {
+    "laptop": (1280, 657, False),
+    "monitor": (1920, 1080, False),
+    "phone": (390, 844, True),
+    "phone held sideways": (844, 390, True),
+    "small phone": (360, 640, True),
+    "small phone held sideways": (640, 360, True),
+}
+SCHEMES = ("light", "dark")
+STEERS = (
+    "#pad",
+    "#linear",
+    "#angular",
+    "#stop",
+    "#braking",
+    "#linear-limit",
+    "#angular-limit",
+    "#driver",
+)
+
+
+@pytest.fixture(scope="module")
+def node() -> Iterator[Steering]:
+    with used_domain(), steering(max_linear=0.5, max_angular=1.0) as node:
+        yield node
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield Page(driver)
+
+
+@pytest.fixture
+def page(node: Steering, chromium: Page) -> Iterator[Page]:
+    yield chromium.open(node.address)
+    chromium.act().key_up("w").perform()
+    chromium.emulate_nothing()
+
+
+# All that is seen now and then: a message, the note on a view that lags, the hint of lost keys.
+WARN = """
+document.querySelector("#message").textContent = "Something to look at.";
+document.querySelector("#slow").hidden = false; // beside a view only
+document.querySelector("#view").classList.remove("empty");
+document.body.classList.add("keys-away");
+"""
+
+# Every rule, the experimental ones too, but for those of level AAA: a contrast of 7 to 1.
+AXE = """
+const rules = axe.getRules().filter((rule) => !rule.tags.includes("wcag2aaa"));
+const enabled = Object.fromEntries(rules.map((rule) => [rule.ruleId, { enabled: true }]));
+return axe.run(document, { rules: enabled, resultTypes: ["violations", "incomplete"] });
+"""
+
+
+def words(html: str) -> list[str]:
+    """The words that an element shows; arrows are none."""
+    return re.findall(r"\w\w+", re.sub("<[^>]*>", "", html))
+
+
+def findings(page: Page) -> list[str]:
+    """What axe-core finds wrong, and contrasts of words that it could not measure."""
+    page.driver.execute_script((files("axe_playwright_python") / "axe.min.js").read_text())
+    found = page.driver.execute_script(AXE)
+    return [
+        f"{rule['id']}: {spot['html'][:120]} {spot['failureSummary']}"
+        for rule in [*found["violations"], *found["incomplete"]]
+        for spot in rule["nodes"]
+        if rule in found["violations"] or (rule["id"] == "color-contrast" and words(spot["html"]))
+    ]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("screen", SCREENS)
+def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str) -> None:
+    """At rest, while this page drives with a warning in sight, and while another one does."""
+    page.emulate(*SCREENS[screen], prefers_color_scheme=scheme)
+    found = {"at rest": findings(page)}
+    page.driver.execute_script(WARN)
+    page.act().key_down("w").perform()
+    wait_for(lambda: page.body("driver") == "you", "this page to drive")
+    found["driving"] = findings(page)
+    page.act().key_up("w").perform()
+    with PageClient(node.address) as other:
+        other.hold(0.3)
+        wait_for(lambda: page.body("driver") == "other", "the other page to drive")
+        found["driven"] = findings(page)
+    assert found == {"at rest": [], "driving": [], "driven": []}
+
+
+# Whether each element is on the screen as a whole, and is what is seen at its middle and edges.
+IN_SIGHT = """
+return Object.fromEntries(arguments[0].map((selector) => {
+  const element = document.querySelector(selector);
+  const { left, top, right, bottom } = element.getBoundingClientRect();
+  const [x, y] = [(left + right) / 2, (top + bottom) / 2];
+  const points = [[x, y], [left + 2, y], [right - 2, y], [x, top + 2], [x, bottom - 2]];
+  const inside = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
+  const seen = points.every((point) => element.contains(document.elementFromPoint(...point)));
+  return [selector, inside && seen || { left, top, right, bottom, inside, seen }];
+}));
+"""
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_what_steers_is_in_sight_without_scrolling(page: Page, screen: str) -> None:
+    """All of it, at sizes that a finger meets, and beside the robot's view."""
+    page.emulate(*SCREENS[screen])
+    page.wait_for_states(1)
+    assert page.driver.execute_script(IN_SIGHT, STEERS) == dict.fromkeys(STEERS, True)
+    for selector in ("aside", "body", "html"):
+        size = page.driver.execute_script(
+            "const e = document.querySelector(arguments[0]);"
+            "return [e.scrollWidth - e.clientWidth, e.scrollHeight - e.clientHeight]",
+            selector,
+        )
+        assert size == [0, 0], f"{selector} scrolls"
+    assert min(page.find("#pad").size.values()) >= 120
+    assert min(page.find("#stop").size.values()) >= 52
+    assert max(page.find("#linear input").size.values()) >= 60
+    assert max(page.find("#angular input").size.values()) >= 60
+    assert min(page.find("#view").size.values()) >= 150
+
+
+COVERED = """
+const view = document.createElement("iframe");
+document.querySelector("#view").append(view);
+const { left, top, right, bottom } = view.getBoundingClientRect();
+return ["#slow", "#message", "#readout"].filter((selector) => {
+  const box = document.querySelector(selector).getBoundingClientRect();
+  const apart = box.left >= right || box.right <= left || box.top >= bottom || box.bottom <= top;
+  return !apart || box.height === 0 || bottom - top < 60;
+});
+"""
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_nothing_covers_the_buttons_of_the_view(page: Page, screen: str) -> None:
+    """Notes and messages have a place outside of the frame, which is still to be seen."""
+    page.emulate(*SCREENS[screen])
+    page.driver.execute_script(WARN)
+    assert page.driver.execute_script(COVERED) == []
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_nothing_shines_through_stop(page: Page, enabled: bool) -> None:
+    """It is opaque, on all of its area, wherever the settings are scrolled to."""
+    page.emulate(360, 480, mobile=True)
+    page.driver.execute_script("document.querySelector('#topic-name').scrollIntoView()")
+    stop = page.find("#stop")
+    page.driver.execute_script("arguments[0].disabled = !arguments[1]", stop, enabled)
+    assert page.driver.execute_script(IN_SIGHT, ["#stop"]) == {"#stop": True}
+    opacities = page.driver.execute_script(
+        "const found = []; let e = arguments[0];"
+        "for (; e; e = e.parentElement) found.push(getComputedStyle(e).opacity);"
+        "return found",
+        stop,
+    )
+    assert set(opacities) == {"1"}
+    assert alpha(style(page, "#stop", "backgroundColor")) == 1.0
+
+
+def style(page: Page, selector: str, name: str, pseudo: str | None = None) -> str:
+    """One of an element's computed styles."""
+    return str(
+        page.driver.execute_script(
+            "return getComputedStyle(document.querySelector(arguments[0]), arguments[2])"
+            "[arguments[1]]",
+            selector, name, pseudo,
+        )
+    )  # fmt: skip
+
+
+def channels(colour: str) -> list[float]:
+    """Red, green, blue, and alpha where there is one; 0 to 1 in ``color()``, else 0 to 255."""
+    return [float(number) for number in re.findall(r"[\d.]+", colour.removeprefix("color(srgb"))]
+
+
+def alpha(colour: str) -> float:
+    return (channels(colour) + [1.0])[3]
+
+
+def test_the_scheme_is_the_systems(page: Page) -> None:
+    """Dark on light, or light on dark, to the browser's own parts."""
+    page.emulate(1280, 657, prefers_color_scheme="light")
+    assert sum(channels(style(page, "aside", "backgroundColor"))) > 700
+    assert sum(channels(style(page, "aside", "color"))) < 150
+    page.emulate(1280, 657, prefers_color_scheme="dark")
+    assert sum(channels(style(page, "aside", "backgroundColor"))) < 150
+    assert sum(channels(style(page, "aside", "color"))) > 600
+    assert style(page, "html", "colorScheme") == "light dark"
+
+
+def test_forced_colours_keep_what_is_told_by_colour(page: Page) -> None:
+    """Backgrounds are gone: there are borders, and what is drawn keeps two colours."""
+    page.emulate(1280, 657, forced_colors="active")
+    page.driver.execute_script(WARN)
+    page.act().key_down("w").perform()
+    wait_for(lambda: page.body("driver") == "you", "this page to drive")
+    assert page.text("#driver") == "You drive" and page.text("#connection") == "Connected"
+    bounded = ("#stop", ".axis button", "#topic-name", "#driver", "#connection", "#message", ".bar")
+    for selector in bounded:
+        assert style(page, selector, "borderTopStyle") == "solid", selector
+        assert style(page, selector, "borderTopWidth") != "0px", selector
+        assert alpha(style(page, selector, "borderTopColor")) > 0.5, selector
+    ground = style(page, ".bar", "backgroundColor")
+    fill = style(page, ".bar", "backgroundColor", "::before")
+    tick = style(page, ".bar", "backgroundColor", "::after")
+    assert len({ground, fill, tick}) == 3
+    assert style(page, "#pad .rim", "stroke") != style(page, "#pad .rim", "fill")
+    page.act().key_up("w").perform()
+    page.hold("#linear [name=plus]", 0, 0)
+    try:
+        assert style(page, "#linear [name=plus]", "outlineStyle") == "solid"
+    finally:
+        page.let_go()
+
+
+MOVING = """
+const moving = (element) =>
+  getComputedStyle(element).transitionDuration.split(", ").some((time) => time !== "0s") ||
+  getComputedStyle(element).animationName !== "none";
+return [...document.querySelectorAll("*")].filter(moving).map((element) => element.className);
+"""
+
+
+def test_reduced_motion_moves_nothing_by_itself(page: Page) -> None:
+    """No transition and no animation, of the joystick's thumb neither."""
+    page.act().key_down("w").perform()
+    wait_for(lambda: "led" in page.find("#pad").get_attribute("class"), "the thumb to show it")
+    page.emulate(1280, 657, prefers_reduced_motion="no-preference")
+    assert page.driver.execute_script(MOVING) != []
+    page.emulate(1280, 657, prefers_reduced_motion="reduce")
+    assert page.driver.execute_script(MOVING) == []
+    page.act().key_up("w").key_down("s").perform()
+    page.wait_for_states(2)
+    assert page.driver.execute_script("return document.getAnimations().length") == 0
+    page.act().key_up("s").perform()
+
+
+def test_axe_finds_nothing_when_the_connection_is_lost(ros_domain: int, chromium: Page) -> None:
+    """All controls are disabled, and the reason is in sight."""
+    with steering(check=False) as lost:
+        chromium.open(lost.address)
+    wait_for(lambda: chromium.body("connection") == "down", "the page to notice")
+    for scheme in SCHEMES:
+        chromium.emulate(390, 844, True, prefers_color_scheme=scheme)
+        assert findings(chromium) == []
