@@ -30,6 +30,7 @@ VERBS = {
     "interface": "list types of messages and show them",
     "tf": "show the tree of frames, and transforms between frames",
     "snapshot": "draw a robot into a picture file",
+    "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
     "accuracy": "measure how accurately OneBot drives",
     "bench": "measure performance as ratios to floors",
@@ -37,9 +38,9 @@ VERBS = {
     "teleop": "drive from the keyboard",
 }
 # Verbs with subcommands, the module's ``COMMANDS``.
-_GROUPS = ("topic", "node", "param", "service", "interface", "tf")
+_GROUPS = ("topic", "node", "param", "service", "interface", "tf", "bag")
 # Verbs that run until Ctrl-C, which is a success for them.
-_UNTIL_CTRL_C = ("view", "topic", "tf", "replay", "steer", "teleop")
+_UNTIL_CTRL_C = ("view", "topic", "tf", "bag", "replay", "steer", "teleop")
 
 
 def start_process(interrupted: int) -> None:

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean, printable
@@ -264,7 +265,9 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),
         switch("reload", True, "take up edits of the model while running"),
         namespace,
-        Argument("frame_prefix", "", "prepended to every frame of the robot"),
+        Argument(
+            "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
+        ),
         number(
             "publish_frequency",
             "0.0",
@@ -298,10 +301,15 @@ def simulation_arguments(control: str) -> list[Argument]:
 def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each argument.
 
+    Two robots publish to one /tf: the frames have the namespace in front, as diff_drive_controller
+    does it, unless ``frame_prefix`` is given, be it empty.
+
     Raises:
         UsageError: a name or a value that is not possible.
     """
     values = complete(declared, given)
+    if "frame_prefix" not in given:
+        values["frame_prefix"] = prefixed("", True, "", values["namespace"])
     prefix = values["frame_prefix"]
     if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")

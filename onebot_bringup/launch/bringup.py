@@ -27,6 +27,7 @@ from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.process import NodeProcess
+from onebot_control.poses import prefixed
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
@@ -258,7 +259,6 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
     if values.get("sim") != "true" or not _mentions(Path(values["params_file"]), _OF_ALL_NODES):
         return found
     from onebot_control.parameters import ControlConfig, read_control_files
-    from onebot_control.poses import prefixed
     from onebot_description.parameters.reader import ConfigError, replaced
 
     space = "/" + values["namespace"].strip("/")
@@ -341,6 +341,8 @@ def summary_text(description: "Description", values: Mapping[str, str]) -> str:
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
+    if values["frame_prefix"]:
+        lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":
         drive = f"{space}/velocity_controller/cmd_vel"
         lines.append(
