@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """``onebot <verb> ...``: runs the module of the verb, prints errors and returns the exit code.
 
 Exit codes: 0 success, or stopped by the user; 1 a mistake in the user's files, or a node failed;

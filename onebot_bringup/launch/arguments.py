@@ -32,6 +32,13 @@ class Argument:
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
     type: ValueType = ValueType(str)  # what its text must stand for
 
+    @property
+    def help(self) -> str:
+        """The description, with the choices unless they are true and false."""
+        if self.choices and self.choices != (*_TRUE, *_FALSE):
+            return f"{self.description} ({', '.join(self.choices)})"
+        return self.description
+
     def problem(self, text: str) -> str:
         """Return what is wrong with the argument written as ``text``, and what would be right."""
         if self.choices and text not in self.choices:
@@ -187,15 +194,9 @@ def _switch_value(value: str) -> str:
 
 def table(arguments: Sequence[Argument]) -> str:
     """Return the arguments as text: name, default, description, one a line."""
-    rows = [(printable(f"{a.name}:={a.default}"), printable(_explain(a))) for a in arguments]
+    rows = [(printable(f"{a.name}:={a.default}"), printable(a.help)) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
     return "\n".join(_row(left, right, width) for left, right in rows)
-
-
-def _explain(argument: Argument) -> str:
-    if argument.choices and argument.choices != (*_TRUE, *_FALSE):
-        return f"{argument.description} ({', '.join(argument.choices)})"
-    return argument.description
 
 
 def _row(left: str, right: str, width: int) -> str:
