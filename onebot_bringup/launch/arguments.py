@@ -16,6 +16,20 @@ from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 
+# What launch files of ROS call otherwise, and how it is written here.
+_VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
+_SLIDERS = "joints move as joints:=FILE says, without sliders; joint_states:=false: not at all"
+_PREFIX = "write frame_prefix:=PREFIX/"
+_VIEW = "what the viewer shows is in view:=FILE"
+_MODEL = "write model:=FILE"
+_FORMER = {
+    "gui": f"{_VIEWER} for the view; {_SLIDERS}",
+    **dict.fromkeys(("use_gui", "jsp_gui"), _SLIDERS),
+    **dict.fromkeys(("rviz", "use_rviz", "launch_rviz", "headless"), _VIEWER),
+    **dict.fromkeys(("rvizconfig", "rviz_config", "rviz_config_file"), _VIEW),
+    **dict.fromkeys(("urdf", "urdf_file", "xacro_file", "urdf_model"), _MODEL),
+    "tf_prefix": _PREFIX,
+}
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
 _HELP = ("-h", "--help")
@@ -184,6 +198,8 @@ def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str
 
 def unknown(name: str, known: Iterable[str], what: str = "arguments") -> str:
     """Return the message about an argument that does not exist."""
+    if name in _FORMER:
+        return f'no argument "{name}": {_FORMER[name]}'
     return f'no argument "{name}"{did_you_mean(name, known, what)}'
 
 
