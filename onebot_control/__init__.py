@@ -1,1 +1,3 @@
 """What moves OneBot."""
+
+import onebot_description  # noqa: F401 - which explains a missing ROS

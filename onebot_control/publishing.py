@@ -23,7 +23,7 @@ from onebot_control.odometry import PoseCovariance
 from onebot_control.poses import PlanarPose, prefixed
 from onebot_control.simulation import Twist
 from onebot_description.model import quaternions
-from onebot_description.node import LATCHED
+from onebot_description.node import LATCHED, OnlyPublisher
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.messages import time_message
 from onebot_description.wire.tf_message import TFMessage
@@ -33,6 +33,10 @@ _NOT_KNOWN = (0.0,) * 6  # diagonal of a covariance
 # z, roll and pitch are zero on flat ground by definition; their variances only keep estimators from
 # dividing by zero.
 _FLAT = (0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0)
+_TWO_CLOCKS = (
+    "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
+    "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
+)
 
 
 class Publishers:
@@ -47,7 +51,10 @@ class Publishers:
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._limited: Publisher | None = None
-        self._clock = node.create_publisher(Clock, "/clock", _DEPTH) if simulated else None
+        self._clock: Publisher | None = None
+        if simulated:
+            self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
+            OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
     def use(self, robot: DrivenRobot) -> None:
         """Publish this robot from now on, with its parameters as they are now."""

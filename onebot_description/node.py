@@ -340,21 +340,38 @@ class DescriptionTopic:
             )
 
 
-class DescriptionPublishers:
-    """Warns when robot_description has several publishers: two robots that take turns in one.
+def warn_of_two_robots(node: Node, *, own: bool) -> None:
+    """Warn when robot_description, as it is in the node's namespace, has several publishers.
 
-    A publisher is warned of when it has been there for a while, and each only once: a robot that is
+    Args:
+        node: that knows the ROS graph.
+        own: it publishes the description itself.
+    """
+    problem = (
+        "two robots take turns in one. Stop one, or start one with namespace:=NAME, or apart from "
+        "the other with domain_id:=N"
+    )
+    OnlyPublisher(node, _DESCRIPTION, problem, own=own)
+
+
+class OnlyPublisher:
+    """Warns when a topic that is one node's has several publishers.
+
+    A publisher is warned of when it has been there for a while, and each only once: a node that is
     restarted is none.
     """
 
-    def __init__(self, node: Node, *, own: bool) -> None:
-        """Watch the topic as it is in the node's namespace.
+    def __init__(self, node: Node, topic: str, problem: str, *, own: bool) -> None:
+        """Watch a topic.
 
         Args:
             node: that knows the ROS graph.
-            own: it publishes the topic itself, so that one other is one too many.
+            topic: as the node names it.
+            problem: what comes of several publishers, and the remedy.
+            own: the node publishes the topic itself, so that one other is one too many.
         """
-        self._node, self._topic = node, node.resolve_topic_name(_DESCRIPTION)
+        self._node, self._topic = node, node.resolve_topic_name(topic)
+        self._problem = problem
         self._own = f"{node.get_namespace().rstrip('/')}/{node.get_name()}" if own else ""
         self._lasting = Lasting(_SETTLED if own else _FORGOTTEN)
         # Not ROS time: it may stand still.
@@ -367,10 +384,7 @@ class DescriptionPublishers:
             return
         others = ", ".join(names)
         found = f"also published by {others}" if self._own else f"published by {others} at once"
-        self._node.get_logger().warning(
-            f"{self._topic} is {found}: two robots take turns in one. Stop one, or start one with "
-            "namespace:=NAME frame_prefix:=NAME/, or apart from the other with domain_id:=N"
-        )
+        self._node.get_logger().warning(f"{self._topic} is {found}: {self._problem}")
 
     def _names(self) -> list[str]:
         """Return the nodes that publish it; of several of one name, the name as often."""

@@ -42,10 +42,10 @@ from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import (
     LATCHED,
-    DescriptionPublishers,
     Throttled,
     ros_arguments,
     run_node,
+    warn_of_two_robots,
 )
 from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
 from onebot_description.wire.cdr import NANO
@@ -101,7 +101,7 @@ class RobotStatePublisher(Node):
         self.create_subscription(
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
-        DescriptionPublishers(self, own=True)
+        warn_of_two_robots(self, own=True)
 
     def _apply(self) -> None:
         """Convert with the parameters as they are now."""

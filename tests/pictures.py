@@ -26,7 +26,7 @@ PLACES = {
 # What OneBot is told for its picture: m/s, rad/s and s, an S that shows all there is to see.
 DRIVE = ((0.2, 0.5, 6.0), (0.35, -0.5, 6.0), (0.25, 0.45, 6.0))
 ORANGE, TRAIL = (255, 107, 10), (77, 208, 225)  # as in dimensions.yaml and view.yaml
-SCREEN = {"width": 1440, "height": 860, "deviceScaleFactor": 1, "mobile": False}
+SCREEN = (1440, 860)
 TOPIC = "/velocity_controller/cmd_vel"
 _MODULES = {
     "onebot": "onebot_bringup.cli.main",
@@ -91,7 +91,7 @@ def make_steering(picture: Path, folder: Path) -> None:
         found = address.search(output())
         assert found
         page = Page(driver)
-        page.devtools("Emulation.setDeviceMetricsOverride", **SCREEN)
+        page.emulate(*SCREEN, prefers_color_scheme="dark")
         page.open(found[1])
         wait_for(lambda: view_is_drawn(driver.get_screenshot_as_png()), "the robot's view", 180.0)
         wait_for(lambda: not page.find("#slow").is_displayed(), "the note to go", 180.0)

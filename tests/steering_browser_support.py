@@ -1,6 +1,7 @@
 """The steering page in a real browser, before a real node: what tests do on it and read off it."""
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,10 +9,11 @@ from typing import Any
 
 from selenium.webdriver import ActionChains, Chrome
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
 from tests.ros_support import NodeProcess, ros_args
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.steering.steering_page"
 PORT = re.compile(r"open (http://127\.0\.0\.1:(\d+)\S*)")
@@ -41,6 +43,7 @@ class Page:
         self.driver = driver
         self._frames: list[tuple[str, dict[str, Any]]] = []
         self._mouse = (0.0, 0.0)
+        self._fingers: set[str] = set()
 
     def open(self, address: str) -> "Page":
         """Go there, and wait until the page is connected and knows the robot's state."""
@@ -68,6 +71,28 @@ class Page:
         """A number of the read-out; NaN where it shows none."""
         words = self.text(f'[data-show="{shown}"]').replace("\N{MINUS SIGN}", "-")
         return float("nan") if words == "\N{EN DASH}" else float(words)
+
+    def limit(self, axis: str) -> str:
+        """What the field of a limit shows."""
+        return str(self.find(f"#{axis}-limit").get_property("value"))
+
+    @property
+    def thumb(self) -> float:
+        """How far the joystick's thumb is from its middle, in pixels."""
+        pad, thumb = self.find("#pad").rect, self.find("#pad .front").rect
+        return math.hypot(
+            thumb["x"] + thumb["width"] / 2 - pad["x"] - pad["width"] / 2,
+            thumb["y"] + thumb["height"] / 2 - pad["y"] - pad["height"] / 2,
+        )
+
+    def module(self, name: str, function: str, calls: list[list[Any]]) -> list[Any]:
+        """What a function of the page's module returns, or the name of what it throws."""
+        self.driver.set_script_timeout(PATIENCE)
+        script = """const [name, run, calls, done] = arguments;
+        import(new URL(`static/${name}`, document.baseURI)).then((found) => done(
+          calls.map((call) => { try { return found[run](...call) } catch (e) { return e.name } })
+        ), (error) => done([String(error)]))"""
+        return list(self.driver.execute_async_script(script, name, function, calls))
 
     def find(self, selector: str) -> WebElement:
         """The element."""
@@ -108,11 +133,31 @@ class Page:
             type=kind, x=x, y=y, button=button, buttons=buttons, clickCount=1,
         )  # fmt: skip
 
+    def touch(self, fingers: dict[int, tuple[str, float]]) -> None:
+        """Have these fingers on the screen and no others.
+
+        Args:
+            fingers: by number, an element and how many pixels above its middle; at least one.
+        """
+        points = []
+        for finger, (selector, up) in fingers.items():
+            box = self.find(selector).rect
+            x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 - up
+            points.append({"id": finger, "x": x, "y": y})
+        kind = "touchStart" if fingers.keys() - self._fingers else "touchMove"
+        self._fingers = set(fingers)
+        self.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    def end_touch(self, kind: str = "touchEnd") -> None:
+        """Lift all fingers; as touchCancel, the system takes them away."""
+        self._fingers = set()
+        self.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=[])
+
     def enter(self, selector: str, words: str) -> None:
-        """Replace what a field holds, and press Enter."""
+        """Replace what a field holds, by nothing too, and press Enter."""
         field = self.find(selector)
         self.driver.execute_script("arguments[0].focus(); arguments[0].select()", field)
-        field.send_keys(f"{words}\n")
+        field.send_keys(words or Keys.DELETE, "\n")
 
     def devtools(self, command: str, **parameters: Any) -> Any:
         """A command of Chromium's DevTools."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from packaging.requirements import Requirement
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -81,9 +82,27 @@ def test_every_data_folder_is_in_the_table():
             if (CHECKOUT / package / name).is_dir():
                 assert table[f"{package}/{name}"] == f"share/{package}/{name}"
                 assert name in cmake.partition("DIRECTORY")[2].partition("DESTINATION")[0]
+        for file in (CHECKOUT / package).glob("launch/*.launch.py"):
+            name = f"launch/{file.name}"
+            assert table[f"{package}/{name}"] == f"share/{package}/{name}"
+            assert f"install(FILES {name} DESTINATION share/${{PROJECT_NAME}}/launch)" in cmake
         assert table[f"{package}/package.xml"] == f"share/{package}/package.xml"
         marker = f"share/ament_index/resource_index/packages/{package}"
         assert table[f"{package}/py.typed"] == marker
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "wheels"),
+    [("linux", "x86_64", 2), ("linux", "aarch64", 0), ("darwin", "arm64", 0)],
+)
+def test_wheels_of_ros_are_asked_for_where_they_exist(system, machine, wheels):
+    """Elsewhere pip installs the rest, and ROS is an installed one."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    required = map(Requirement, project["dependencies"])
+    platform = {"sys_platform": system, "platform_machine": machine}
+    asked = [each.name for each in required if not each.marker or each.marker.evaluate(platform)]
+    assert len([name for name in asked if name.startswith("ros-")]) == wheels
+    assert {"xacro", "rerun-sdk", "pybullet"} <= set(asked)
 
 
 def _environment_without_ros_variables() -> dict[str, str]:
@@ -149,6 +168,8 @@ def test_regular_install_registers_the_packages(tmp_path):
     _install(python, str(_copy_of_checkout(tmp_path)))
     share = tmp_path / "venv/share/mrm_description"
     assert _say(python, WHERE, tmp_path) == f"{share} mrm"
+    (file,) = (tmp_path / "venv").rglob("mrm_bringup.launch.py")  # where ros2 launch looks
+    assert file == share / "launch/mrm_bringup.launch.py"
     scripts = {path.name for path in (tmp_path / "venv/bin").iterdir()}
     assert {"onebot", "mrm_bringup"} <= scripts
 

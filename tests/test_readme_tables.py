@@ -365,8 +365,9 @@ def test_launch_arguments() -> None:
     live = dict(re.findall(r"^  (\w+):=(\S*)", done.stdout, re.MULTILINE))
     of_the_model = {"robot_namespace", "prefix"}
     assert set(documented) == set(live) - of_the_model
-    files = {"model", "joints", "view", "params_file"}  # in words: they depend on the command
-    for name in set(documented) - files:
+    # They depend on the command, and on the other arguments.
+    in_words = {"model", "joints", "view", "params_file", "frame_prefix"}
+    for name in set(documented) - in_words:
         assert live[name] == documented[name].strip("`").replace("empty", ""), name
 
 

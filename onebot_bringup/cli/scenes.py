@@ -17,6 +17,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
+from onebot_bringup.cli.param import ParameterClient
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.viewer.display_server import open_recording
@@ -104,7 +105,8 @@ def _record_running(args: Namespace, session: Session, scene: Path) -> "RunningV
     """Record the robot as it is now; return a viewer in its place, which has its trails as well."""
     recording = open_recording(save=scene)
     try:
-        robot = RunningRobot(session, args.view, recording.stream, args.frame_prefix)
+        prefix = args.frame_prefix or published_prefix(session)
+        robot = RunningRobot(session, args.view, recording.stream, prefix)
         robot.await_description()
         viewer = None if args.view or args.frame_prefix else find_viewer(session)
         if viewer is None:
@@ -129,6 +131,7 @@ def _warn_of(messages: Sequence[str]) -> None:
 
 # --- the running robot --------------------------------------------------------------------------
 
+_DESCRIPTION_TOPIC = "robot_description"
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
 _LISTED = 5
@@ -209,29 +212,11 @@ class RunningRobot:
             self._tick()
             return self._view.robot is not None or self._broken is not None
 
-        topic = self._session.full_name("robot_description")
-        if not self._session.look_for(found, f"a robot on {topic}"):
-            raise OneBotError(
-                f"no robot is running: nothing on {topic}{self._elsewhere()}; start one "
-                "(onebot_bringup), or name its URDF or xacro file"
-            )
+        _look_for_robot(self._session, found)
         if self._view.robot is None:
             assert self._broken is not None
             raise self._broken
         return self._view.robot
-
-    def _elsewhere(self) -> str:
-        """Where descriptions are published, if in other namespaces."""
-        node = self._session.node
-        there = [
-            name
-            for name, _ in self._session.topics()
-            if name.endswith("/robot_description") and node.count_publishers(name)
-        ]
-        if not there:
-            return ""
-        space = there[0].rpartition("/")[0] or "/"
-        return f" (there: {listing(there)}; --ros-args -r __ns:={space} goes there)"
 
     def _await_frames(self, robot: Description) -> None:
         def complete() -> bool:
@@ -266,11 +251,56 @@ class RunningRobot:
         return f"{text} (frames received: {listing(frames)})"
 
 
+def published_prefix(session: Session) -> str:
+    """Return the parameter frame_prefix of the node that publishes the description, or else "".
+
+    Raises:
+        OneBotError: none publishes it.
+    """
+    topic = session.full_name(_DESCRIPTION_TOPIC)
+    ends = _look_for_robot(session, lambda: session.node.get_publishers_info_by_topic(topic))
+    for end in ends:
+        node = ParameterClient(session, f"{end.node_namespace.rstrip('/')}/{end.node_name}")
+        with suppress(OneBotError):  # it has no parameters
+            [value] = node.values(["frame_prefix"])
+            if value.string_value:
+                return str(value.string_value)
+    return ""
+
+
+def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
+    """Return ``found()`` once it is true.
+
+    Raises:
+        OneBotError: it is not; the message has where there are robots.
+    """
+    topic = session.full_name(_DESCRIPTION_TOPIC)
+    value = session.look_for(found, f"a robot on {topic}")
+    if not value:
+        raise OneBotError(
+            f"no robot is running: nothing on {topic}{_elsewhere(session)}; start one "
+            "(onebot_bringup), or name its URDF or xacro file"
+        )
+    return value
+
+
+def _elsewhere(session: Session) -> str:
+    """Where descriptions are published, if in other namespaces."""
+    there = [
+        name
+        for name, _ in session.topics()
+        if name.endswith(f"/{_DESCRIPTION_TOPIC}") and session.node.count_publishers(name)
+    ]
+    if not there:
+        return ""
+    space = there[0].rpartition("/")[0] or "/"
+    return f" (there: {listing(there)}; --ros-args -r __ns:={space} goes there)"
+
+
 # --- a description at given joint positions -----------------------------------------------------
 
 Floats = NDArray[np.float64]
 
-_DESCRIPTION_TOPIC = "robot_description"
 _SLACK = 1e-9  # rad or m beyond a limit: rounding
 # Any moment will do, but always the same: a picture with a clock in it stays the same, too.
 _NOW_NS = 1_700_000_000_000_000_000

@@ -111,8 +111,8 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
         "--frame-prefix",
         default="",
         metavar="PREFIX",
-        help="of the robot's frames, as robot_state_publisher's (default: none; of a recording: "
-        "as its frames are)",
+        help="of the robot's frames (default: as its robot_state_publisher has it; of a "
+        "recording: as its frames are)",
     )
     words, given = _take_out_arguments(argv)
     args = parser.parse(words)

@@ -10,11 +10,26 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 
+# What launch files of ROS call otherwise, and how it is written here.
+_VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
+_SLIDERS = "joints move as joints:=FILE says, without sliders; joint_states:=false: not at all"
+_PREFIX = "write frame_prefix:=PREFIX/"
+_VIEW = "what the viewer shows is in view:=FILE"
+_MODEL = "write model:=FILE"
+_FORMER = {
+    "gui": f"{_VIEWER} for the view; {_SLIDERS}",
+    **dict.fromkeys(("use_gui", "jsp_gui"), _SLIDERS),
+    **dict.fromkeys(("rviz", "use_rviz", "launch_rviz", "headless"), _VIEWER),
+    **dict.fromkeys(("rvizconfig", "rviz_config", "rviz_config_file"), _VIEW),
+    **dict.fromkeys(("urdf", "urdf_file", "xacro_file", "urdf_model"), _MODEL),
+    "tf_prefix": _PREFIX,
+}
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
 _HELP = ("-h", "--help")
@@ -30,6 +45,13 @@ class Argument:
     description: str  # one line; for choices these are added to it
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
     type: ValueType = ValueType(str)  # what its text must stand for
+
+    @property
+    def help(self) -> str:
+        """The description, with the choices unless they are true and false."""
+        if self.choices and self.choices != (*_TRUE, *_FALSE):
+            return f"{self.description} ({', '.join(self.choices)})"
+        return self.description
 
     def problem(self, text: str) -> str:
         """Return what is wrong with the argument written as ``text``, and what would be right."""
@@ -176,6 +198,8 @@ def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str
 
 def unknown(name: str, known: Iterable[str], what: str = "arguments") -> str:
     """Return the message about an argument that does not exist."""
+    if name in _FORMER:
+        return f'no argument "{name}": {_FORMER[name]}'
     return f'no argument "{name}"{did_you_mean(name, known, what)}'
 
 
@@ -186,15 +210,9 @@ def _switch_value(value: str) -> str:
 
 def table(arguments: Sequence[Argument]) -> str:
     """Return the arguments as text: name, default, description, one a line."""
-    rows = [(printable(f"{a.name}:={a.default}"), printable(_explain(a))) for a in arguments]
+    rows = [(printable(f"{a.name}:={a.default}"), printable(a.help)) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
     return "\n".join(_row(left, right, width) for left, right in rows)
-
-
-def _explain(argument: Argument) -> str:
-    if argument.choices and argument.choices != (*_TRUE, *_FALSE):
-        return f"{argument.description} ({', '.join(argument.choices)})"
-    return argument.description
 
 
 def _row(left: str, right: str, width: int) -> str:
@@ -264,7 +282,9 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),
         switch("reload", True, "take up edits of the model while running"),
         namespace,
-        Argument("frame_prefix", "", "prepended to every frame of the robot"),
+        Argument(
+            "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
+        ),
         number(
             "publish_frequency",
             "0.0",
@@ -298,10 +318,15 @@ def simulation_arguments(control: str) -> list[Argument]:
 def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each argument.
 
+    Two robots publish to one /tf: the frames have the namespace in front, as diff_drive_controller
+    does it, unless ``frame_prefix`` is given, be it empty.
+
     Raises:
         UsageError: a name or a value that is not possible.
     """
     values = complete(declared, given)
+    if "frame_prefix" not in given:
+        values["frame_prefix"] = prefixed("", True, "", values["namespace"])
     prefix = values["frame_prefix"]
     if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")

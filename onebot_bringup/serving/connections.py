@@ -5,7 +5,9 @@ of idle connections is as short. Of too many, the idlest one makes room for each
 """
 
 import asyncio
+import socket
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from aiohttp import web
@@ -48,7 +50,9 @@ class Connections:
         free = [one for one in crowd if KEEP not in self._requests.get(one, {})]
         free.sort(key=lambda one: (not self._transports[one].is_closing(), one in self._requests))
         for one in free[: max(0, number)]:
-            self._transports[one].abort()
+            # Not abort(): asyncio would log that as an error of its own while it sends a file.
+            with suppress(OSError):
+                self._transports[one].get_extra_info("socket").shutdown(socket.SHUT_RDWR)
 
     @web.middleware
     async def _follow(self, request: web.Request, handler: Handler) -> web.StreamResponse:

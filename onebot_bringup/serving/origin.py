@@ -16,19 +16,19 @@ _HOST = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?")
 _LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 
-def refusal(address: str, host: str, origin: str | None, sites: Iterable[str]) -> str:
+def refusal(address: str, host: str, origin: str | None, allowed: Iterable[str]) -> str:
     """Return why a request is rejected, one sentence; "" if it is accepted.
 
     Args:
         address: the IP address that the server listens on.
         host: the Host header.
         origin: the Origin header, if any.
-        sites: the hosts, with their ports, whose pages may send requests.
+        allowed: the origins whose pages may send requests, such as ``http://127.0.0.1:8080``.
     """
     if not is_own_name(address, host):
         names = ", ".join(sorted(_LOOPBACK_NAMES | {address}))
         return f'This server is not "{_shown(host)}": open it as {names}.'
-    if origin is not None and origin.lower() not in {f"http://{site}".lower() for site in sites}:
+    if origin is not None and origin.lower() not in {one.lower() for one in allowed}:
         return f"Pages of {_shown(origin)} have no access to this robot."
     return ""
 
@@ -50,7 +50,8 @@ def guard(address: str) -> Middleware:
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         host = request.headers.get("Host", "")
-        if problem := refusal(address, host, request.headers.get("Origin"), {host}):
+        own = [f"http://{host}"]
+        if problem := refusal(address, host, request.headers.get("Origin"), own):
             return web.Response(status=403, text=f"{problem}\n")
         return await handler(request)
 

@@ -34,32 +34,27 @@ Parameters:
     open_browser (bool, true): open the page, if there is a display.
 """
 
-import contextlib
-import math
 import queue
 import sys
 import threading
-import time
 import webbrowser
-from collections.abc import Callable, Collection, Container, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
 
-from geometry_msgs.msg import Twist, TwistStamped
-from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
 from onebot_bringup.steering.access import Access, new_token
-from onebot_bringup.steering.arbiter import ZEROS, ThreadSafeArbiter
+from onebot_bringup.steering.arbiter import ThreadSafeArbiter
+from onebot_bringup.steering.command_topic import CommandTopic, command_topics, foreign_type
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_of, limits_of
+from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
 from onebot_bringup.steering.server import (
     RobotStatus,
@@ -68,13 +63,10 @@ from onebot_bringup.steering.server import (
 )
 from onebot_bringup.steering.view_proxy import View, ViewProxy
 from onebot_bringup.viewer.display_server import has_display
-from onebot_control.poses import yaw_of
 from onebot_description.errors import OneBotError
 from onebot_description.node import LATCHED, run_node
 from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
 from onebot_description.parameters.values import MAX_PORT
-from onebot_description.topic_subscription import RCLError, TopicSubscription, TypeConflictError
-from onebot_description.wire.messages import odometry_sample
 
 _MIN_RATE, _MAX_RATE = 5.0, 100.0  # Hz
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
@@ -84,18 +76,6 @@ _STOPPED = "; it drove, so the robot is stopped"
 _SHORT_TOKEN = 8  # characters; a token shorter than this can be guessed
 
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
-_TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
-_DEPTH = 10
-_OBSERVERS = (  # they subscribe to commands, but are certainly not robots
-    "rerun_viewer",
-    "steering_viewer",
-    "bag_recorder",
-    "rosbag2_recorder",
-    "rosbag2_player",
-)
-
-_ODOMETRY = "nav_msgs/msg/Odometry"
-_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def _limit(unit: str) -> Any:
@@ -159,260 +139,6 @@ def _topic(node: Node, name: str, text: str) -> str:
     except Exception as error:  # rclpy raises several types, none of them public
         reason = " ".join(str(error).split("\n")[0].split())
         raise OneBotError(f"{name}: {text} is not a valid topic name: {reason}") from None
-
-
-@dataclass(frozen=True)
-class CommandSubscriber:
-    """A node that subscribes to commands."""
-
-    node: str  # full name
-    kind: str  # the type that it subscribes to
-
-    @property
-    def observes(self) -> bool:
-        """Whether its name is one of nodes that only record or show commands."""
-        name = self.node.rpartition("/")[2]
-        return name.startswith("_") or name in _OBSERVERS
-
-
-def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
-    """Return the nodes that subscribe to commands on ``topic``."""
-    return [
-        CommandSubscriber(_full_name(end), end.topic_type)
-        for end in node.get_subscriptions_info_by_topic(topic)
-        if end.topic_type in _TYPES
-    ]
-
-
-def _full_name(end: Any) -> str:
-    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-
-
-def command_topics(node: Node) -> tuple[str, ...]:
-    """Return all topics of commands, those with subscribers first."""
-    named = [
-        name
-        for name, kinds in node.get_topic_names_and_types()
-        if any(kind in _TYPES for kind in kinds)
-    ]
-
-    def rank(name: str) -> tuple[bool, str]:
-        return all(end.observes for end in command_subscribers(node, name)), name
-
-    return tuple(sorted(named, key=rank))
-
-
-def foreign_type(node: Node, topic: str) -> str:
-    """Return the type of a topic that exists only with other types than commands; else "".
-
-    The publisher of ``node`` itself does not count.
-    """
-    ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
-    own = node.get_name(), node.get_namespace()
-    kinds = {
-        end.topic_type
-        for end in ends
-        if (end.node_name, end.node_namespace) != own or end.topic_type not in _TYPES
-    }
-    return "" if kinds & _TYPES.keys() else ", ".join(sorted(kinds))
-
-
-class CommandTopic:
-    """Publishes commands with the type that the robot subscribes to; from any thread.
-
-    A node can publish only one type on a topic, and a second type on a topic confuses other tools.
-    So the publisher is created when the robot's type is known, or when a page drives.
-    """
-
-    def __init__(self, node: Node, topic: str) -> None:
-        """Start with ``topic``, a full name."""
-        self._node = node
-        self._lock = threading.Lock()
-        self._publisher: Any = None
-        self._driven = False  # a page has driven
-        self.topic = topic
-        self.kind = "geometry_msgs/msg/Twist"
-        self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
-
-    @property
-    def listeners(self) -> list[CommandSubscriber]:
-        """The subscribers without those that are known to observe only."""
-        return [end for end in self.subscribers if not end.observes]
-
-    def publish(self, velocity: Velocity) -> None:
-        """Publish a command, if there is a publisher."""
-        with self._lock:
-            self._driven = True
-            if self._publisher is not None:
-                self._publisher.publish(self._message(velocity))
-
-    def choose(self, topic: str) -> None:
-        """Switch to another topic; the robot of the old one is stopped."""
-        self._destroy_publisher()
-        self.topic, self.subscribers, self._driven = topic, [], False
-        self.update()
-
-    def update(self, controllers: Container[str] = ()) -> None:
-        """Adapt to the type that the robot subscribes to; to be called several times per second.
-
-        Args:
-            controllers: the nodes that are known to be the robot's; the type is theirs.
-        """
-        self.subscribers = command_subscribers(self._node, self.topic)
-        foreign = foreign_type(self._node, self.topic)
-        if foreign:  # do not add a second type to the topic
-            self._destroy_publisher()
-            if self._driven:
-                self._warn_foreign_type(foreign)
-            return
-        robots = [end for end in self.subscribers if end.node in controllers] or self.listeners
-        kinds = {robot.kind for robot in robots}
-        if kinds and self.kind not in kinds:
-            self._destroy_publisher()
-            self.kind = min(kinds)
-        if self._publisher is None and (kinds or self._driven):
-            self._create_publisher()
-
-    def flush(self) -> None:
-        """Wait shortly until all commands are acknowledged."""
-        publisher = self._publisher
-        if publisher is not None and publisher.get_subscription_count():
-            publisher.wait_for_all_acked(Duration(seconds=0.1))
-
-    def _warn_foreign_type(self, kind: str) -> None:
-        self._node.get_logger().warning(
-            f"{self.topic} has the type {kind}, not Twist or TwistStamped: nothing is published",
-            throttle_duration_sec=_WARN_EVERY,
-        )
-
-    def _create_publisher(self) -> None:
-        try:
-            publisher = self._node.create_publisher(_TYPES[self.kind], self.topic, _DEPTH)
-        except RCLError:
-            # The last publisher, of the other type, still exists; the next update tries again.
-            return
-        with self._lock:
-            self._publisher = publisher
-
-    def _destroy_publisher(self) -> None:
-        publisher = self._publisher
-        if publisher is None:
-            return
-        if self._driven:
-            for _ in range(ZEROS):
-                self.publish(Velocity())
-            self.flush()
-        with self._lock:
-            self._publisher = None
-        self._node.destroy_publisher(publisher)
-
-    def _message(self, velocity: Velocity) -> Any:
-        message = _TYPES[self.kind]()
-        twist = message
-        if isinstance(message, TwistStamped):
-            message.header.stamp = self._node.get_clock().now().to_msg()
-            twist = message.twist
-        twist.linear.x, twist.angular.z = velocity.linear, velocity.angular
-        return message
-
-
-def choose_odometry(
-    publishers: Mapping[str, Collection[str]],
-    commands: str,
-    controllers: Collection[str],
-    subscribers: Collection[str],
-) -> str:
-    """Return the topic with the robot's odometry; "" if it is not certain which that is.
-
-    Args:
-        publishers: the nodes that publish each topic of odometry.
-        commands: the command topic.
-        controllers: the nodes that are known to be the robot's.
-        subscribers: all nodes that subscribe to commands.
-    """
-
-    def of(nodes: Collection[str]) -> str:
-        own = [topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)]
-        # A simulation publishes the ground truth, too.
-        named = [topic for topic in own if topic.endswith("/odom")] if len(own) > 1 else own
-        return named[0] if len(named) == 1 else ""
-
-    sibling = f"{commands.rpartition('/')[0]}/odom"
-    only = next(iter(publishers)) if len(publishers) == 1 else ""
-    return of(controllers) or (sibling if sibling in publishers else of(subscribers) or only)
-
-
-class OdometryTopic:
-    """Subscribes to the robot's odometry."""
-
-    def __init__(self, node: Node, fixed: str) -> None:
-        """Subscribe to ``fixed``, a full name, or else ("") to what ``update`` finds."""
-        self._node, self._fixed = node, fixed
-        self._subscription: TopicSubscription | None = None
-        self._data: tuple[bytes, float] | None = None
-        self.topic = ""  # full name; "" for none
-
-    def update(
-        self, commands: str, controllers: Collection[str], subscribers: Collection[str]
-    ) -> None:
-        """Follow the robot, see ``choose_odometry``; to be called several times per second."""
-        wanted = self._fixed or choose_odometry(
-            self._publishers(), commands, controllers, subscribers
-        )
-        if wanted != self.topic:
-            self._change(wanted)
-        if self._subscription is not None:
-            # A topic of another type may have the right one later.
-            with contextlib.suppress(TypeConflictError):
-                self._subscription.update(_ODOMETRY, _LATEST)
-
-    def _change(self, topic: str) -> None:
-        if self._subscription is not None:
-            self._subscription.close()
-        self.topic, self._data = topic, None
-        self._subscription = (
-            TopicSubscription(self._node, topic, self._receive, lambda _: Odometry)
-            if topic
-            else None
-        )
-
-    def fields(self) -> dict[str, Any] | None:
-        """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
-
-        None if there is none, if it cannot be decoded, or if its numbers are not finite.
-        """
-        data = self._data
-        if data is None:
-            return None
-        try:
-            sample = odometry_sample(data[0])
-        except ValueError:
-            return None
-        values = {
-            "x": float(sample.translation[0]),
-            "y": float(sample.translation[1]),
-            "yaw": yaw_of(*sample.rotation.tolist()),
-            "linear": float(sample.linear[0]),
-            "angular": float(sample.angular[2]),
-            "age": time.monotonic() - data[1],
-        }
-        if not all(map(math.isfinite, values.values())):
-            return None
-        rounded = {name: round(value, 6) for name, value in values.items()}
-        return {"topic": self.topic, **rounded}
-
-    def _receive(self, _: str, data: bytes) -> None:
-        self._data = data, time.monotonic()
-
-    def _publishers(self) -> dict[str, list[str]]:
-        """The nodes that publish each topic of odometry."""
-        find = self._node.get_publishers_info_by_topic
-        found = {
-            name: [_full_name(end) for end in find(name)]
-            for name, kinds in self._node.get_topic_names_and_types()
-            if _ODOMETRY in kinds
-        }
-        return {name: nodes for name, nodes in found.items() if nodes}
 
 
 class SteeringPage(Node):

@@ -171,14 +171,21 @@ class FrameResolution:
         return self.known_as(robot, wanted) or self._frames.top(self._frame_of(robot.root_link))
 
     def known_as(self, robot: Description, wanted: str) -> str:
-        """Return the name by which a frame is known, also with the prefix; "" if it is not."""
+        """Return the name by which a frame is known, also with the prefix; "" if it is not.
+
+        Another robot's frame may have the name without the prefix: of both, the one that a
+        transform connects with this robot counts, and the name as it is if both are.
+        """
         if not wanted:
             return ""
         received, links = self._frames.names, robot.link_names
-        if wanted in received or wanted in map(self._frame_of, links):
-            return wanted
         prefixed = self._frame_of(wanted)
-        return prefixed if prefixed in received or wanted in links else ""
+        known = [prefixed] if prefixed in received or wanted in links else []
+        if wanted in received or wanted in map(self._frame_of, links):
+            known.insert(0, wanted)
+        top = self._frames.top(self._frame_of(robot.root_link))
+        connected = [name for name in known if self._frames.top(name) == top]
+        return next(iter(connected + known), "")
 
     def missing(self, robot: Description, fixed_frame: str) -> list[str]:
         """Return the frames of links that no transform connects with ``fixed_frame``."""

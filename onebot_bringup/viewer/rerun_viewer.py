@@ -33,6 +33,7 @@ Parameters:
 
 import re
 import sys
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -48,6 +49,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from onebot_bringup.introspection.frame_publishers import FrameConflicts
 from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import TopicSubscriptions
@@ -58,10 +60,10 @@ from onebot_description.errors import OneBotError, printable
 from onebot_description.file_watch import in_background
 from onebot_description.node import (
     LATCHED,
-    DescriptionPublishers,
     Throttled,
     ends_node,
     run_node,
+    warn_of_two_robots,
 )
 from onebot_description.parameters.reader import (
     ConfigError,
@@ -337,12 +339,13 @@ class RerunViewer(Node):
         self._published_page = ""
         self._topics = TopicSubscriptions(self, self._view.take)
         self._topics.set_topics(self._view.topics)
+        self._conflicts = FrameConflicts(self)
         self._updates = ViewUpdates(source, settings, self._view, self._topics, self.get_logger())
         # Not ROS time: it may stop or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_PERIOD, self._tick, clock=steady)
         self.create_timer(POLL_PERIOD, self._poll, clock=steady)
-        DescriptionPublishers(self, own=False)
+        warn_of_two_robots(self, own=False)
 
     def _tick(self) -> None:
         for warning in self._view.tick(int(self.get_clock().now().nanoseconds)):
@@ -366,6 +369,8 @@ class RerunViewer(Node):
             self._topics.update()
         except OneBotError as error:
             self._warn("topics", str(error), every=10.0)
+        for conflict in self._conflicts.poll(time.monotonic()):
+            self._warn(f"publishers {conflict.publishers}", f"/tf: {conflict}", every=60.0)
         self._updates.poll()
 
     def _report(self, topic: str, error: Exception) -> None:
@@ -386,6 +391,7 @@ class RerunViewer(Node):
         server, self._server = self._server, None
         try:
             if server is not None:
+                self._conflicts.close()
                 self._view.finish()
                 server.close()
         finally:

@@ -15,12 +15,11 @@ from onebot_description.description.description import (
     Sphere,
     Triple,
 )
+from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.description.xml import shown_path
 from onebot_description.errors import printable
 
 _HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
-_MOST_INDENT = 60  # characters before a link; deeper ones are drawn with the end of theirs
-_MOST_CELL = 100  # characters
 _Row = tuple[str, ...]
 
 
@@ -34,9 +33,9 @@ def describe(description: Description) -> str:
     for branch, name, joint in _walk(description):
         link = links[name]
         cells = (name, *_joint_cells(joint), _mass(link), _shapes(link))
-        first, *others = map(_cell, cells)
+        first, *others = map(cell, cells)
         rows.append((branch + first, *others))
-    lines = [_title(description), "", *_table(rows)]
+    lines = [_title(description), "", *aligned(rows)]
     return "\n".join(lines)
 
 
@@ -57,37 +56,18 @@ def _title(description: Description) -> str:
     ]
     source = description.source
     where = printable(shown_path(source) if description.files else source)
-    return f"{_cell(description.robot_name)}  ({where})\n{' · '.join(facts)}"
+    return f"{cell(description.robot_name)}  ({where})\n{' · '.join(facts)}"
 
 
 def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
     """Each link with the box drawing before it and the joint above it, depth first."""
     below: dict[str, list[Joint]] = {}
+    above: dict[str, Joint] = {}
     for joint in description.joints:
         below.setdefault(joint.parent, []).append(joint)
-    result = []
-    # Link, its joint, drawing before itself, drawing before its children.
-    waiting: list[tuple[str, Joint | None, str, str]]
-    waiting = [(root, None, "", "") for root in reversed(description.roots)]
-    while waiting:
-        link, above, branch, inner = waiting.pop()
-        result.append((branch, link, above))
-        joints = below.get(link, [])
-        for joint in reversed(joints):
-            last = joint is joints[-1]
-            mark, rest = ("└─ ", "   ") if last else ("├─ ", "│  ")
-            waiting.append((joint.child, joint, inner + mark, _shortened(inner + rest)))
-    return result
-
-
-def _shortened(indent: str) -> str:
-    """The end of an ``indent`` that is too wide, as lines cost their width."""
-    return indent if len(indent) <= _MOST_INDENT else "…  " + indent[6:]
-
-
-def _cell(text: str) -> str:
-    shown = printable(text)
-    return shown if len(shown) <= _MOST_CELL else shown[: _MOST_CELL - 1] + "…"
+        above[joint.child] = joint
+    drawn = branches(description.roots, lambda link: [joint.child for joint in below.get(link, [])])
+    return [(branch, link, above.get(link)) for branch, link in drawn]
 
 
 def _joint_cells(joint: Joint | None) -> _Row:
@@ -168,15 +148,3 @@ def _shape(shape: Shape) -> str:
 
 def _count(number: int, one: str, many: str | None = None) -> str:
     return f"{number} {one if number == 1 else many or one + 's'}"
-
-
-def _table(rows: list[_Row]) -> list[str]:
-    """The rows with their columns aligned; empty columns are left out."""
-    columns = [
-        column for column in zip(*rows, strict=True) if column[0] == "link" or any(column[1:])
-    ]
-    widths = [max(map(len, column)) for column in columns]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in zip(*columns, strict=True)
-    ]

@@ -1,5 +1,6 @@
 """Unit quaternions as arrays, x y z w last, as in geometry_msgs."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -63,3 +64,16 @@ def to_matrix(rotation: Floats) -> Floats:
     rotation = rotation / np.where(length > 0.0, length, 1.0)
     columns = [rotate(rotation, unit) for unit in np.eye(3)]
     return np.stack(columns, axis=-1)
+
+
+def to_rpy(matrix: Floats) -> tuple[float, float, float]:
+    """Roll, pitch and yaw about the fixed axes, rad, of a (3, 3) rotation matrix.
+
+    Where the pitch is a quarter turn, only the sum or difference of the others is known; the yaw is
+    zero then.
+    """
+    (xx, _, _), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()
+    pitch = math.asin(max(-1.0, min(1.0, -zx)))
+    if abs(zx) > 1.0 - 1e-12:
+        return math.atan2(-yz, yy), pitch, 0.0
+    return math.atan2(zy, zz), pitch, math.atan2(yx, xx)

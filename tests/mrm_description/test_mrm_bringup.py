@@ -124,11 +124,11 @@ def test_editing_the_xacro_changes_the_robot(
     stop(running)
 
 
-def test_namespace_and_frame_prefix(start: Start, transforms: Transforms, tmp_path: Path) -> None:
-    """Two robots can share a network: topics get the namespace, frames the prefix."""
-    running = start(
-        "namespace:=left", "frame_prefix:=left/", f"joints:={write_joints(tmp_path, 0.5)}"
-    )
+def test_a_namespace_names_topics_and_frames(
+    start: Start, transforms: Transforms, tmp_path: Path
+) -> None:
+    """Two robots can share a network."""
+    running = start("namespace:=left", f"joints:={write_joints(tmp_path, 0.5)}")
     wait_for(transforms.turned_to(0.5, "left/link1"), "the prefixed frame")
     assert "/left/joint_states" in running.out
     stop(running)

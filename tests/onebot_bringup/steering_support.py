@@ -136,10 +136,10 @@ class PageClient:
             self.close()
 
 
-def raw_page(address: str) -> socket.socket:
+def raw_page(address: str, source: str = "127.0.0.1") -> socket.socket:
     """A WebSocket that never says or answers anything, as of a computer that hangs."""
     port = urlsplit(address).port
-    found = socket.create_connection(("127.0.0.1", port), PATIENCE)
+    found = socket.create_connection(("127.0.0.1", port), PATIENCE, (source, 0))
     request = (
         f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"

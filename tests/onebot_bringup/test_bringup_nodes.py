@@ -174,6 +174,20 @@ def test_every_node_gets_the_common_arguments(make: Make) -> None:
         assert Path(file).read_text().startswith(f'"/left/arm/{node.name}":')
 
 
+def test_a_namespace_is_the_prefix_of_all_frames(make: Make) -> None:
+    """Of publishers, controller and viewer alike, simulated or not."""
+    nodes = make(namespace="left")
+    for node in (nodes.robot_state_publisher(), nodes.rerun_viewer()):
+        assert parameters(node)["frame_prefix"] == "left/"
+    controller = parameters(nodes.velocity_controller())
+    assert controller["tf_frame_prefix_enable"] and controller["tf_frame_prefix"] == "left/"
+    for nodes in (make(False, namespace="left"), make(namespace="left", sim="false")):
+        assert parameters(nodes.robot_state_publisher())["frame_prefix"] == "left/"
+        assert parameters(nodes.rerun_viewer())["frame_prefix"] == "left/"
+    none = parameters(make(namespace="left", frame_prefix="").velocity_controller())
+    assert none["tf_frame_prefix_enable"] is False
+
+
 def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
     """As text, with all that the launch arguments say of transforms."""
     nodes = make(False)
@@ -240,6 +254,11 @@ ENABLED = "tf_frame_prefix_enable: true"
     ("parameters", "given", "wanted"),
     [
         ("x: 1.0", {}, {"frame_prefix": "", "use_sim_time": "false", "x": ""}),
+        ("x: 1.0", SPACE, {"frame_prefix": "left/"}),
+        ("x: 1.0", {"namespace": "/a/b/", "sim": "false"}, {"frame_prefix": "a/b/"}),
+        ("x: 1.0", {**SPACE, "frame_prefix": ""}, {"frame_prefix": ""}),
+        ("x: 1.0", {**SPACE, "frame_prefix": "b/"}, {"frame_prefix": "b/"}),
+        ("tf_frame_prefix_enable: false", SPACE, {"frame_prefix": ""}),
         (ENABLED, SPACE, {"frame_prefix": "left/"}),
         (ENABLED, {}, {"frame_prefix": ""}),
         ("tf_frame_prefix: a", {}, {"frame_prefix": "a/"}),
@@ -485,6 +504,7 @@ def _summary(make: Make, simulated: bool = True, /, **given: str) -> str:
             {"namespace": "left"},
             "  topics   /tf /tf_static /left/robot_description /left/joint_states",
         ),
+        (True, {"namespace": "left"}, "  frames   begin with left/"),
         (True, {}, "  drive    onebot teleop, or a Twist on /velocity_controller/cmd_vel"),
         (
             True,
@@ -529,6 +549,7 @@ def test_the_summary_says_nothing_of_what_is_not_there(make: Make) -> None:
         (False, {"publish_frequency": "-0.1"}, "publish_frequency:=-0.1"),
         (False, {"publish_frequency": "1001"}, "a number from 0 to 1000"),
         (True, {"frame_prefix": "left"}, "frame_prefix:=left/"),
+        (True, {"namespace": "left", "frame_prefix": "left"}, "frame_prefix:=left/"),
         (True, {"x": "inf"}, "x:=inf"),
         (True, {"y": "a"}, "y:=a"),
         (True, {"yaw": "nan"}, "yaw:=nan"),

@@ -86,13 +86,15 @@ def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
     posed = drawn(arm, arm / "arm.urdf", *view, "--joints", "slide=0.75", name="posed.png")
     assert colored(posed, ORANGE).any() and colored(posed, BLUE).any()
     # The stamp stays the same, as of a robot that was heard once: it is published all the same.
-    with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *ros_args(ignore_timestamp=True)):
+    # The prefix of its frames is what its publisher has.
+    parameters = ros_args(ignore_timestamp=True, frame_prefix="left/")
+    with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *parameters):
         with Peer(ros_domain) as peer, Joint(peer, 0.75), Garbage(peer):
             np.testing.assert_array_equal(drawn(arm, *view, name="live.png"), posed)
 
 
 def test_what_is_missing_is_named(arm, ros_domain):
-    """No robot at all; none in this namespace; no joint states; frames with a prefix."""
+    """No robot at all; none in this namespace; no joint states."""
     done = snapshot(arm / "a.png")
     assert done.returncode == 1 and "nothing on /robot_description;" in done.stderr
     prefixed = ros_args(frame_prefix="left/", ignore_timestamp=True)
@@ -103,7 +105,7 @@ def test_what_is_missing_is_named(arm, ros_domain):
         assert done.returncode == 1
         assert "-r __ns:=/left goes there" in done.stderr, done.stderr
         done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/left"))
-        assert done.returncode == 1 and "waiting for the frames of tip" in done.stderr
+        assert done.returncode == 1 and "waiting for the frames of left/tip" in done.stderr
         assert "/tf and /tf_static" in done.stderr
         assert "or the simulation is paused" in done.stderr
     assert not (arm / "a.png").exists()

@@ -15,6 +15,7 @@ from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
 WHEELS = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
+LIMITS = {"linear.x.max_velocity": 0.5}  # the others are those of control.yaml
 SPEED = 0.3  # m/s
 
 
@@ -23,7 +24,7 @@ def odometry(ros_domain: int, tmp_path: Path) -> Iterator[list[Any]]:
     """What a robot says that stops by itself after half a second without a command."""
     model = tmp_path / "bot.urdf"
     model.write_text(urdf())
-    args = [str(model), *ros_args(cmd_vel_timeout=0.5, **WHEELS)]
+    args = [str(model), *ros_args(cmd_vel_timeout=0.5, **WHEELS, **LIMITS)]
     with NodeProcess("onebot_control.velocity_controller", *args), Peer(ros_domain) as peer:
         heard = peer.hear(Odometry, "/velocity_controller/odom")
         wait_for(lambda: heard, "odometry")
@@ -47,7 +48,10 @@ def _come_to_rest(odometry: list[Any]) -> None:
 def test_a_page_drives_the_robot_along_its_arc(odometry):
     """It gets to where forward and turning speed lead, the page says so, letting go stops it."""
     with steering() as node, PageClient(address_of(node)) as page:
-        wait_for(lambda: page.state["listeners"] == 1, "the robot")
+        wait_for(lambda: page.state["controllers"] == ["/velocity_controller"], "the robot")
+        assert page.state["limits"] == {"linear": 0.5, "angular": 3.0}
+        braking = {"deceleration": 0.5, "jerk": None, "timeout": 0.5}
+        assert page.state["braking"] == braking
         linear, angular = 0.2, 0.4
         page.hold(linear, angular)
 

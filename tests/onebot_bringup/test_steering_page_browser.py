@@ -6,6 +6,7 @@ import math
 import signal
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -16,7 +17,9 @@ from nav_msgs.msg import Odometry
 from selenium.webdriver.common.keys import Keys
 from std_msgs.msg import String
 
+from onebot_bringup.steering.server import STATIC
 from onebot_control.poses import yaw_of
+from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description.packages import package_share
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
@@ -281,7 +284,14 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
         with steering(check=False, **LIMITS) as node:
             page.open(node.address)
             wait_for(lambda: page.text("#topic output") == "Twist, 2 subscribers", "the controller")
+            wait_for(
+                lambda: page.text("#braking output") == "0.25 m", "v\u00b2/2a at 0.5 m/s\u00b2"
+            )
+            page.enter("#linear-limit", "0,4")
+            wait_for(lambda: page.text("#braking output") == "0.16 m", "the lower limit")
             page.hold_pad(0.0, 0.5)
+            wait_for(lambda: page.number("linear-command") > 0.1, "the command")
+            assert page.thumb > 10.0
             wait_for(lambda: speeds and speeds[-1].twist.twist.linear.x > 0.1, "driving")
             node.node.process.send_signal(signal.SIGKILL)
             wait_for(lambda: abs(speeds[-1].twist.twist.linear.x) < 1e-4, "the robot to stop")
@@ -289,6 +299,9 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
             wait_for(lambda: page.body("connection") == "down", "the page to notice")
             assert page.text("#connection") == "Connection lost"
             assert "stops by itself" in page.text("#message")
+            assert page.number("linear-command") == 0.0
+            assert page.find("#linear input").get_property("value") == "0"
+            wait_for(lambda: page.thumb < 2.0, "the thumb to come back")
             assert not page.find("#linear button").is_enabled()
             assert not page.find("#topic-name").is_enabled()
             port = node.port
@@ -297,6 +310,7 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
             wait_for(lambda: page.connected, "the page to connect anew")
             page.drag(3, 3)  # the button is still down
             page.wait_for_states(5)
+            assert page.limit("linear") == "0.4", "the limit was lost with the server"
             assert page.text("#driver") == "Nobody drives" and page.text("#message") == ""
             assert abs(speeds[-1].twist.twist.linear.x) < 1e-4
             page.let_go()
@@ -394,19 +408,83 @@ def test_the_sliders_drive_while_held_and_spring_back(peer: Peer, page: Page) ->
 
 
 def test_limits_are_edited_by_the_user(peer: Peer, page: Page) -> None:
-    """They count for the next command; what is no limit is put back."""
+    """They count for the next command; beside the field it says what is refused or too much."""
     heard = peer.hear(Twist, TOPIC, 1000)
+    other = peer.hear(Twist, "/other/cmd_vel", 1000)
     with steering(**LIMITS) as node:
         page.open(node.address)
-        assert page.find("#linear-limit").get_property("value") == "0.5"
-        page.enter("#linear-limit", "0.2")
+        assert page.limit("linear") == "0.5" and page.limit("angular") == "1"
         page.enter("#angular-limit", "-3")
-        wait_for(lambda: page.find("#angular-limit").get_property("value") == "1", "the old one")
-        assert not [m for m in page.sent() if m["type"] == "limits" and m["angular"] != 1.0]
-        page.act().key_down("w").perform()
-        wait_for(lambda: heard and pair(heard[-1]) == (0.2, 0.0), "the new limit")
-        page.act().key_up("w").perform()
-        wait_to_stop(page, heard)
+        wait_for(lambda: page.limit("angular") == "1", "the old one")
+        assert page.text("#angular-hint") == "-3 refused: a limit is above zero."
+        assert page.find("#angular-limit").get_attribute("aria-invalid") == "true"
+        assert "limits" not in [message["type"] for message in page.sent()]
+        page.enter("#linear-limit", "1e9")
+        wait_for(
+            lambda: page.text("#linear-hint") == "More than max_linear allows: 0.5 m/s holds.",
+            "the mark",
+        )
+        _drive(page, heard, (0.5, 0.0))
+        page.enter("#linear-limit", "0,2")
+        wait_for(lambda: page.limit("linear") == "0.2", "the number with a comma")
+        wait_for(lambda: page.text("#linear-hint") == "", "the mark to go")
+        _drive(page, heard, (0.2, 0.0))
+        page.enter("#topic-name", "/other/cmd_vel")
+        wait_for(lambda: "/other" in page.driver.title, "the other topic")
+        _drive(page, other, (0.2, 0.0))
+        page.open(node.address)
+        assert page.limit("linear") == "0.2" and page.limit("angular") == "1"
+        page.enter("#linear-limit", "")
+        wait_for(lambda: page.limit("linear") == "0.5", "the robot's own")
+
+
+def _drive(page: Page, heard: list[Twist], wanted: tuple[float, float]) -> None:
+    """Hold W until this is the command."""
+    page.act().key_down("w").perform()
+    wait_for(lambda: heard and pair(heard[-1]) == wanted, f"{wanted}")
+    page.act().key_up("w").perform()
+    wait_to_stop(page, heard)
+
+
+def test_what_the_page_works_out(page: Page) -> None:
+    """Without a robot: the limit that an entry is, and the braking distance of the controller."""
+    with files_served(STATIC.parent) as address:
+        page.driver.get(address)
+        typed = [
+            "0,5",
+            "0.5",
+            ",5",
+            "5.",
+            "+2",
+            "1e3",
+            "",
+            "-3",
+            "0",
+            "1,000.5",
+            "0x1",
+            "NaN",
+            "3 m",
+        ]
+        assert page.module("settings.js", "limitOf", [[words] for words in typed]) == [
+            0.5, 0.5, 0.5, 5, 2, 1000, None, *["RangeError"] * 6
+        ]  # fmt: skip
+        cases = [(1.0, 0.5, None), (0.3, 2.0, None), (1.0, 0.5, 1.0), (0.1, 2.0, 1.0), (1, None, 3)]
+        found = page.module(
+            "braking.js",
+            "brakingDistance",
+            [[speed, {"deceleration": a, "jerk": j}] for speed, a, j in cases],
+        )
+        assert found == pytest.approx([_way_to_rest(*case) for case in cases], rel=0.01)
+
+
+def _way_to_rest(speed: float, deceleration: float | None, jerk: float | None) -> float:
+    """In m, as the controller's limiter brakes from a steady speed in m/s."""
+    nan, dt = math.nan, 1e-4
+    limits = SpeedLimits(max_acceleration=deceleration or nan, max_jerk=jerk or nan)
+    limiter, speeds = SpeedLimiter(limits), [speed, speed]
+    while speeds[-1] > 0.0:
+        speeds.append(limiter.limit(0.0, speeds[-1], speeds[-2], dt))
+    return sum(speeds[1:]) * dt
 
 
 def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
@@ -420,13 +498,14 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         )
         assert page.text("#topic output") == "Twist, no subscriber"
         page.enter("#topic-name", "not-a-topic")
-        wait_for(lambda: "name of a ROS topic" in page.text("#message"), "the error")
+        wait_for(lambda: "name of a ROS topic" in page.text("#topic-hint"), "the error")
         assert page.find("#topic-name").get_property("value") == TOPIC
         page.enter("#topic-name", "/other/cmd_vel")
         wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 subscriber", "its type")
         assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
         page.enter("#topic-name", "/rosout")
-        wait_for(lambda: "/rosout has the type" in page.text("#message"), "the refusal")
+        wait_for(lambda: "/rosout has the type" in page.text("#topic-hint"), "the refusal")
+        assert page.text("#message") == ""
         assert page.find("#topic-name").get_property("value") == "/other/cmd_vel"
         page.act().key_down("w").perform()
         wait_for(lambda: heard and pair(heard[-1].twist) == (0.5, 0.0), "a stamped command")
@@ -446,17 +525,84 @@ def test_a_finger_drives(peer: Peer, page: Page) -> None:
         page.open(node.address)
         assert page.driver.execute_script("return document.documentElement.scrollWidth") == 390
         for end in ("touchEnd", "touchCancel"):
-            _touch(page, "touchStart", 0)
-            _touch(page, "touchMove", 300)
+            page.touch({1: ("#pad", 0)})
+            page.touch({1: ("#pad", 300)})
             wait_for(lambda: heard and pair(heard[-1]) == (0.5, 0.0), "full speed ahead")
-            page.devtools("Input.dispatchTouchEvent", type=end, touchPoints=[])
+            page.end_touch(end)
             wait_to_stop(page, heard)
 
 
-def _touch(page: Page, kind: str, up: int) -> None:
-    box = page.find("#pad").rect
-    point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2 - up}
-    page.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=[point])
+def test_a_second_finger_stops_and_all_that_is_held_stays_so(peer: Peer, page: Page) -> None:
+    """On press; until it is lifted nothing drives, and then only what is pressed anew."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    with steering(**LIMITS) as node:
+        page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+        page.open(node.address)
+        page.touch({1: ("#pad", 0)})
+        page.touch({1: ("#pad", 300)})
+        wait_for(lambda: heard and pair(heard[-1]) == (0.5, 0.0), "full speed ahead")
+        page.touch({1: ("#pad", 300), 2: ("#stop", 0)})
+        wait_for(lambda: heard[-1] == STILL, "the stop")
+        with at_rest(page, heard):
+            page.touch({1: ("#pad", 30), 2: ("#stop", 0)})
+            page.touch({2: ("#stop", 0)})
+            for part, up in {"#pad": 30, "#linear input": 40, "#linear [name=plus]": 0}.items():
+                page.touch({2: ("#stop", 0), 3: (part, 0)})
+                page.touch({2: ("#stop", 0), 3: (part, up)})
+                page.touch({2: ("#stop", 0)})
+        with at_rest(page, heard):
+            page.touch({2: ("#stop", 0), 4: ("#pad", 0)})
+            page.touch({4: ("#pad", 0)})  # the stop is released, and this one was pressed before
+            page.touch({4: ("#pad", 300)})
+        page.end_touch()
+        page.touch({5: ("#pad", 0)})
+        page.touch({5: ("#pad", 300)})
+        wait_for(lambda: pair(heard[-1]) == (0.5, 0.0), "full speed again")
+        page.end_touch()
+        wait_to_stop(page, heard)
+
+
+@contextmanager
+def at_rest(page: Page, heard: list[Twist]) -> Iterator[None]:
+    """See that nothing moves the robot in the block, and for some states after it."""
+    begin = len(heard)
+    yield
+    page.wait_for_states(5)
+    assert [pair(m) for m in heard[begin:] if m != STILL] == []
+    assert page.body("hand") == ""
+
+
+def test_a_pressed_stop_keeps_the_robot_stopped(peer: Peer, page: Page) -> None:
+    """Before the mouse or the key is released; keys and gamepads wait for that."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    hook = page.devtools("Page.addScriptToEvaluateOnNewDocument", source=GAMEPAD)
+    try:
+        with steering(**LIMITS) as node:
+            page.open(node.address)
+            for key in ("", Keys.ENTER, " "):
+                page.act().key_down("w").perform()
+                wait_for(lambda: heard and pair(heard[-1]) == (0.5, 0.0), "full speed ahead")
+                _press_stop(page, key)
+                wait_for(lambda: heard[-1] == STILL, "the stop")
+                with at_rest(page, heard):
+                    page.act().key_up("w").key_down("w").key_down(Keys.ARROW_LEFT).perform()
+                    _stick(page, y=-1.0)
+                with at_rest(page, heard):  # what was pressed meanwhile is not released yet
+                    page.act().key_up(key).perform() if key else page.let_go()
+                _stick(page)
+                page.act().key_up("w").key_up(Keys.ARROW_LEFT).perform()
+    finally:
+        page.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
+
+
+def _press_stop(page: Page, key: str) -> None:
+    """With a key, or with the mouse, which goes on to the view."""
+    if key:
+        page.driver.execute_script("document.querySelector('#stop').focus()")
+        page.act().key_down(key).perform()
+    else:
+        page.hold("#stop", 0, 0)
+        page.drag(-600, 0)
 
 
 # What a browser gives of a gamepad, whose hardware no test has.
@@ -484,10 +630,9 @@ def test_a_gamepad_drives(peer: Peer, page: Page) -> None:
             wait_for(lambda: heard and pair(heard[-1]) == (0.5, 0.0), "full speed ahead")
             assert page.body("hand") == "gamepad"
             _stick(page, y=-1.0, stop="true")
-            wait_to_stop(page, heard)
-            _stick(page, y=-1.0)
-            page.wait_for_states(3)
-            assert heard[-1] == STILL, "it goes on by itself"
+            wait_for(lambda: heard[-1] == STILL, "the stop")
+            with at_rest(page, heard):
+                _stick(page, y=-1.0)
             _stick(page)
             page.wait_for_states(3)
             _stick(page, x=-1.0)
@@ -522,9 +667,15 @@ def test_the_last_page_to_take_hold_drives_and_the_other_sees_so(
         page.wait_for_states(5)
         assert pair(heard[-1]) == (-0.5, 0.0)
         page.let_go()
-        page.find("#stop").click()
-        wait_to_stop(page, heard)
+        page.hold("#stop", 0, 0)
         wait_for(lambda: other.body("hand") == "", "the second page to let go")
+        other.let_go()
+        other.hold_pad(0.0, -1.5)
+        other.wait_for_states(3)
+        wait_for(lambda: other.body("hand") == "", "the stop that is still pressed")
+        with at_rest(page, heard):
+            page.let_go()
+        wait_to_stop(page, heard)
         other.let_go()
 
 
@@ -560,16 +711,23 @@ def test_a_foreign_page_is_refused(peer: Peer, page: Page, tmp_path: Path) -> No
     with steering(**LIMITS) as node:
         page.open(node.address)
         (tmp_path / "index.html").write_text(FOREIGN.replace("PORT", str(node.port)))
-        handler = functools.partial(Quiet, directory=str(tmp_path))
-        with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-            threading.Thread(target=server.serve_forever, daemon=True).start()
+        with files_served(tmp_path) as address:
             for name in ("127.0.0.1", "localhost"):
-                page.driver.get(f"http://{name}:{server.server_port}/")
+                page.driver.get(address.replace("127.0.0.1", name))
                 wait_for(lambda: page.driver.title == "refused", "the refusal")
-            server.shutdown()
         page.open(node.address)
         page.wait_for_states(2)
         assert heard == []
+
+
+@contextmanager
+def files_served(folder: Path) -> Iterator[str]:
+    """By another server than the steering page's; its address."""
+    handler = functools.partial(Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):

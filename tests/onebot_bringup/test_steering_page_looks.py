@@ -22,7 +22,16 @@ SCREENS = {
     "small phone held sideways": (640, 360, True),
 }
 SCHEMES = ("light", "dark")
-STEERS = ("#pad", "#linear", "#angular", "#stop", "#linear-limit", "#angular-limit", "#driver")
+STEERS = (
+    "#pad",
+    "#linear",
+    "#angular",
+    "#stop",
+    "#braking",
+    "#linear-limit",
+    "#angular-limit",
+    "#driver",
+)
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +89,14 @@ def findings(page: Page) -> list[str]:
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("screen", SCREENS)
 def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str) -> None:
-    """At rest, while this page drives with a warning in sight, and while another one does."""
+    """At rest, while this page drives with a limit refused, and while another page drives."""
     page.emulate(*SCREENS[screen], prefers_color_scheme=scheme)
     found = {"at rest": findings(page)}
     page.driver.execute_script(WARN)
+    page.enter("#linear-limit", "fast")
     page.act().key_down("w").perform()
     wait_for(lambda: page.body("driver") == "you", "this page to drive")
+    assert "refused" in page.text("#linear-hint")
     found["driving"] = findings(page)
     page.act().key_up("w").perform()
     with PageClient(node.address) as other:
@@ -127,6 +138,26 @@ def test_what_steers_is_in_sight_without_scrolling(page: Page, screen: str) -> N
     assert max(page.find("#linear input").size.values()) >= 60
     assert max(page.find("#angular input").size.values()) >= 60
     assert min(page.find("#view").size.values()) >= 150
+
+
+COVERED = """
+const view = document.createElement("iframe");
+document.querySelector("#view").append(view);
+const { left, top, right, bottom } = view.getBoundingClientRect();
+return ["#slow", "#message", "#readout"].filter((selector) => {
+  const box = document.querySelector(selector).getBoundingClientRect();
+  const apart = box.left >= right || box.right <= left || box.top >= bottom || box.bottom <= top;
+  return !apart || box.height === 0 || bottom - top < 40;
+});
+"""
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_nothing_covers_the_buttons_of_the_view(page: Page, screen: str) -> None:
+    """Notes and messages have a place outside of the frame, which is still to be seen."""
+    page.emulate(*SCREENS[screen])
+    page.driver.execute_script(WARN)
+    assert page.driver.execute_script(COVERED) == []
 
 
 @pytest.mark.parametrize("enabled", [True, False])
@@ -229,7 +260,8 @@ def test_axe_finds_nothing_when_the_connection_is_lost(ros_domain: int, chromium
     """All controls are disabled, and the reason is in sight."""
     with steering(check=False) as lost:
         chromium.open(lost.address)
+        chromium.enter("#linear-limit", "fast")
     wait_for(lambda: chromium.body("connection") == "down", "the page to notice")
     for scheme in SCHEMES:
-        chromium.emulate(390, 844, True, prefers_color_scheme=scheme)
+        chromium.emulate(360, 640, True, prefers_color_scheme=scheme)
         assert findings(chromium) == []

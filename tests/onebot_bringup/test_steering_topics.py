@@ -18,7 +18,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.limits import LINEAR, TIMEOUT
-from onebot_bringup.steering.steering_page import choose_odometry
+from onebot_bringup.steering.odometry import choose_odometry
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,

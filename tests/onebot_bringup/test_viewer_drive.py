@@ -246,6 +246,12 @@ def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
     take_tf(live, transforms("r1/odom", "r1/base", 1.0))
     live.tick(START_NS)
     assert live.fixed_frame == "r1/odom"
+    take_tf(live, transforms("odom", "base", 2.0))
+    live.tick(START_NS)
+    assert live.fixed_frame == "r1/odom"  # the other robot's is no frame of this one
+    take_tf(live, transforms("odom", "r1/odom", 2.0))
+    live.tick(START_NS)
+    assert live.fixed_frame == "odom"
     recording.close()
 
 

@@ -209,11 +209,20 @@ def test_commands_that_are_not_finite_are_refused(peer: Peer, model: str) -> Non
 
 
 def test_simulated_time(peer: Peer, model: str) -> None:
-    """Ten times as fast: /clock runs, all stamps are on it, and there are no gaps."""
+    """Ten times as fast: /clock runs, all stamps are on it, and there are no gaps.
+
+    A second simulation, be it in a namespace, has the same /clock: both warn of each other.
+    """
     clock = peer.hear(Clock, "/clock", 1000)
     joints = peer.hear(JointState, "/joint_states", 1000)
-    with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)):
+    with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)) as one:
         wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
+        words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
+        with NodeProcess(MODULE, model, *words) as other:
+            for node, name in ((one, "/other/velocity_controller"), (other, NODE)):
+                warning = f"/clock is also published by {name}: time jumps between two simulations"
+                wait_for(lambda n=node, w=warning: w in n.output, "the warning")
+                assert "domain_id:=" in node.output
     stamps = [seconds(m) for m in joints]
     gaps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
     assert gaps == pytest.approx([0.01] * len(gaps), abs=1e-6)

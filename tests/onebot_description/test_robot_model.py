@@ -108,6 +108,17 @@ def test_rpy_is_the_urdf_convention(rpy):
         quaternions.to_matrix(3.0 * quaternion), expected.as_matrix(), atol=1e-12
     )
     assert (Rotation.from_quat(quaternion) * expected.inv()).magnitude() < 1e-9
+    found = quaternions.to_rpy(expected.as_matrix())
+    assert (Rotation.from_euler("xyz", found) * expected.inv()).magnitude() < 1e-6
+
+
+def test_rpy_of_a_quarter_turn():
+    """Up and down, where roll and yaw turn about the same axis: the yaw is zero, as in tf2."""
+    for pitch in (-np.pi / 2, np.pi / 2):
+        turn = Rotation.from_euler("xyz", (0.3, pitch, 0.5))
+        roll, found, yaw = quaternions.to_rpy(turn.as_matrix())
+        assert (found, yaw) == (pytest.approx(pitch), 0.0)
+        assert (Rotation.from_euler("xyz", (roll, found, yaw)) * turn.inv()).magnitude() < 1e-6
 
 
 def _formula(joints, q):

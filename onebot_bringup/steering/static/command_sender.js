@@ -8,6 +8,7 @@
  */
 
 const PERIOD_MS = 50;
+const CONFIRM_MS = 1000; // after taking control; later the server's states are not older
 
 export class CommandSender {
   /**
@@ -19,6 +20,7 @@ export class CommandSender {
     this.changed = changed;
     this.holder = null;
     this.enabled = false;
+    this.stopped = false; // the stop is pressed
     this.limits = { linear: 0, angular: 0 };
     this.linear = this.angular = 0;
     this.sequence = 0;
@@ -33,7 +35,7 @@ export class CommandSender {
    * @returns {boolean} false if it cannot take control now.
    */
   take(source, linear, angular) {
-    if (!this.enabled || document.hidden) return false;
+    if (!this.ready) return false;
     const fresh = this.holder !== source;
     if (fresh) this.setHolder(source);
     this.linear = linear;
@@ -57,7 +59,12 @@ export class CommandSender {
     holder.cancel();
   }
 
-  /** The stop button: stops the robot, also when another page drives it. */
+  /** Whether an input can take control now. */
+  get ready() {
+    return this.enabled && !this.stopped && !document.hidden;
+  }
+
+  /** Stop the robot, also when another page drives it. */
   stop() {
     this.send({ type: "stop" });
     this.drop();
@@ -69,7 +76,7 @@ export class CommandSender {
     if (!this.holder) return;
     // A state sent before our first command arrived does not name us yet.
     if (state.you) this.confirmed = true;
-    else if (this.confirmed) this.drop();
+    else if (this.confirmed || performance.now() - this.since > CONFIRM_MS) this.drop();
   }
 
   /** The command now, m/s and rad/s. */
@@ -86,7 +93,10 @@ export class CommandSender {
     this.linear = this.angular = 0;
     clearInterval(this.timer);
     if (before && source) before.cancel();
-    if (!before) this.confirmed = false;
+    if (!before) {
+      this.confirmed = false;
+      this.since = performance.now();
+    }
     if (source) this.timer = setInterval(() => this.sendCommand(), PERIOD_MS);
     this.changed(source);
   }

@@ -8,6 +8,7 @@
 const SILENCE_MS = 2000;
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4000;
+const GAVE_WAY = 4000; // the code with which the server closes an idle page, for others
 
 export class Connection {
   /**
@@ -22,7 +23,9 @@ export class Connection {
     this.open();
     const now = () => this.openNow();
     window.addEventListener("online", now);
-    window.addEventListener("pageshow", now);
+    for (const type of ["pageshow", "focus", "pointerdown", "keydown"]) {
+      window.addEventListener(type, now);
+    }
     document.addEventListener("visibilitychange", () => document.hidden || now());
   }
 
@@ -41,7 +44,7 @@ export class Connection {
     if (token) address.searchParams.set("token", token);
     const socket = (this.socket = new WebSocket(address));
     socket.onmessage = (event) => this.receive(JSON.parse(event.data));
-    socket.onclose = () => this.lose();
+    socket.onclose = (event) => (event.code === GAVE_WAY ? this.giveWay() : this.lose());
     this.expectMore();
   }
 
@@ -77,6 +80,13 @@ export class Connection {
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT_MS);
     this.on.down("");
     this.askWhy();
+  }
+
+  /** Connect again when the user is back, not before: another page would be closed for it. */
+  giveWay() {
+    this.lose();
+    clearTimeout(this.retry);
+    this.on.down("This page was idle and gave way to others: click to connect again.");
   }
 
   /** A refused WebSocket does not tell why; a plain request does. */

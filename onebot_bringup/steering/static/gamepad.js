@@ -8,15 +8,18 @@ const DEAD = 0.15; // sticks do not come back to zero exactly
 const STOP_BUTTON = 1;
 
 export class Gamepads {
-  /** @param {import("./command_sender.js").CommandSender} sender */
-  constructor(sender) {
+  /**
+   * @param {import("./command_sender.js").CommandSender} sender
+   * @param {import("./stop.js").Stop} stop
+   */
+  constructor(sender, stop) {
     this.sender = sender;
+    this.stop = stop;
     this.label = "gamepad";
     this.driving = null; // index of the pad that does
-    this.stopping = new Set(); // indices of pads whose stop button is down
     this.centred = new Set(); // indices of pads whose sticks were at rest since they last lost hold
     window.addEventListener("gamepadconnected", () => this.watch());
-    window.addEventListener("gamepaddisconnected", () => this.poll());
+    window.addEventListener("gamepaddisconnected", (event) => this.unplug(event.gamepad));
     if (pads().length > 0) this.watch();
   }
 
@@ -31,6 +34,11 @@ export class Gamepads {
     this.timer ??= setInterval(() => this.poll(), PERIOD_MS);
   }
 
+  unplug(pad) {
+    this.stop.release(presser(pad));
+    this.poll();
+  }
+
   poll() {
     const found = pads();
     if (found.length === 0) {
@@ -43,11 +51,8 @@ export class Gamepads {
   }
 
   read(pad) {
-    if (!pad.buttons[STOP_BUTTON]?.pressed) this.stopping.delete(pad.index);
-    else if (!this.stopping.has(pad.index)) {
-      this.stopping.add(pad.index);
-      this.sender.stop();
-    }
+    if (pad.buttons[STOP_BUTTON]?.pressed) this.stop.press(presser(pad));
+    else this.stop.release(presser(pad));
     const [linear, angular] = sticks(pad);
     if (linear === 0 && angular === 0) {
       this.centred.add(pad.index);
@@ -67,6 +72,11 @@ export class Gamepads {
 
 function pads() {
   return [...navigator.getGamepads()].filter((pad) => pad && pad.connected);
+}
+
+/** Its name for the stop. */
+function presser(pad) {
+  return `gamepad ${pad.index}`;
 }
 
 /** Linear and angular share, -1 to 1; the axes point right and down. */

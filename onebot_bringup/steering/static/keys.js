@@ -1,7 +1,4 @@
-/**
- * The keyboard: arrows or W A S D drive while they are down, Shift halves the speed, and the space
- * bar stops the robot, wherever on the page the cursor is.
- */
+/** The keyboard: arrows or W A S D drive while they are down, and Shift halves the speed. */
 
 // Linear and angular share of each key, by where it lies: W A S D is one block on any layout.
 const KEYS = {
@@ -31,12 +28,6 @@ export class Keys {
   press(event) {
     if (event.metaKey) this.cancel(); // macOS tells of no key let go while Cmd is down
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.code === "Space") {
-      event.preventDefault(); // it would also press the button that has the focus
-      event.stopPropagation();
-      if (!event.repeat) this.sender.stop();
-      return;
-    }
     this.slow = event.shiftKey;
     if (!KEYS[event.code] && !event.code.startsWith("Shift")) return;
     if (isText(event.target)) return;
@@ -46,7 +37,6 @@ export class Keys {
   }
 
   lift(event) {
-    if (event.code === "Space") event.preventDefault();
     this.slow = event.shiftKey;
     this.down.delete(event.code);
     this.drive();

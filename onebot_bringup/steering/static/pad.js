@@ -69,7 +69,7 @@ export class Pad {
   }
 
   press(event) {
-    if (this.held || event.button !== 0 || !this.sender.enabled) {
+    if (this.held || event.button !== 0 || !this.sender.ready) {
       event.stopImmediatePropagation();
       return;
     }

@@ -1,12 +1,14 @@
 /** The steering page: connects all inputs to the command sender, and shows the server's state. */
 
+import { Braking } from "./braking.js";
 import { Connection } from "./connection.js";
 import { Gamepads } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { Pad } from "./pad.js";
-import { Readout } from "./readout.js";
+import { Readout, share } from "./readout.js";
 import { Limits, Topic, write } from "./settings.js";
 import { Sliders } from "./sliders.js";
+import { Stop } from "./stop.js";
 import { View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
@@ -15,21 +17,22 @@ const element = (id) => document.getElementById(id);
 
 const connection = new Connection({ up, down, message: receive });
 const sender = new CommandSender((message) => connection.send(message), showHolder);
+const stop = new Stop(element("stop"), sender, letGo);
 const pad = new Pad(element("pad"), sender);
 const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, sender);
-const inputs = [pad, sliders, new Keys(sender), new Gamepads(sender)];
+const inputs = [pad, sliders, new Keys(sender), new Gamepads(sender, stop)];
 const topic = new Topic(element("topic"), (name) => {
   sender.drop();
   connection.send({ type: "topic", topic: name });
 });
 const limits = new Limits(
-  { linear: element("linear-limit"), angular: element("angular-limit") },
+  { linear: element("linear-field"), angular: element("angular-field") },
   (chosen) => connection.send({ type: "limits", ...chosen }),
 );
 const readout = new Readout(element("readout"));
+const braking = new Braking(element("braking").querySelector("output"));
 const view = new View(element("view"), sender);
 
-element("stop").addEventListener("click", () => sender.stop());
 // Without the focus no release of a key or a button would be received.
 window.addEventListener("blur", letGo);
 window.addEventListener("pagehide", letGo);
@@ -58,7 +61,10 @@ function down(reason) {
   document.body.dataset.connection = "down";
   document.body.dataset.driver = "nobody";
   enable(false);
+  for (const input of [pad, sliders]) input.show(0, 0);
   readout.forget();
+  braking.forget();
+  limits.forget();
   write(element("connection"), "Connection lost");
   write(element("driver"), "");
   notify(reason || "Connection lost: the robot stops by itself. Connecting again …", Infinity);
@@ -74,16 +80,18 @@ function receive(message) {
     // The server ignores commands after a refused message until a release.
     sender.drop();
     connection.send({ type: "release" });
-    notify(message.message);
+    if (message.about === "topic") topic.refuse(message.message);
+    else notify(message.message);
   } else if (message.type === "state") {
     sender.update(message);
     topic.show(message);
     showTitle(message.topic);
-    limits.show(message.limits);
+    limits.show(message);
     readout.show(message);
+    braking.show(message);
     const { command, limits: most } = message;
     for (const input of [pad, sliders]) {
-      input.show(command.linear / most.linear, command.angular / most.angular);
+      input.show(share(command.linear, most.linear), share(command.angular, most.angular));
     }
     view.show(message.view);
     showDriver(message);

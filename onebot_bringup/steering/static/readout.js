@@ -1,4 +1,4 @@
-/** What the robot is told and what its odometry says, in numbers and bars. */
+/** The commanded and the measured speeds, in numbers and bars, and the odometry. */
 
 import { write } from "./settings.js";
 
@@ -36,9 +36,14 @@ export class Readout {
     write(this.fields.source, source(odometry, old));
   }
 
-  /** What is shown is no longer live. */
+  /** The connection is lost: nothing is commanded, and the odometry is no longer live. */
   forget() {
+    for (const axis of ["linear", "angular"]) {
+      this.number(`${axis}-command`, 0, 2);
+      this.fields[`${axis}-bar`].style.setProperty("--command", 0);
+    }
     this.root.classList.add("old");
+    write(this.fields.source, "connection lost");
   }
 
   number(name, value, digits) {
@@ -51,8 +56,8 @@ function source(odometry, old) {
   return old ? `${odometry.topic}, silent for ${odometry.age.toFixed(0)} s` : odometry.topic;
 }
 
-/** -1 to 1 for a bar. */
-function share(value, limit) {
+/** Of its limit, -1 to 1; 0 where the limit is. */
+export function share(value, limit) {
   return Math.max(-1, Math.min(1, (value ?? 0) / limit)) || 0;
 }
 

@@ -1,5 +1,9 @@
 /** The fields that say what is steered and how fast: the topic and the limits. */
 
+const UNITS = { linear: "m/s", angular: "rad/s" };
+const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
+const STORED = "limits"; // in the tab's storage, which outlives a reload
+
 export class Topic {
   /**
    * @param {HTMLElement} group with an input, a datalist and an output.
@@ -9,6 +13,7 @@ export class Topic {
     this.input = group.querySelector("input");
     this.list = group.querySelector("datalist");
     this.note = group.querySelector("output");
+    this.hint = new Hint(group, this.input);
     this.known = "";
     this.input.addEventListener("change", () => {
       const topic = this.input.value.trim();
@@ -20,7 +25,12 @@ export class Topic {
     this.input.addEventListener("focus", () => this.input.select());
   }
 
-  /** Show the server's word, but not over what the user is typing. */
+  /** Show why the server refused a topic. */
+  refuse(sentence) {
+    this.hint.refuse(sentence);
+  }
+
+  /** Show the server's topic, but not over what the user is typing. */
   show(state) {
     this.known = state.topic;
     if (document.activeElement !== this.input) this.input.value = state.topic;
@@ -38,31 +48,134 @@ export class Topic {
 
 export class Limits {
   /**
-   * @param {{linear: HTMLInputElement, angular: HTMLInputElement}} inputs in m/s and rad/s.
-   * @param {(limits: {linear: number, angular: number}) => void} choose called with new ones.
+   * @param {{linear: HTMLElement, angular: HTMLElement}} groups each with an input and a hint.
+   * @param {(limits: {linear: number | null, angular: number | null}) => void} choose called with
+   *   what is chosen by hand; null is as the controller has it.
    */
-  constructor(inputs, choose) {
-    this.inputs = inputs;
-    for (const [name, input] of Object.entries(inputs)) {
-      input.addEventListener("change", () => {
-        const value = input.valueAsNumber;
-        if (Number.isFinite(value) && value > 0) choose({ ...this.known, [name]: value });
-        else input.value = text(this.known[name]);
-      });
-      onEnterLeave(input);
+  constructor(groups, choose) {
+    this.choose = choose;
+    this.fields = {};
+    for (const [axis, unit] of Object.entries(UNITS)) {
+      const enter = (value) => choose({ ...this.chosen, [axis]: value });
+      this.fields[axis] = new LimitField(groups[axis], unit, enter);
     }
+    this.forget();
   }
 
-  /** Show the server's word, but not over what the user is typing. */
-  show(limits) {
-    this.known = limits;
-    for (const [name, input] of Object.entries(this.inputs)) {
-      if (document.activeElement !== input) input.value = text(limits[name]);
+  /** Show the server's state; a server that was restarted is sent what it has lost. */
+  show({ chosen, limits, ceiling, ceiling_from: from }) {
+    this.chosen = chosen;
+    for (const [axis, field] of Object.entries(this.fields)) {
+      field.show(chosen[axis], limits[axis], ceiling[axis], from[axis]);
     }
+    const lost = this.fresh && isEmpty(chosen) ? load() : null;
+    this.fresh = false;
+    if (lost) this.choose(lost);
+    else save(chosen);
+  }
+
+  /** The connection is lost: the next state may be of a server that was restarted. */
+  forget() {
+    this.fresh = true;
   }
 }
 
-/** Enter takes the value up, as leaving the field does, and gives the keys back to driving. */
+class LimitField {
+  constructor(group, unit, choose) {
+    this.input = group.querySelector("input");
+    this.hint = new Hint(group, this.input);
+    this.unit = unit;
+    this.choose = choose;
+    this.input.addEventListener("change", () => this.enter());
+    onEnterLeave(this.input);
+  }
+
+  enter() {
+    const typed = this.input.value.trim();
+    try {
+      this.choose(limitOf(typed));
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+      this.hint.refuse(`${typed} refused: ${error.message}`);
+      this.input.value = this.known;
+    }
+  }
+
+  /** Show the server's numbers, but not over what the user is typing. */
+  show(chosen, limit, ceiling, from) {
+    this.known = text(chosen ?? limit);
+    if (document.activeElement !== this.input) this.input.value = this.known;
+    this.hint.warn(this.warning(chosen, ceiling, from));
+  }
+
+  warning(chosen, ceiling, from) {
+    const most = `${text(ceiling)} ${this.unit}`;
+    if (!from) return `No limit of the robot is known: at most ${most}.`;
+    return chosen > ceiling ? `More than ${from} allows: ${most} holds.` : "";
+  }
+}
+
+/** The sentence beside a field: why an entry was refused, until the next one, or a warning. */
+class Hint {
+  constructor(group, input) {
+    this.element = group.querySelector(".hint");
+    this.input = input;
+    this.refusal = this.warning = "";
+    input.addEventListener("input", () => this.refuse(""));
+  }
+
+  refuse(sentence) {
+    this.refusal = sentence;
+    this.input.setAttribute("aria-invalid", sentence !== "");
+    this.show();
+  }
+
+  warn(sentence) {
+    this.warning = sentence;
+    this.show();
+  }
+
+  show() {
+    write(this.element, this.refusal || this.warning);
+  }
+}
+
+/**
+ * The limit that a field says, m/s or rad/s, with a point or a comma; null for an empty field.
+ * @throws {RangeError} with what would be right.
+ */
+export function limitOf(typed) {
+  if (typed === "") return null;
+  if (!NUMBER.test(typed)) throw new RangeError("write a number, such as 0.5.");
+  const value = Number(typed.replace(",", "."));
+  if (value === 0 || typed.startsWith("-")) throw new RangeError("a limit is above zero.");
+  if (!Number.isFinite(value)) throw new RangeError("the number is too large.");
+  return value;
+}
+
+function isEmpty(chosen) {
+  return Object.values(chosen).every((value) => value === null);
+}
+
+/** What was chosen by hand, of this tab; null where the browser keeps nothing. */
+function load() {
+  try {
+    const kept = JSON.parse(sessionStorage.getItem(STORED));
+    return kept && !isEmpty(kept) ? kept : null;
+  } catch {
+    return null;
+  }
+}
+
+function save(chosen) {
+  try {
+    sessionStorage.setItem(STORED, JSON.stringify(chosen));
+  } catch {
+    // Storage is turned off: a restart of the server and a reload of the page lose the limits.
+  }
+}
+
+/** Enter applies the value, as leaving the field does, and gives the keys back to driving. */
 function onEnterLeave(input) {
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") input.blur();
@@ -70,7 +183,7 @@ function onEnterLeave(input) {
 }
 
 function text(value) {
-  return String(Number(value.toFixed(3)));
+  return String(Number(value.toPrecision(6)));
 }
 
 /** Set an element's text, if it is another one: screen readers speak every change. */

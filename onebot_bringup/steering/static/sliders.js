@@ -16,8 +16,8 @@ export class Sliders {
   constructor(groups, sender) {
     this.sender = sender;
     this.label = "sliders";
-    const changed = () => this.drive();
-    this.axes = [new Axis(groups.linear, changed), new Axis(groups.angular, changed)];
+    const { linear, angular } = groups;
+    this.axes = [linear, angular].map((group) => new Axis(group, sender, () => this.drive()));
   }
 
   /** Let go, and wait for the next press. */
@@ -40,8 +40,9 @@ export class Sliders {
 }
 
 class Axis {
-  constructor(group, changed) {
+  constructor(group, sender, changed) {
     this.range = group.querySelector("input[type=range]");
+    this.sender = sender;
     this.changed = changed;
     this.held = false;
     this.settled = 0;
@@ -85,7 +86,7 @@ class Axis {
   }
 
   hold(event, sign) {
-    if (event.button !== 0 || this.held) return;
+    if (event.button !== 0 || this.held || !this.sender.ready) return;
     this.pointer = event.pointerId;
     this.begin(sign);
   }
@@ -93,6 +94,7 @@ class Axis {
   key(event, sign) {
     if (event.code !== "Enter" || event.repeat || this.held) return;
     event.preventDefault();
+    if (!this.sender.ready) return;
     this.begin(sign);
   }
 

@@ -1,0 +1,344 @@
+"""``onebot tf ...``: the tree of frames, and transforms, like tf2's echo and monitor."""
+
+import math
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from onebot_bringup.cli.options import Parser, Subcommand, dispatch, natural, positive
+from onebot_bringup.cli.session import PATIENCE, Session
+from onebot_bringup.introspection.rates import Window
+from onebot_description.description.tree_text import aligned, branches, cell
+from onebot_description.errors import OneBotError
+
+_TOPICS = ("/tf", "/tf_static")
+_DEPTH = 100  # of the subscriptions, as tf2's
+_WINDOW = 1000  # samples of a rate or delay
+_NANO = 1e-9
+
+
+def tree(parser: Parser, argv: Sequence[str]) -> int:
+    """Print the tree of frames, with rate and age; return the exit code."""
+    parser.add_argument(
+        "-w", "--wait-time", type=positive, default=2.0, metavar="S",
+        help="how long transforms are collected (2 s)",
+    )  # fmt: skip
+    args = parser.parse(argv)
+    with Session(args.ros_args) as session:
+        transforms = _Transforms(session)
+        transforms.await_first()
+        session.spin_until(time.monotonic() + args.wait_time)
+        print("\n".join(_drawn(transforms)))
+        for topic in _TOPICS:
+            print(f"{topic} is published by {transforms.publishers(topic)}")
+        for warning in _faults(transforms):
+            print(f"warning: {warning}", file=sys.stderr)
+    return 0
+
+
+def _drawn(transforms: "_Transforms") -> list[str]:
+    buffer, now = transforms.buffer, transforms.now_ns()
+    roots = buffer.roots
+    below = {name: [c for c in buffer.children(name) if c not in roots] for name in buffer.names}
+    rows = [("frame", "rate", "age")]
+    for branch, name in branches(roots, lambda frame: below[frame]):
+        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now)))
+    return [*aligned(rows), ""]
+
+
+def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, str]:
+    history = transforms.buffer.frames.get(name)
+    if history is None:
+        return "", ""
+    if history.static:
+        return "static", ""
+    rate = transforms.frames[name].rate()
+    return f"{rate:.1f} Hz" if rate else "once", f"{(now - history.newest_ns) * _NANO:.3f} s"
+
+
+def _faults(transforms: "_Transforms") -> list[str]:
+    """What is wrong with the tree as a whole."""
+    roots, frames = transforms.buffer.roots, transforms.buffer.frames
+    found = []
+    if len(roots) > 1:
+        found.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
+    for root in roots:
+        if root in frames:
+            found.append(f"{cell(root)} is in a loop: it is below itself")
+    return found
+
+
+def echo(parser: Parser, argv: Sequence[str]) -> int:
+    """Print the pose of one frame in another; return the exit code.
+
+    Raises:
+        OneBotError: there is no transform within ``--timeout``.
+    """
+    _add_frames(parser)
+    parser.add_argument(
+        "echo_rate",
+        nargs="?",
+        type=positive,
+        metavar="RATE",
+        help="the same as --rate HZ",
+    )
+    parser.add_argument(
+        "-r", "--rate", type=positive, default=1.0, metavar="HZ", help="prints per second (1)"
+    )
+    parser.add_argument("-1", "-o", "--once", action="store_true", help="print it once and exit")
+    parser.add_argument("-t", "--timeout", type=positive, metavar="S", help="give up after S s")
+    parser.add_argument(
+        "-p", "--precision", type=natural, default=3, metavar="N", help="digits after the point (3)"
+    )
+    args = parser.parse(argv)
+    with Session(args.ros_args) as session:
+        transforms = _Transforms(session)
+        _await_transform(session, transforms, args, args.timeout)
+        due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
+        while True:
+            found = transforms.buffer.lookup(args.target, args.source)
+            print(_shown(found.stamp_ns, found.transform, args.precision))
+            if args.once:
+                return 0
+            due = max(due + period, time.monotonic())
+            session.spin_until(due)
+            _await_transform(session, transforms, args, None)
+
+
+def _add_frames(parser: Parser, nargs: str | None = None) -> None:
+    parser.add_argument("target", nargs=nargs, metavar="A", help="a frame, such as odom")
+    parser.add_argument(
+        "source", nargs=nargs, metavar="B", help="the frame whose pose in A is shown"
+    )
+
+
+def _await_transform(
+    session: Session, transforms: "_Transforms", args: Namespace, timeout: float | None
+) -> None:
+    """Wait for the transform between the frames; print why there is none when that changes."""
+
+    def problem() -> str:
+        try:
+            transforms.buffer.lookup(args.target, args.source)
+        except OneBotError as error:
+            return str(error)
+        return ""
+
+    began, printed = time.monotonic(), ""
+    session.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
+    while why := problem():
+        if timeout is not None and time.monotonic() - began >= timeout:
+            raise OneBotError(f"no transform {args.target} -> {args.source}: {why}")
+        if why != printed:
+            printed = why
+            text = f"Waiting for transform {args.target} ->  {args.source}: {why}"
+            print(text, file=sys.stderr)
+        session.spin_until(time.monotonic() + 0.1)
+
+
+def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
+    """What tf2_echo prints of a transform."""
+    import numpy as np
+
+    from onebot_description.model.quaternions import to_matrix, to_rpy
+
+    translation, quaternion = transform
+    rotation = to_matrix(np.array(quaternion))
+    angles = to_rpy(rotation)
+
+    def vector(numbers: Iterable[float]) -> str:
+        return f"[{', '.join(f'{number:.{precision}f}' for number in numbers)}]"
+
+    matrix = [[*row, x] for row, x in zip(rotation, translation, strict=True)]
+    rows = [
+        " " + "".join(f" {number:{precision + 3}.{precision}f}" for number in row)
+        for row in (*matrix, [0.0, 0.0, 0.0, 1.0])
+    ]
+    seconds, rest = divmod(stamp_ns, 1_000_000_000)
+    return "\n".join(
+        (
+            f"At time {seconds}.{rest:09d}",
+            f"- Translation: {vector(translation)}",
+            f"- Rotation: in Quaternion (xyzw) {vector(quaternion)}",
+            f"- Rotation: in RPY (radian) {vector(angles)}",
+            f"- Rotation: in RPY (degree) {vector(map(math.degrees, angles))}",
+            "- Matrix:",
+            *rows,
+        )
+    )
+
+
+def monitor(parser: Parser, argv: Sequence[str]) -> int:
+    """Print rates and delays until Ctrl-C; return the exit code.
+
+    Raises:
+        UsageError: one frame without the other.
+    """
+    _add_frames(parser, "?")
+    parser.add_argument(
+        "--period", type=positive, default=2.0, metavar="S", help="seconds between reports (2)"
+    )
+    args = parser.parse(argv)
+    if args.target and not args.source:
+        parser.error("name both frames, or none")
+    with Session(args.ros_args) as session:
+        transforms = _Transforms(session)
+        if args.target:
+            print(
+                f"Waiting for transform chain to become available between {args.target} and "
+                f"{args.source}"
+            )
+            _await_transform(session, transforms, args, None)
+        else:
+            transforms.await_first()
+        net = Window(_WINDOW)
+        while True:
+            session.spin_until(time.monotonic() + args.period)
+            print(f"\n\n\n{_results(transforms, args, net)}")
+
+
+def _results(transforms: "_Transforms", args: Namespace, net: Window) -> str:
+    buffer = transforms.buffer
+    names = sorted(buffer.frames)
+    lines = ["RESULTS: for all Frames"]
+    if args.target:
+        chain = buffer.chain(args.target, args.source)
+        names = [name for name in chain if name in buffer.frames]
+        stamp_ns = buffer.lookup(args.target, args.source).stamp_ns
+        lines = [f"RESULTS: for {args.target} to {args.source}", f"Chain is: {' -> '.join(chain)}"]
+        if stamp_ns:
+            net.add((transforms.now_ns() - stamp_ns) * _NANO)
+            found = net.statistics()
+            assert found is not None
+            lines.append(f"Net delay     avg = {found.mean:.6g}: max = {found.high:.6g}")
+    lines += ["", "Frames:", *(transforms.frame_line(name) for name in names)]
+    return "\n".join([*lines, "", "All Broadcasters:", *transforms.topic_lines()])
+
+
+@dataclass
+class _Arrivals:
+    """When messages with a frame, or of a topic, were received, and how old they were."""
+
+    times: Window = field(default_factory=lambda: Window(_WINDOW))  # between them, s
+    delays: Window = field(default_factory=lambda: Window(_WINDOW))  # s
+    last: float | None = None
+
+    def add(self, now: float, delay: float) -> None:
+        if self.last is not None:
+            self.times.add(now - self.last)
+        self.last = now
+        self.delays.add(delay)
+
+    def rate(self) -> float:
+        """Hz since the last call; 0 if that is not known."""
+        found = self.times.statistics()
+        return 1.0 / found.mean if found is not None and found.mean > 0.0 else 0.0
+
+    def delay(self) -> str:
+        found = self.delays.statistics()
+        if found is None:
+            return "no new transform"
+        return f"Average Delay: {found.mean:.6g}, Max Delay: {found.high:.6g}"
+
+
+class _Transforms:
+    """What a session receives on /tf and /tf_static."""
+
+    def __init__(self, session: Session) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        from onebot_bringup.introspection.transforms import TransformBuffer
+        from onebot_description.wire.tf_message import TFMessage
+
+        self.buffer = TransformBuffer()
+        self.frames: dict[str, _Arrivals] = {}
+        self._topics = {topic: _Arrivals() for topic in _TOPICS}
+        self._session = session
+        self._warned: set[str] = set()
+        for topic, durability in zip(
+            _TOPICS, (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL), strict=True
+        ):
+            session.node.create_subscription(
+                TFMessage,
+                topic,
+                self._receiver(topic),
+                QoSProfile(depth=_DEPTH, durability=durability),
+                raw=True,
+            )
+
+    def _receiver(self, topic: str) -> Callable[[bytes], None]:
+        from onebot_description.wire.messages import BAD_MESSAGE, tf_arrays
+
+        def received(data: bytes) -> None:
+            try:
+                message = tf_arrays(data)
+            except BAD_MESSAGE as error:
+                self._warn(f"a message of {topic} is ignored: {error}")
+                return
+            for sentence in self.buffer.add(message, static=topic == _TOPICS[1]):
+                self._warn(sentence)
+            now_ns, now = self.now_ns(), time.monotonic()
+            delays = ((now_ns - message.stamps_ns) * _NANO).tolist()
+            for child, delay in zip(message.children, delays, strict=True):
+                self.frames.setdefault(child.removeprefix("/"), _Arrivals()).add(now, delay)
+            if delays:
+                self._topics[topic].add(now, sum(delays) / len(delays))
+
+        return received
+
+    def _warn(self, text: str) -> None:
+        if text not in self._warned:
+            self._warned.add(text)
+            print(f"warning: {text}", file=sys.stderr)
+
+    def now_ns(self) -> int:
+        return int(self._session.node.get_clock().now().nanoseconds)
+
+    def await_first(self) -> None:
+        """Wait for the first transform.
+
+        Raises:
+            OneBotError: nobody publishes one.
+        """
+        if not self._session.look_for(lambda: self.buffer.frames, "transforms"):
+            published = "; ".join(f"publishers of {t}: {self.publishers(t)}" for t in _TOPICS)
+            raise OneBotError(f"no transform was received on /tf and /tf_static ({published})")
+
+    def publishers(self, topic: str) -> str:
+        """The nodes that publish a topic, joined by commas."""
+        ends = self._session.node.get_publishers_info_by_topic(topic)
+        names = {f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends}
+        return ", ".join(sorted(names)) or "none"
+
+    def frame_line(self, name: str) -> str:
+        static = self.buffer.frames[name].static
+        publishers = self.publishers(_TOPICS[static])
+        delay = "static" if static else self.frames[name].delay()
+        return f"Frame: {cell(name)}, published by {publishers}, {delay}"
+
+    def topic_lines(self) -> list[str]:
+        lines = []
+        for topic, arrivals in self._topics.items():
+            rate = arrivals.rate()
+            if rate:
+                lines.append(f"Node: {self.publishers(topic)} {rate:.3f} Hz, {arrivals.delay()}")
+        return lines
+
+
+COMMANDS = {
+    "tree": Subcommand("show the tree of frames, with rates and ages", tree),
+    "echo": Subcommand("print the pose of one frame in another, like tf2_echo", echo),
+    "monitor": Subcommand("measure rates and delays, like tf2_monitor", monitor),
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: there are no such transforms, or the command line is wrong.
+    """
+    return dispatch("tf", COMMANDS, argv)

@@ -1,0 +1,181 @@
+"""The topic that commands are published on, and the nodes that subscribe to it."""
+
+import threading
+from collections.abc import Container
+from dataclasses import dataclass
+from typing import Any
+
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+from onebot_bringup.steering.arbiter import ZEROS
+from onebot_bringup.steering.protocol import Velocity
+from onebot_description.topic_subscription import RCLError
+
+_TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
+_DEPTH = 10
+_WARN_EVERY = 5.0  # s
+_OBSERVERS = (  # they subscribe to commands, but are certainly not robots
+    "rerun_viewer",
+    "steering_viewer",
+    "bag_recorder",
+    "rosbag2_recorder",
+    "rosbag2_player",
+)
+
+
+@dataclass(frozen=True)
+class CommandSubscriber:
+    """A node that subscribes to commands."""
+
+    node: str  # full name
+    kind: str  # the type that it subscribes to
+
+    @property
+    def observes(self) -> bool:
+        """Whether its name is one of nodes that only record or show commands."""
+        name = self.node.rpartition("/")[2]
+        return name.startswith("_") or name in _OBSERVERS
+
+
+def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
+    """Return the nodes that subscribe to commands on ``topic``."""
+    return [
+        CommandSubscriber(full_name(end), end.topic_type)
+        for end in node.get_subscriptions_info_by_topic(topic)
+        if end.topic_type in _TYPES
+    ]
+
+
+def full_name(end: Any) -> str:
+    """Return the full name of the node of a TopicEndpointInfo."""
+    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+
+
+def command_topics(node: Node) -> tuple[str, ...]:
+    """Return all topics of commands, those with subscribers first."""
+    named = [
+        name
+        for name, kinds in node.get_topic_names_and_types()
+        if any(kind in _TYPES for kind in kinds)
+    ]
+
+    def rank(name: str) -> tuple[bool, str]:
+        return all(end.observes for end in command_subscribers(node, name)), name
+
+    return tuple(sorted(named, key=rank))
+
+
+def foreign_type(node: Node, topic: str) -> str:
+    """Return the type of a topic that exists only with other types than commands; else "".
+
+    The publisher of ``node`` itself does not count.
+    """
+    ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
+    own = node.get_name(), node.get_namespace()
+    kinds = {
+        end.topic_type
+        for end in ends
+        if (end.node_name, end.node_namespace) != own or end.topic_type not in _TYPES
+    }
+    return "" if kinds & _TYPES.keys() else ", ".join(sorted(kinds))
+
+
+class CommandTopic:
+    """Publishes commands with the type that the robot subscribes to; from any thread.
+
+    A node can publish only one type on a topic, and a second type on a topic confuses other tools.
+    So the publisher is created when the robot's type is known, or when a page drives.
+    """
+
+    def __init__(self, node: Node, topic: str) -> None:
+        """Start with ``topic``, a full name."""
+        self._node = node
+        self._lock = threading.Lock()
+        self._publisher: Any = None
+        self._driven = False  # a page has driven
+        self.topic = topic
+        self.kind = "geometry_msgs/msg/Twist"
+        self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
+
+    @property
+    def listeners(self) -> list[CommandSubscriber]:
+        """The subscribers without those that are known to observe only."""
+        return [end for end in self.subscribers if not end.observes]
+
+    def publish(self, velocity: Velocity) -> None:
+        """Publish a command, if there is a publisher."""
+        with self._lock:
+            self._driven = True
+            if self._publisher is not None:
+                self._publisher.publish(self._message(velocity))
+
+    def choose(self, topic: str) -> None:
+        """Switch to another topic; the robot of the old one is stopped."""
+        self._destroy_publisher()
+        self.topic, self.subscribers, self._driven = topic, [], False
+        self.update()
+
+    def update(self, controllers: Container[str] = ()) -> None:
+        """Adapt to the type that the robot subscribes to; to be called several times per second.
+
+        Args:
+            controllers: the nodes that are known to be the robot's; the type is theirs.
+        """
+        self.subscribers = command_subscribers(self._node, self.topic)
+        foreign = foreign_type(self._node, self.topic)
+        if foreign:  # do not add a second type to the topic
+            self._destroy_publisher()
+            if self._driven:
+                self._warn_foreign_type(foreign)
+            return
+        robots = [end for end in self.subscribers if end.node in controllers] or self.listeners
+        kinds = {robot.kind for robot in robots}
+        if kinds and self.kind not in kinds:
+            self._destroy_publisher()
+            self.kind = min(kinds)
+        if self._publisher is None and (kinds or self._driven):
+            self._create_publisher()
+
+    def flush(self) -> None:
+        """Wait shortly until all commands are acknowledged."""
+        publisher = self._publisher
+        if publisher is not None and publisher.get_subscription_count():
+            publisher.wait_for_all_acked(Duration(seconds=0.1))
+
+    def _warn_foreign_type(self, kind: str) -> None:
+        self._node.get_logger().warning(
+            f"{self.topic} has the type {kind}, not Twist or TwistStamped: nothing is published",
+            throttle_duration_sec=_WARN_EVERY,
+        )
+
+    def _create_publisher(self) -> None:
+        try:
+            publisher = self._node.create_publisher(_TYPES[self.kind], self.topic, _DEPTH)
+        except RCLError:
+            # The last publisher, of the other type, still exists; the next update tries again.
+            return
+        with self._lock:
+            self._publisher = publisher
+
+    def _destroy_publisher(self) -> None:
+        publisher = self._publisher
+        if publisher is None:
+            return
+        if self._driven:
+            for _ in range(ZEROS):
+                self.publish(Velocity())
+            self.flush()
+        with self._lock:
+            self._publisher = None
+        self._node.destroy_publisher(publisher)
+
+    def _message(self, velocity: Velocity) -> Any:
+        message = _TYPES[self.kind]()
+        twist = message
+        if isinstance(message, TwistStamped):
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            twist = message.twist
+        twist.linear.x, twist.angular.z = velocity.linear, velocity.angular
+        return message

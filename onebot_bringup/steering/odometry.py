@@ -1,0 +1,118 @@
+"""The odometry of the robot that is steered."""
+
+import contextlib
+import math
+import time
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from onebot_bringup.steering.command_topic import full_name
+from onebot_control.poses import yaw_of
+from onebot_description.topic_subscription import TopicSubscription, TypeConflictError
+from onebot_description.wire.messages import odometry_sample
+
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def choose_odometry(
+    publishers: Mapping[str, Collection[str]],
+    commands: str,
+    controllers: Collection[str],
+    subscribers: Collection[str],
+) -> str:
+    """Return the topic with the robot's odometry; "" if it is not certain which that is.
+
+    Args:
+        publishers: the nodes that publish each topic of odometry.
+        commands: the command topic.
+        controllers: the nodes that are known to be the robot's.
+        subscribers: all nodes that subscribe to commands.
+    """
+
+    def of(nodes: Collection[str]) -> str:
+        own = [topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)]
+        # A simulation publishes the ground truth, too.
+        named = [topic for topic in own if topic.endswith("/odom")] if len(own) > 1 else own
+        return named[0] if len(named) == 1 else ""
+
+    sibling = f"{commands.rpartition('/')[0]}/odom"
+    only = next(iter(publishers)) if len(publishers) == 1 else ""
+    return of(controllers) or (sibling if sibling in publishers else of(subscribers) or only)
+
+
+class OdometryTopic:
+    """Subscribes to the robot's odometry."""
+
+    def __init__(self, node: Node, fixed: str) -> None:
+        """Subscribe to ``fixed``, a full name, or else ("") to what ``update`` finds."""
+        self._node, self._fixed = node, fixed
+        self._subscription: TopicSubscription | None = None
+        self._data: tuple[bytes, float] | None = None
+        self.topic = ""  # full name; "" for none
+
+    def update(
+        self, commands: str, controllers: Collection[str], subscribers: Collection[str]
+    ) -> None:
+        """Follow the robot, see ``choose_odometry``; to be called several times per second."""
+        wanted = self._fixed or choose_odometry(
+            self._publishers(), commands, controllers, subscribers
+        )
+        if wanted != self.topic:
+            self._change(wanted)
+        if self._subscription is not None:
+            # A topic of another type may have the right one later.
+            with contextlib.suppress(TypeConflictError):
+                self._subscription.update(_ODOMETRY, _LATEST)
+
+    def _change(self, topic: str) -> None:
+        if self._subscription is not None:
+            self._subscription.close()
+        self.topic, self._data = topic, None
+        self._subscription = (
+            TopicSubscription(self._node, topic, self._receive, lambda _: Odometry)
+            if topic
+            else None
+        )
+
+    def fields(self) -> dict[str, Any] | None:
+        """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
+
+        None if there is none, if it cannot be decoded, or if its numbers are not finite.
+        """
+        data = self._data
+        if data is None:
+            return None
+        try:
+            sample = odometry_sample(data[0])
+        except ValueError:
+            return None
+        values = {
+            "x": float(sample.translation[0]),
+            "y": float(sample.translation[1]),
+            "yaw": yaw_of(*sample.rotation.tolist()),
+            "linear": float(sample.linear[0]),
+            "angular": float(sample.angular[2]),
+            "age": time.monotonic() - data[1],
+        }
+        if not all(map(math.isfinite, values.values())):
+            return None
+        rounded = {name: round(value, 6) for name, value in values.items()}
+        return {"topic": self.topic, **rounded}
+
+    def _receive(self, _: str, data: bytes) -> None:
+        self._data = data, time.monotonic()
+
+    def _publishers(self) -> dict[str, list[str]]:
+        """The nodes that publish each topic of odometry."""
+        find = self._node.get_publishers_info_by_topic
+        found = {
+            name: [full_name(end) for end in find(name)]
+            for name, kinds in self._node.get_topic_names_and_types()
+            if _ODOMETRY in kinds
+        }
+        return {name: nodes for name, nodes in found.items() if nodes}

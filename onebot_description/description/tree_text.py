@@ -1,0 +1,49 @@
+"""Trees and tables as text for the terminal."""
+
+from collections.abc import Callable, Iterable, Sequence
+
+from onebot_description.errors import printable
+
+_MOST_INDENT = 60  # characters before a name; deeper ones are drawn with the end of theirs
+_MOST_CELL = 100  # characters
+
+
+def branches(roots: Iterable[str], below: Callable[[str], Sequence[str]]) -> list[tuple[str, str]]:
+    """Return each name with the box drawing before it, depth first; ``below`` gives children."""
+    result = []
+    # Name, drawing before itself, drawing before its children.
+    waiting = [(root, "", "") for root in reversed(list(roots))]
+    while waiting:
+        name, branch, inner = waiting.pop()
+        result.append((branch, name))
+        children = list(below(name))
+        for index, child in reversed(list(enumerate(children))):
+            last = index == len(children) - 1
+            mark, rest = ("└─ ", "   ") if last else ("├─ ", "│  ")
+            waiting.append((child, inner + mark, _shortened(inner + rest)))
+    return result
+
+
+def _shortened(indent: str) -> str:
+    """The end of an ``indent`` that is too wide, as lines cost their width."""
+    return indent if len(indent) <= _MOST_INDENT else "…  " + indent[6:]
+
+
+def cell(text: str) -> str:
+    """Return ``text`` as it stands in a table: printable, and not too long."""
+    shown = printable(text)
+    return shown if len(shown) <= _MOST_CELL else shown[: _MOST_CELL - 1] + "…"
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the rows as lines with their columns aligned.
+
+    Of the columns after the first, those that are empty below the heading are left out.
+    """
+    first, *others = zip(*rows, strict=True)
+    columns = [first, *(column for column in others if any(column[1:]))]
+    widths = [max(map(len, column)) for column in columns]
+    return [
+        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+        for row in zip(*columns, strict=True)
+    ]

@@ -1,0 +1,78 @@
+"""One clear error where ROS 2 is missing, at the first import of one of its packages.
+
+Its wheels exist for Linux on x86-64 only. Everywhere an installed ROS does as well, once it is
+sourced; forgetting that should not end in a traceback.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib.machinery import PathFinder
+from types import ModuleType, TracebackType
+
+from onebot_description.errors import OneBotError
+
+# What is imported of it. Not tf2_msgs, which need not be there (see wire/tf_message.py).
+ROS_PACKAGES = (
+    "builtin_interfaces",
+    "geometry_msgs",
+    "nav_msgs",
+    "rcl_interfaces",
+    "rclpy",
+    "rosgraph_msgs",
+    "rosidl_parser",
+    "sensor_msgs",
+    "std_msgs",
+    "std_srvs",
+)
+_COMPILED = "rclpy._rclpy_pybind11"
+
+
+class MissingRosError(OneBotError, ModuleNotFoundError):
+    """A package of ROS is not there; ``str(error)`` says what to source or to install."""
+
+
+class LastFinder:
+    """A finder for the end of ``sys.meta_path``: asked for what no other finder has found."""
+
+    @staticmethod
+    def find_spec(
+        name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> None:
+        """Explain a missing package of ROS; of any other there is nothing to say.
+
+        Raises:
+            MissingRosError: ``name`` is one of ROS.
+        """
+        if name in ROS_PACKAGES or name == _COMPILED:
+            sys.excepthook = _print_error
+            raise MissingRosError(_explain(name))
+
+
+def _explain(name: str) -> str:
+    found = PathFinder.find_spec("rclpy")
+    if found is None:
+        return (
+            f'no ROS 2 here (there is no Python package "{name}"): source an installed ROS 2 Jazzy '
+            "(source /opt/ros/jazzy/setup.bash), activate its RoboStack environment, or, on Linux "
+            'on x86-64, pip install "ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces'
+        )
+    if name == _COMPILED:
+        version = ".".join(map(str, sys.version_info[:2]))
+        return (
+            f"the ROS 2 of {found.origin} is made for another Python than this one, {version}: "
+            "make the environment with the Python of that ROS, or use a shell without it"
+        )
+    return (
+        f'the ROS 2 of {found.origin} lacks the package "{name}": install it, '
+        f"as in apt install ros-jazzy-{name.replace('_', '-')}"
+    )
+
+
+def _print_error(
+    kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+) -> None:
+    """Print what ended the process: this error without a traceback."""
+    if isinstance(error, MissingRosError):
+        print(f"error: {error}", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, traceback)

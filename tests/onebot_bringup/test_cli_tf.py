@@ -1,0 +1,113 @@
+"""``onebot tf``, on real DDS, in the forms that tf2's tools print."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import TransformStamped
+
+from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_bringup.cli_support import onebot, output_of, running
+from tests.ros_support import LATCHED, Peer
+
+
+def transform(parent: str, child: str, x: float = 0.0) -> TransformStamped:
+    found = TransformStamped(child_frame_id=child)
+    found.header.frame_id = parent
+    found.transform.translation.x = x
+    return found
+
+
+@pytest.fixture
+def frames(ros_domain: int) -> Iterator[None]:
+    """Moving odom -> base at 50 Hz, a wheel that is fixed to it, and a tree apart."""
+    with Peer(ros_domain, "driver") as peer:
+        node = peer.node
+        fixed = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        fixed.publish(
+            TFMessage(transforms=[transform("base", "wheel", 0.5), transform("map", "m")])
+        )
+        moving = node.create_publisher(TFMessage, "/tf", 100)
+
+        def publish() -> None:
+            base = transform("odom", "base", 1.0)
+            base.transform.rotation.z = base.transform.rotation.w = 0.5**0.5
+            base.header.stamp = node.get_clock().now().to_msg()
+            moving.publish(TFMessage(transforms=[base]))
+
+        node.create_timer(0.02, publish)
+        yield
+
+
+def test_tree(frames: None) -> None:
+    """Each tree with rate and age, static frames marked; unconnected ones are warned of."""
+    done = onebot("tf", "tree", "--wait-time", "1")
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].split() == ["frame", "rate", "age"]
+    assert lines[1:3] == ["map", "└─ m         static"] and lines[3] == "odom"
+    assert re.fullmatch(r"└─ base +[\d.]+ Hz +-?\d\.\d{3} s", lines[4])
+    assert lines[5].split() == ["└─", "wheel", "static"]
+    assert "/tf is published by /driver\n" in done.stdout
+    assert "warning: 2 unconnected trees, of map, odom" in done.stderr
+
+
+def test_echo(frames: None) -> None:
+    """Time, translation, rotation in all forms, and the matrix, as tf2_echo prints them."""
+    out = output_of("tf", "echo", "odom", "wheel", "--once")
+    first, *rest = out.replace("-0.000", " 0.000").replace("[ 0.000,", "[0.000,").splitlines()
+    assert re.fullmatch(r"At time \d+\.\d{9}", first)
+    assert "\n".join(rest).replace(",  0.000", ", 0.000") == (
+        "- Translation: [1.000, 0.500, 0.000]\n"
+        "- Rotation: in Quaternion (xyzw) [0.000, 0.000, 0.707, 0.707]\n"
+        "- Rotation: in RPY (radian) [0.000, 0.000, 1.571]\n"
+        "- Rotation: in RPY (degree) [0.000, 0.000, 90.000]\n"
+        "- Matrix:\n"
+        "   0.000 -1.000  0.000  1.000\n"
+        "   1.000  0.000  0.000  0.500\n"
+        "   0.000  0.000  1.000  0.000\n"
+        "   0.000  0.000  0.000  1.000"
+    )
+
+
+@pytest.mark.parametrize(
+    ("pair", "words"),
+    [
+        (("odom", "wheeel"), 'frame does not exist (did you mean "wheel"? frames: base, m, map,'),
+        (("odom", "m"), "because they are not part of the same tree"),
+    ],
+)
+def test_echo_of_what_is_not_there(frames: None, pair: tuple[str, str], words: str) -> None:
+    """It waits, printing why; with --timeout it gives up with the reason."""
+    done = onebot("tf", "echo", *pair, "--timeout", "3")
+    assert done.returncode == 1 and not done.stdout
+    waiting, error = done.stderr.splitlines()[-2:]
+    assert waiting.startswith(f"Waiting for transform {pair[0]} ->  {pair[1]}: ")
+    assert words in waiting and error.startswith(f"error: no transform {pair[0]} -> {pair[1]}: ")
+
+
+def test_monitor(frames: None, tmp_path: Path) -> None:
+    """The chain with its delay, each frame of it, and the rate of the publishers, until Ctrl-C."""
+    with running(tmp_path, "tf", "monitor", "odom", "wheel", "--period", "0.5") as command:
+        command.says("Node: /driver ")
+        assert command.interrupt() == 0 and "Traceback" not in command.err
+        for part in (
+            r"RESULTS: for odom to wheel\nChain is: odom -> base -> wheel\n",
+            r"Net delay     avg = \S+: max = \S+\n",
+            r"Frame: base, published by /driver, Average Delay: \S+, Max Delay: \S+\n",
+            r"Frame: wheel, published by /driver, static\n",
+            r"All Broadcasters:\nNode: /driver \d+\.\d{3} Hz, Average Delay: ",
+        ):
+            assert re.search(part, command.out), part
+
+
+def test_without_transforms(ros_domain: int) -> None:
+    """One line, with who publishes; half a pair is a usage error."""
+    done = onebot("tf", "tree")
+    assert done.returncode == 1
+    assert done.stderr.endswith(
+        "error: no transform was received on /tf and /tf_static (publishers of /tf: none; "
+        "publishers of /tf_static: none)\n"
+    )
+    assert onebot("tf", "monitor", "odom").returncode == 2
