@@ -6,6 +6,7 @@ computers (Rerun's page sends usage statistics).
 
 import asyncio
 import re
+from pathlib import Path
 from urllib.parse import quote
 
 import aiohttp
@@ -19,6 +20,7 @@ from onebot_bringup.serving.ports import LOOPBACK
 _HEADERS = frozenset({"content-type", "content-length", "content-encoding", "rerun-final-length"})
 _FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
 _PAGE_TIMEOUT = 10.0  # s without a byte of a part of the page
+_PAGE_SCRIPT = Path(__file__).with_name("rerun_page.js")
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
 """Below this, Rerun's page requests its data from the host and port of its ``url=`` parameter."""
 _READS = frozenset({f"/{SERVICE}/ReadMessages", f"/{SERVICE}/ReadTables"})
@@ -177,7 +179,8 @@ def page_app(page: int, options: str, data: tuple[str, int]) -> web.Application:
     """
     app = web.Application(middlewares=[guard(LOOPBACK)])
     policy = f"{content_policy()}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-    proxy = RerunProxy(app, policy, "Rerun's server does not answer; it is being restarted")
+    unavailable = "Rerun's server does not answer; it is being restarted"
+    proxy = RerunProxy(app, policy, unavailable, _PAGE_SCRIPT.read_text())
 
     async def respond(request: web.Request) -> web.StreamResponse:
         path = request.rel_url.raw_path_qs

@@ -150,7 +150,6 @@ def test_the_log_says_how_a_page_was_lost(peer):
     stopped = "; it drove, so the robot is stopped"
     with steered(3) as (node, refused, closed, broken):
         robot = Commands(peer, refused)
-        mute = raw_page(address_of(node))
         for page, end, words in (
             (refused, lambda: refused.say("{}"), "rejected a message of a page (1 so far): the ty"),
             (closed, closed.close, f"a page was closed{stopped}"),
@@ -162,8 +161,9 @@ def test_the_log_says_how_a_page_was_lost(peer):
             end()
             wait_for(lambda words=words: words in node.output, words)
             page.silence()
-        wait_for(lambda: "to a page: it does not respond\n" in node.output, "the lost heartbeat")
-        mute.close()
+        with raw_page(address_of(node)):
+            lost = "to a page: it does not respond\n"
+            wait_for(lambda: lost in node.output, "the lost heartbeat")
         assert node.output.count("rejected a message") == 1
         assert f"topic, limits{stopped}" in node.output
 
