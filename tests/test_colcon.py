@@ -14,6 +14,18 @@ pytestmark = pytest.mark.slow
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGES = ("onebot_description", "onebot_control", "onebot_bringup", "mrm_description")
+# What ``ros2 run`` finds: how it is run here, the exit code, and what it then prints.
+EXECUTABLES = {
+    "onebot_description/robot_state_publisher": (["nowhere.urdf"], 1, "nowhere.urdf"),
+    "onebot_description/joint_state_publisher": (["nowhere.urdf"], 1, "nowhere.urdf"),
+    "onebot_control/velocity_controller": (["nowhere.urdf"], 1, "nowhere.urdf"),
+    "onebot_bringup/rerun_viewer": (["--ros-args", "-p", "viewer:=no"], 1, "viewer"),
+    "onebot_bringup/steering_page": (["--ros-args", "-p", "port:=-1"], 1, "port"),
+    "onebot_bringup/bag_recorder": ([], 1, "folder"),
+    "onebot_bringup/onebot_bringup": (["--show-args"], 0, "mesh_enabled:=true"),
+    "onebot_bringup/onebot": (["--help"], 0, "usage: onebot"),
+    "mrm_description/mrm_bringup": (["--show-args"], 0, "joint_states:=true"),
+}
 
 
 @pytest.mark.parametrize("options", [(), ("--symlink-install",)])
@@ -47,7 +59,7 @@ def test_workspace_builds_and_runs(tmp_path, options):
         'python3 -c "import onebot_description.wire.tf_message as m; print(m.__file__)" && '
         'python3 -c "from onebot_description.description.packages import package_share as s;'
         "print(s('mrm_description'))\" && "
-        "install/onebot_description/lib/onebot_description/robot_state_publisher nowhere.urdf"
+        "env -0 > environment"
     )
     ran = subprocess.run(
         ["bash", "-c", script], cwd=tmp_path, env=environment, capture_output=True, text=True
@@ -55,5 +67,33 @@ def test_workspace_builds_and_runs(tmp_path, options):
     module, share = ran.stdout.split()
     assert str(tmp_path) in module, ran.stderr
     assert share == str(tmp_path / "install/mrm_description/share/mrm_description")
-    assert ran.returncode == 1
-    assert "nowhere.urdf" in ran.stderr and "Traceback" not in ran.stderr
+    _check_executables(tmp_path)
+    _check_launch_files(tmp_path)
+
+
+def _check_executables(workspace: Path) -> None:
+    """Each one is where ``ros2 run`` looks, and starts as it would start it."""
+    words = (workspace / "environment").read_text().split("\0")
+    sourced = dict(word.split("=", 1) for word in words if word)
+    found = [
+        file
+        for package in PACKAGES
+        for file in (workspace / "install" / package / "lib" / package).iterdir()
+        if os.access(file, os.X_OK)
+    ]
+    assert {f"{file.parent.name}/{file.name}" for file in found} == set(EXECUTABLES)
+    for file in found:
+        arguments, code, says = EXECUTABLES[f"{file.parent.name}/{file.name}"]
+        ran = subprocess.run(
+            [file, *arguments], cwd=workspace, env=sourced, capture_output=True, text=True
+        )
+        assert ran.returncode == code, ran.stderr
+        assert says in ran.stdout + ran.stderr and "Traceback" not in ran.stderr
+
+
+def _check_launch_files(workspace: Path) -> None:
+    """Each one is once in the share folder of its package, where ``ros2 launch`` looks."""
+    for file in CHECKOUT.glob("*/launch/*.launch.py"):
+        package = file.parents[1].name
+        (there,) = (workspace / "install" / package / "share" / package).rglob(file.name)
+        assert there.read_text() == file.read_text()

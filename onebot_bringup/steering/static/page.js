@@ -57,7 +57,6 @@ function up() {
 
 function down(reason) {
   letGo();
-  view.forget();
   document.body.dataset.connection = "down";
   document.body.dataset.driver = "nobody";
   enable(false);
