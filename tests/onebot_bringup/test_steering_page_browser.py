@@ -111,6 +111,8 @@ def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
         page.driver.get(node.address)
         note = page.find("#slow")
         wait_for(note.is_displayed, "word of a view that lags", timeout=60.0)
+        frame = page.find("iframe").rect
+        assert note.rect["y"] > frame["y"] + frame["height"] - 1, "it covers Rerun's buttons"
         # Software WebGL takes some 20 s to the first picture on two cores.
         wait_for(
             lambda: colored(pixels(screenshot(page.driver)), BLUE).sum() > 1000,
