@@ -85,6 +85,18 @@ class Page:
             thumb["y"] + thumb["height"] / 2 - pad["y"] - pad["height"] / 2,
         )
 
+    def in_sight(self, selector: str) -> bool:
+        """Whether an element says something, and the middle of it is not covered or cut off."""
+        return bool(
+            self.driver.execute_script(
+                "const element = document.querySelector(arguments[0]);"
+                "const { left, right, top, bottom } = element.getBoundingClientRect();"
+                "const seen = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);"
+                "return bottom > top && element.contains(seen)",
+                selector,
+            )
+        )
+
     def module(self, name: str, function: str, calls: list[list[Any]]) -> list[Any]:
         """What a function of the page's module returns, or the name of what it throws."""
         self.driver.set_script_timeout(PATIENCE)
