@@ -16,7 +16,7 @@ from tests.ros_support import NodeProcess, ros_args
 from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.steering.steering_page"
-PORT = re.compile(r"open (http://127\.0\.0\.1:(\d+)\S*)")
+PORT = re.compile(r"open (http://[\d.]+:(\d+)\S*)")
 
 
 @contextmanager
@@ -85,6 +85,23 @@ class Page:
             thumb["y"] + thumb["height"] / 2 - pad["y"] - pad["height"] / 2,
         )
 
+    @property
+    def stop_is_held(self) -> bool:
+        """Stop is pressed, by whatever it is."""
+        return "held" in str(self.find("#stop").get_property("className"))
+
+    def in_sight(self, selector: str) -> bool:
+        """Whether an element says something, and the middle of it is not covered or cut off."""
+        return bool(
+            self.driver.execute_script(
+                "const element = document.querySelector(arguments[0]);"
+                "const { left, right, top, bottom } = element.getBoundingClientRect();"
+                "const seen = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);"
+                "return bottom > top && element.contains(seen)",
+                selector,
+            )
+        )
+
     def module(self, name: str, function: str, calls: list[list[Any]]) -> list[Any]:
         """What a function of the page's module returns, or the name of what it throws."""
         self.driver.set_script_timeout(PATIENCE)
@@ -133,6 +150,11 @@ class Page:
             type=kind, x=x, y=y, button=button, buttons=buttons, clickCount=1,
         )  # fmt: skip
 
+    def key(self, kind: str, code: str) -> None:
+        """Press ("keyDown") or lift ("keyUp") a key, by its code; returns before it has acted."""
+        key = " " if code == "Space" else code.removeprefix("Key").lower()
+        self.devtools("Input.dispatchKeyEvent", type=kind, code=code, key=key)
+
     def touch(self, fingers: dict[int, tuple[str, float]]) -> None:
         """Have these fingers on the screen and no others.
 
@@ -158,6 +180,20 @@ class Page:
         field = self.find(selector)
         self.driver.execute_script("arguments[0].focus(); arguments[0].select()", field)
         field.send_keys(words or Keys.DELETE, "\n")
+
+    @contextmanager
+    def view(self) -> Iterator[Chrome]:
+        """The driver in the frame of the robot's view."""
+        self.driver.switch_to.frame(self.find("#view iframe"))
+        try:
+            yield self.driver
+        finally:
+            self.driver.switch_to.default_content()
+
+    @property
+    def view_is_shown(self) -> bool:
+        """No placeholder covers it."""
+        return self.find("#view").get_attribute("class") == ""
 
     def devtools(self, command: str, **parameters: Any) -> Any:
         """A command of Chromium's DevTools."""

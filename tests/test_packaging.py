@@ -82,6 +82,10 @@ def test_every_data_folder_is_in_the_table():
             if (CHECKOUT / package / name).is_dir():
                 assert table[f"{package}/{name}"] == f"share/{package}/{name}"
                 assert name in cmake.partition("DIRECTORY")[2].partition("DESTINATION")[0]
+        for file in (CHECKOUT / package).glob("launch/*.launch.py"):
+            name = f"launch/{file.name}"
+            assert table[f"{package}/{name}"] == f"share/{package}/{name}"
+            assert f"install(FILES {name} DESTINATION share/${{PROJECT_NAME}}/launch)" in cmake
         assert table[f"{package}/package.xml"] == f"share/{package}/package.xml"
         marker = f"share/ament_index/resource_index/packages/{package}"
         assert table[f"{package}/py.typed"] == marker
@@ -164,6 +168,8 @@ def test_regular_install_registers_the_packages(tmp_path):
     _install(python, str(_copy_of_checkout(tmp_path)))
     share = tmp_path / "venv/share/mrm_description"
     assert _say(python, WHERE, tmp_path) == f"{share} mrm"
+    (file,) = (tmp_path / "venv").rglob("mrm_bringup.launch.py")  # where ros2 launch looks
+    assert file == share / "launch/mrm_bringup.launch.py"
     scripts = {path.name for path in (tmp_path / "venv/bin").iterdir()}
     assert {"onebot", "mrm_bringup"} <= scripts
 

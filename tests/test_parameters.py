@@ -118,7 +118,7 @@ def test_bag_recorder(start_node: Callable[..., Node], tmp_path: Path) -> None:
     node = start_node(BagRecorder, folder=tmp_path / "run")
     found = described(node)
     assert "no such parameter" in refused(node, "compresion")
-    assert set(found) == {"folder", "topics", "compression"}
+    assert set(found) == {"folder", "topics", "regex", "exclude_regex", "compression"}
     assert all(one.read_only for one in found.values())
 
 

@@ -3,8 +3,27 @@
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.main import run_command, start_process
+
+if TYPE_CHECKING:
+    from onebot_bringup.launch.bringup import Bringup
+
+
+def command() -> "Bringup":
+    """Return the command: what it brings up, and its defaults."""
+    from onebot_bringup.launch.bringup import Bringup
+    from onebot_description.description.packages import package_share
+
+    share = package_share("mrm_description").resolve()  # where edits are made
+    return Bringup(
+        program="mrm_bringup",
+        summary="Brings MRM up on ROS 2, moving, and shows it.",
+        model=str(share / "urdf/mrm.xacro"),
+        joints=str(share / "config/joints.yaml"),
+        view=str(share / "config/view.yaml"),
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -15,18 +34,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def launch() -> int:
         # Here, where Ctrl-C is already answered: importing takes a moment.
-        from onebot_bringup.launch.bringup import Bringup, bring_up
-        from onebot_description.description.packages import package_share
+        from onebot_bringup.launch.bringup import bring_up
 
-        share = package_share("mrm_description").resolve()  # where edits are made
-        mrm = Bringup(
-            program="mrm_bringup",
-            summary="Brings MRM up on ROS 2, moving, and shows it.",
-            model=str(share / "urdf/mrm.xacro"),
-            joints=str(share / "config/joints.yaml"),
-            view=str(share / "config/view.yaml"),
-        )
-        return bring_up(mrm, words)
+        return bring_up(command(), words)
 
     return run_command(launch, see="mrm_bringup --help", interrupted=0)
 

@@ -12,13 +12,16 @@ Subscribes:
 Parameters:
     folder (string): the recording, a new folder; required.
     topics (string[], []): record only these, absolute or relative names.
+    regex (string, ""): record only topics with this regular expression in their name, and topics.
+    exclude_regex (string, ""): and of all that, none with this one in their name.
     compression (string, "zstd"): of the chunks of messages; or none.
     use_sim_time (bool, false): stamp the messages with simulated time.
 """
 
+import re
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,6 +89,8 @@ class RecorderParameters:
         read_only=True,
     )
     topics: tuple[str, ...] = parameter((), "record only these; empty: all", read_only=True)
+    regex: str = parameter("", "record only topics whose name it matches", read_only=True)
+    exclude_regex: str = parameter("", "record no topics whose name it matches", read_only=True)
     compression: str = parameter(
         "zstd", "of the chunks of messages", choices=COMPRESSIONS, read_only=True
     )
@@ -104,9 +109,14 @@ class BagRecorder(Node):
         self._bag: BagWriter | None = None
         given = read(RecorderParameters, declare(self, RecorderParameters))
         refuse_undeclared(self, RecorderParameters)
+        selection = Selection(
+            {self.resolve_topic_name(name) for name in given.topics},
+            _pattern("regex", given.regex),
+            _pattern("exclude_regex", given.exclude_regex),
+        )
         folder = Path(given.folder).expanduser().absolute()
         self._bag = BagWriter(folder, compress=given.compression == "zstd")
-        self._topics = TopicRecorder(self, self._bag, given.topics)
+        self._topics = TopicRecorder(self, self._bag, selection)
         self._next_write = 0.0
         # Not ROS time: it may stand still or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -143,6 +153,33 @@ class BagRecorder(Node):
         self.get_logger().info(f"{recorded} to {bag.folder}")
 
 
+def _pattern(name: str, text: str) -> re.Pattern[str] | None:
+    try:
+        return re.compile(text) if text else None
+    except re.error as error:
+        raise OneBotError(f"{name}:={text} is no regular expression: {error}") from None
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which topics are chosen; without names and pattern all but hidden ones and ROS's own."""
+
+    names: Set[str] = frozenset()  # full ones
+    pattern: re.Pattern[str] | None = None  # of further ones
+    excluded: re.Pattern[str] | None = None  # of those that are not chosen, whatever the others say
+
+    def has(self, topic: str) -> bool:
+        """Return whether a topic, by its full name, is chosen."""
+        if self.excluded is not None and self.excluded.search(topic):
+            return False
+        if self.pattern is not None and self.pattern.search(topic):
+            return True
+        if self.names or self.pattern is not None:
+            return topic in self.names
+        hidden = any(part.startswith("_") for part in topic.split("/"))
+        return not hidden and topic not in _LEFT_OUT
+
+
 @dataclass
 class _Recorded:
     """A topic that is subscribed to; it is added to the recording with its first message."""
@@ -158,26 +195,25 @@ class TopicRecorder:
     appears that offers less.
     """
 
-    def __init__(self, node: Node, bag: BagWriter, wanted: Sequence[str] = ()) -> None:
+    def __init__(self, node: Node, bag: BagWriter, selection: Selection) -> None:
         """Subscribe on ``node`` to what is known already; ``poll`` finds the rest.
 
         Args:
             node: makes the subscriptions.
             bag: gets the messages.
-            wanted: names, absolute or relative; empty for all topics but hidden ones, /rosout and
-                /parameter_events.
+            selection: which topics.
         """
         self._node = node
         self._bag = bag
         self._simulated = bool(node.get_parameter("use_sim_time").value)
-        self._wanted = {node.resolve_topic_name(name) for name in wanted}
+        self._selection = selection
         self._topics: dict[str, _Recorded] = {}
         self._counts: dict[str, Any] = {}
         self._polls = 0
         self._warned: set[str] = set()
         for name, (kind, transient_local) in _KNOWN.items():
             topic = node.resolve_topic_name(name)
-            if not self._wanted or topic in self._wanted:
+            if selection.has(topic):
                 self._record(topic, kind, _LATCHED if transient_local else _DEFAULT)
 
     def poll(self) -> None:
@@ -187,17 +223,11 @@ class TopicRecorder:
             self._counts.clear()
         node = self._node
         for topic, types in node.get_topic_names_and_types():
-            if self._is_wanted(topic):
+            if self._selection.has(topic):
                 counts = (types, node.count_publishers(topic), node.count_subscribers(topic))
                 if self._counts.get(topic) != counts:
                     self._counts[topic] = counts
                     self._update(topic)
-
-    def _is_wanted(self, topic: str) -> bool:
-        if self._wanted:
-            return topic in self._wanted
-        hidden = any(part.startswith("_") for part in topic.split("/"))
-        return not hidden and topic not in _LEFT_OUT
 
     def _update(self, topic: str) -> None:
         """Subscribe by the publishers of ``topic``, or else by its other subscribers."""

@@ -6,7 +6,7 @@ import sqlite3
 import struct
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -20,7 +20,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
-from onebot_bringup.bags.writer import METADATA
+from onebot_bringup.bags.writer import METADATA, Qos
 from onebot_description.errors import OneBotError
 from onebot_description.parameters import bounded_yaml
 
@@ -37,8 +37,13 @@ _FOOTER = struct.Struct("<QQI8s")  # start of the summary and of its offsets, ch
 _CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to here
 # SQLite takes values of any type in any column.
 _TOPICS = """
-    SELECT name, type FROM topics
+    SELECT * FROM topics
     WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
+"""
+_EXTENTS = """
+    SELECT topics.name, count(*), min(messages.timestamp), max(messages.timestamp)
+    FROM messages JOIN topics ON messages.topic_id = topics.id
+    WHERE typeof(messages.timestamp) = 'integer' GROUP BY topics.name
 """
 _MESSAGES = """
     SELECT topics.name, topics.type, messages.timestamp, messages.data
@@ -64,8 +69,13 @@ class Bag:
 
     Attributes:
         source: the file or folder.
+        files: those with the messages, in their order.
+        distro: of the ROS that recorded it, in lower case; "" if that is not known.
         topics: the type of each topic, ``package/msg/Type``.
+        counts: of the messages of each topic.
+        offered: what the publishers of each topic offered; empty if that was not recorded.
         count: of all messages; 0 where that is not known without reading them.
+        start_ns, end_ns: times of the first and the last message; 0 without messages.
         warnings: problems in spite of which it can be read; reading may add some.
     """
 
@@ -77,20 +87,28 @@ class Bag:
         """
         self.source = source
         self.warnings: list[str] = []
-        self._files = self._find()
+        self.distro = ""
+        self.files = self._find()
         self.topics: dict[str, str] = {}
-        self.count = 0
-        for file in self._files:
-            contents = _FORMATS[file.suffix].contents(file)
-            self.topics |= contents.topics
-            self.count += contents.count
+        self.counts: dict[str, int] = {}
+        self.offered: dict[str, list[Qos]] = {}
+        found = [_FORMATS[file.suffix].contents(file) for file in self.files]
+        for contents in found:
+            for name, topic in contents.topics.items():
+                self.topics[name] = topic.type
+                self.counts[name] = self.counts.get(name, 0) + topic.count
+                self.offered.setdefault(name, []).extend(_offered(topic.offered))
+        self.count = sum(contents.count for contents in found)
+        filled = [contents for contents in found if contents.count]
+        self.start_ns = min((contents.start_ns for contents in filled), default=0)
+        self.end_ns = max((contents.end_ns for contents in filled), default=0)
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Return the messages of ``topics``, file by file, in the order of their times.
 
         Of a damaged file, the messages before the damage are returned, with a warning.
         """
-        for file in self._files:
+        for file in self.files:
             yield from _FORMATS[file.suffix].read(file, topics, self.warnings.append)
 
     def _find(self) -> list[Path]:
@@ -130,7 +148,7 @@ class Bag:
         if not files:
             raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
         if missing:
-            self.warnings.append(f"{self.source} lacks {', '.join(missing)}; showing the others")
+            self.warnings.append(f"{self.source} lacks {', '.join(missing)}; the others are read")
         return files
 
     def _metadata(self) -> Mapping[str, Any] | None:
@@ -140,12 +158,13 @@ class Bag:
             found = bounded_yaml.load(text)["rosbag2_bagfile_information"]
             found.get("relative_file_paths")
         except OSError:
-            self.warnings.append(f"{self.source} has no {METADATA}; showing the files that it has")
+            self.warnings.append(f"{self.source} has no {METADATA}; the files that it has are read")
             return None
         except (yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError):
-            self.warnings.append(f"{path} is damaged; showing the files beside it")
+            self.warnings.append(f"{path} is damaged; the files beside it are read")
             return None
         information: Mapping[str, Any] = found
+        self.distro = str(information.get("ros_distro") or "")
         return information
 
 
@@ -155,29 +174,78 @@ def _by_number(path: Path) -> tuple[object, ...]:
     return tuple(int(part) if part.isdigit() else part for part in parts)
 
 
-@dataclass(frozen=True)
+@dataclass
+class _Topic:
+    """A topic in a file."""
+
+    type: str
+    offered: str = ""  # its publishers' QoS in YAML, as rosbag2 writes it
+    count: int = 0  # of messages
+
+
+@dataclass
 class _Contents:
     """What is in a file."""
 
-    topics: dict[str, str] = field(default_factory=dict)  # name to type
-    count: int = 0  # of messages; 0: not known
+    topics: dict[str, _Topic] = field(default_factory=dict)  # by name
+    count: int = 0  # of messages, those that are not in CDR too
+    start_ns: int = 0  # of the first message
+    end_ns: int = 0  # of the last
+
+    def add(self, name: str, count: int, start_ns: int, end_ns: int) -> None:
+        """Count messages of a topic, or of none that is in CDR."""
+        if name in self.topics:
+            self.topics[name].count += count
+        self.start_ns = min(self.start_ns, start_ns) if self.count else start_ns
+        self.end_ns = max(self.end_ns, end_ns)
+        self.count += count
+
+
+def _offered(text: str) -> list[Qos]:
+    """What publishers offer, of that YAML; empty if it is none."""
+    with suppress(yaml.YAMLError, ValueError, TypeError, AttributeError):
+        return [
+            Qos(  # in words, or the numbers of rmw
+                reliability="best_effort"
+                if one.get("reliability") in ("best_effort", 2)
+                else "reliable",
+                durability="transient_local"
+                if one.get("durability") in ("transient_local", 1)
+                else "volatile",
+                depth=int(one.get("depth", 0)),
+            )
+            for one in bounded_yaml.load(text) or ()
+        ]
+    return []
 
 
 def _mcap_contents(path: Path) -> _Contents:
     """What is in the file by its summary, or else by reading all of it."""
     with _opened(path) as file:
         summary = _summary(file)
-        if summary is not None:
-            statistics = summary.statistics
-            contents = _Contents(
-                _topics(summary.channels, summary.schemas),
-                statistics.message_count if statistics else 0,
-            )
-        else:
-            contents = _counted(file)
+        contents = _summarized(summary) if summary is not None else _counted(file)
     if not contents.topics and contents.count:
         raise OneBotError(f"{path} holds no messages of ROS 2 (in CDR)")
     return contents
+
+
+def _summarized(summary: Summary) -> _Contents:
+    contents = _Contents()
+    for channel in summary.channels.values():
+        _add_channel(contents, channel, summary.schemas.get(channel.schema_id))
+    statistics = summary.statistics
+    if statistics is not None:
+        extent = statistics.message_start_time, statistics.message_end_time
+        for number, count in statistics.channel_message_counts.items():
+            known = summary.channels.get(number)
+            contents.add(known.topic if known is not None else "", count, *extent)
+    return contents
+
+
+def _add_channel(contents: _Contents, channel: Channel, schema: Schema | None) -> None:
+    if channel.message_encoding == _CDR and schema is not None:
+        offered = str(channel.metadata.get("offered_qos_profiles", ""))
+        contents.topics.setdefault(channel.topic, _Topic(_full(schema.name), offered))
 
 
 def _opened(path: Path) -> IO[bytes]:
@@ -217,14 +285,6 @@ def _ends_sound(file: IO[bytes]) -> bool:
     return not start or not crc or zlib.crc32(file.read(end - start)) == crc
 
 
-def _topics(channels: dict[int, Channel], schemas: dict[int, Schema]) -> dict[str, str]:
-    return {
-        channel.topic: _full(schemas[channel.schema_id].name)
-        for channel in channels.values()
-        if channel.message_encoding == _CDR and channel.schema_id in schemas
-    }
-
-
 def _full(name: str) -> str:
     """``package/msg/Type``, of the short name too that some writers use."""
     package, _, kind = name.partition("/")
@@ -232,13 +292,11 @@ def _full(name: str) -> str:
 
 
 def _counted(file: IO[bytes]) -> _Contents:
-    topics: dict[str, str] = {}
-    count = 0
-    for schema, channel, _ in _in_file_order(file, lambda _: None):
-        count += 1
-        if channel.message_encoding == _CDR and schema is not None:
-            topics[channel.topic] = _full(schema.name)
-    return _Contents(topics, count)
+    contents = _Contents()
+    for schema, channel, message in _in_file_order(file, lambda _: None):
+        _add_channel(contents, channel, schema)
+        contents.add(channel.topic, 1, message.log_time, message.log_time)
+    return contents
 
 
 def _read_mcap(
@@ -265,7 +323,7 @@ def _guarded(found: _Found, path: Path, warn: Callable[[str], None]) -> _Found:
     try:
         yield from found
     except _DAMAGE as error:
-        warn(f"{path} is damaged: {_reason(error)}; showing what comes before")
+        warn(f"{path} is damaged: {_reason(error)}; what comes before is read")
 
 
 def _in_file_order(file: IO[bytes], warn: Callable[[str], None]) -> _Found:
@@ -283,7 +341,7 @@ def _in_file_order(file: IO[bytes], warn: Callable[[str], None]) -> _Found:
                 channel = channels[record.channel_id]
                 yield schemas.get(channel.schema_id), channel, record
     except _DAMAGE as error:
-        warn(f"{_reason(error)}; showing what comes before")
+        warn(f"{_reason(error)}; what comes before is read")
 
 
 def _reason(error: BaseException) -> str:
@@ -293,13 +351,20 @@ def _reason(error: BaseException) -> str:
 
 
 def _sqlite_contents(path: Path) -> _Contents:
+    contents = _Contents()
     try:
         with closing(_connect(path)) as database:
-            topics = dict(database.execute(_TOPICS))
-            (count,) = database.execute("SELECT count(*) FROM messages").fetchone()
+            found = database.execute(_TOPICS)
+            columns = [column[0] for column in found.description]
+            for row in found:
+                topic = dict(zip(columns, row, strict=True))
+                offered = str(topic.get("offered_qos_profiles") or "")
+                contents.topics[topic["name"]] = _Topic(topic["type"], offered)
+            for extent in database.execute(_EXTENTS):
+                contents.add(*extent)
     except sqlite3.Error as error:
         raise OneBotError(f"{path} is no recording of rosbag2: {error}") from error
-    return _Contents(topics, int(count))
+    return contents
 
 
 def _read_sqlite(
@@ -312,7 +377,7 @@ def _read_sqlite(
             for topic, kind, stamp, data in database.execute(query, list(topics)):
                 yield BagMessage(topic, kind, stamp, data)
     except sqlite3.Error as error:
-        warn(f"{path} is damaged: {error}; showing what comes before")
+        warn(f"{path} is damaged: {error}; what comes before is read")
 
 
 def _connect(path: Path) -> sqlite3.Connection:

@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """``onebot <verb> ...``: runs the module of the verb, prints errors and returns the exit code.
 
 Exit codes: 0 success, or stopped by the user; 1 a mistake in the user's files, or a node failed;
@@ -7,6 +8,7 @@ This module imports nothing slow: before ``start_process`` runs, Ctrl-C prints a
 """
 
 import os
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 
@@ -30,16 +32,37 @@ VERBS = {
     "interface": "list types of messages and show them",
     "tf": "show the tree of frames, and transforms between frames",
     "snapshot": "draw a robot into a picture file",
+    "run": "run a node by its package and name",
+    "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
+    "doctor": "check what is wrong on this computer",
     "accuracy": "measure how accurately OneBot drives",
     "bench": "measure performance as ratios to floors",
     "steer": "drive from a page in the browser",
     "teleop": "drive from the keyboard",
 }
+# What is called otherwise in ROS 1 or by ros2, and the verbs that do it.
+_FORMER = {
+    "rostopic": "topic",
+    "rosnode": "node",
+    "rosparam": "param",
+    "rosservice": "service",
+    **dict.fromkeys(("rosmsg", "rossrv", "msg", "srv"), "interface"),
+    "rosbag": "bag",
+    **dict.fromkeys(("roswtf", "wtf"), "doctor"),
+    "rosrun": "run",
+    **dict.fromkeys(("tf_echo", "tf2_echo"), "tf echo"),
+    **dict.fromkeys(("tf_monitor", "tf2_monitor"), "tf monitor"),
+    "view_frames": "tf tree",
+    "check_urdf": "check",
+    **dict.fromkeys(("rviz", "rviz2", "urdf_launch"), "view"),
+    **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
+}
+_LAUNCH = ("launch", "roslaunch")
 # Verbs with subcommands, the module's ``COMMANDS``.
-_GROUPS = ("topic", "node", "param", "service", "interface", "tf")
+_GROUPS = ("topic", "node", "param", "service", "interface", "tf", "bag")
 # Verbs that run until Ctrl-C, which is a success for them.
-_UNTIL_CTRL_C = ("view", "topic", "tf", "replay", "steer", "teleop")
+_UNTIL_CTRL_C = ("view", "topic", "tf", "run", "bag", "replay", "steer", "teleop")
 
 
 def start_process(interrupted: int) -> None:
@@ -132,10 +155,19 @@ def run_verb(words: list[str]) -> int:
         print(f"onebot {version()}")
         return 0
     if first not in VERBS:
-        raise UsageError(f'onebot has no command "{first}"{did_you_mean(first, VERBS, "commands")}')
+        raise UsageError(f'onebot has no command "{first}"{_instead(first, rest)}')
     from importlib import import_module
 
     return int(import_module(f"{_PACKAGE}.{first}").run(rest))
+
+
+def _instead(verb: str, rest: Sequence[str]) -> str:
+    """What to write in place of a verb that does not exist."""
+    if verb in _LAUNCH:
+        return ": write onebot_bringup, mrm_bringup or onebot view FILE, and name:=value after it"
+    if verb in _FORMER:
+        return f": write onebot {shlex.join([*_FORMER[verb].split(), *rest])}"
+    return did_you_mean(verb, VERBS, "commands")
 
 
 def usage() -> str:

@@ -24,6 +24,12 @@ PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
 
 
+def use_local_discovery() -> None:
+    """Discover only this computer, as the bringups do, unless the environment has a range."""
+    if not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+
 class Session:
     """A node and its executor, as a context manager.
 
@@ -45,9 +51,7 @@ class Session:
         self._spin_time = spin_time
 
     def __enter__(self) -> "Session":
-        # As the bringups do: only this computer, not every robot on the network.
-        if not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
-            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        use_local_discovery()
         use_environment_prefix()
         # This imports rclpy, which is slow.
         from onebot_description.node import use_quick_discovery, use_writable_log_folder

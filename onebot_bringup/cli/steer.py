@@ -143,7 +143,7 @@ def _answers(address: str) -> bool:
     from onebot_bringup.steering.view_proxy import View
 
     view = View.parse(address)
-    return view is not None and answers(view.page_port)
+    return view is not None and answers(view.port)
 
 
 def _check(values: Mapping[str, str]) -> None:

@@ -16,6 +16,20 @@ from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
 
+# What launch files of ROS call otherwise, and how it is written here.
+_VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
+_SLIDERS = "joints move as joints:=FILE says, without sliders; joint_states:=false: not at all"
+_PREFIX = "write frame_prefix:=PREFIX/"
+_VIEW = "what the viewer shows is in view:=FILE"
+_MODEL = "write model:=FILE"
+_FORMER = {
+    "gui": f"{_VIEWER} for the view; {_SLIDERS}",
+    **dict.fromkeys(("use_gui", "jsp_gui"), _SLIDERS),
+    **dict.fromkeys(("rviz", "use_rviz", "launch_rviz", "headless"), _VIEWER),
+    **dict.fromkeys(("rvizconfig", "rviz_config", "rviz_config_file"), _VIEW),
+    **dict.fromkeys(("urdf", "urdf_file", "xacro_file", "urdf_model"), _MODEL),
+    "tf_prefix": _PREFIX,
+}
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
 _HELP = ("-h", "--help")
@@ -31,6 +45,13 @@ class Argument:
     description: str  # one line; for choices these are added to it
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
     type: ValueType = ValueType(str)  # what its text must stand for
+
+    @property
+    def help(self) -> str:
+        """The description, with the choices unless they are true and false."""
+        if self.choices and self.choices != (*_TRUE, *_FALSE):
+            return f"{self.description} ({', '.join(self.choices)})"
+        return self.description
 
     def problem(self, text: str) -> str:
         """Return what is wrong with the argument written as ``text``, and what would be right."""
@@ -177,6 +198,8 @@ def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str
 
 def unknown(name: str, known: Iterable[str], what: str = "arguments") -> str:
     """Return the message about an argument that does not exist."""
+    if name in _FORMER:
+        return f'no argument "{name}": {_FORMER[name]}'
     return f'no argument "{name}"{did_you_mean(name, known, what)}'
 
 
@@ -187,15 +210,9 @@ def _switch_value(value: str) -> str:
 
 def table(arguments: Sequence[Argument]) -> str:
     """Return the arguments as text: name, default, description, one a line."""
-    rows = [(printable(f"{a.name}:={a.default}"), printable(_explain(a))) for a in arguments]
+    rows = [(printable(f"{a.name}:={a.default}"), printable(a.help)) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
     return "\n".join(_row(left, right, width) for left, right in rows)
-
-
-def _explain(argument: Argument) -> str:
-    if argument.choices and argument.choices != (*_TRUE, *_FALSE):
-        return f"{argument.description} ({', '.join(argument.choices)})"
-    return argument.description
 
 
 def _row(left: str, right: str, width: int) -> str:

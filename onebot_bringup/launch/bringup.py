@@ -5,7 +5,6 @@ import os
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -33,13 +32,19 @@ from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
-    from onebot_description.description.xacro import XacroArguments
 
 
 # Parameters of the controller that name the frames, and those that concern all nodes.
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
 _OF_ALL_NODES = (*_FRAME_PREFIX, "use_sim_time", "robot_description")
 _LONG = 100_000  # bytes of a parameter file
+
+
+class ModelArguments(NamedTuple):
+    """The arguments of a model's xacro."""
+
+    arguments: list[Argument]
+    complete: bool  # all that the model includes was found; if not, there may be more
 
 
 class Bringup(NamedTuple):
@@ -52,6 +57,25 @@ class Bringup(NamedTuple):
     view: str = ""  # the viewer's settings; empty: the viewer's own
     control: str = ""  # parameters of the controller; empty: the robot cannot be simulated
     takes_file: bool = False  # the model is the command's first word instead
+
+    def arguments(self) -> list[Argument]:
+        """Return its arguments, whatever the model."""
+        declared = description_arguments(self.model, self.joints, self.view)
+        return declared + simulation_arguments(self.control) if self.control else declared
+
+    def model_arguments(self, given: Mapping[str, str]) -> "ModelArguments":
+        """Return those of the model, but what has the name of one of the command's own.
+
+        Args:
+            given: on the command line; ``package_path`` is used from now on.
+        """
+        from onebot_description.description.xacro import xacro_arguments
+
+        take_package_path(given)  # the model's includes may need it
+        found = xacro_arguments(given.get("model", self.model))
+        own = {argument.name for argument in self.arguments()}
+        visible = [Argument(*each) for each in found.arguments if each.name not in own]
+        return ModelArguments(visible, found.complete)
 
 
 def bring_up(command: Bringup, argv: Sequence[str]) -> int:
@@ -68,20 +92,15 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
-    from onebot_description.description.xacro import included_files, xacro_arguments
+    from onebot_description.description.xacro import included_files
     from onebot_description.file_watch import file_states
 
     arguments = split(argv)
     given = _with_model(command, arguments)
-    declared = description_arguments(command.model, command.joints, command.view)
-    if command.control:
-        declared += simulation_arguments(command.control)
-    take_package_path(given)  # the model's includes may need it
+    declared, of_model = command.arguments(), command.model_arguments(given)
     model = given.get("model", command.model)
-    of_model = _not_hidden(xacro_arguments(model), declared)
     if arguments.help or arguments.show:
-        ours = [Argument(*argument) for argument in of_model.arguments]
-        print(help_text(command, declared, ours, complete=arguments.help))
+        print(help_text(command, declared, of_model.arguments, complete=arguments.help))
         return 0
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
@@ -145,15 +164,8 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
     return {**dict(zip(["model"], arguments.positional, strict=False)), **arguments.given}
 
 
-def _not_hidden(of_model: "XacroArguments", declared: list[Argument]) -> "XacroArguments":
-    """Leave out what the model declares under the name of a launch argument."""
-    names = {argument.name for argument in declared}
-    visible = (argument for argument in of_model.arguments if argument.name not in names)
-    return replace(of_model, arguments=tuple(visible))
-
-
 def _divide(
-    given: Mapping[str, str], declared: list[Argument], of_model: "XacroArguments"
+    given: Mapping[str, str], declared: list[Argument], of_model: ModelArguments
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Sort the arguments given into those of the launcher and those of the model's xacro."""
     ours = {argument.name for argument in declared}

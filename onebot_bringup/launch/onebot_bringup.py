@@ -3,8 +3,29 @@
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.main import run_command, start_process
+
+if TYPE_CHECKING:
+    from onebot_bringup.launch.bringup import Bringup
+
+
+def command() -> "Bringup":
+    """Return the command: what it brings up, and its defaults."""
+    from onebot_bringup.launch.bringup import Bringup
+    from onebot_description.description.packages import package_share
+
+    description = package_share("onebot_description").resolve()  # where edits are made
+    return Bringup(
+        program="onebot_bringup",
+        summary="Brings OneBot up on ROS 2, simulated; a Twist on velocity_controller/cmd_vel "
+        "drives it.",
+        model=str(description / "urdf/onebot.urdf.xacro"),
+        joints=str(description / "config/joints.yaml"),
+        view=str(description / "config/view.yaml"),
+        control=str(package_share("onebot_control") / "config/control.yaml"),
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -15,20 +36,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def launch() -> int:
         # Here, where Ctrl-C is already answered: importing takes a moment.
-        from onebot_bringup.launch.bringup import Bringup, bring_up
-        from onebot_description.description.packages import package_share
+        from onebot_bringup.launch.bringup import bring_up
 
-        description = package_share("onebot_description").resolve()  # where edits are made
-        onebot = Bringup(
-            program="onebot_bringup",
-            summary="Brings OneBot up on ROS 2, simulated; a Twist on velocity_controller/cmd_vel "
-            "drives it.",
-            model=str(description / "urdf/onebot.urdf.xacro"),
-            joints=str(description / "config/joints.yaml"),
-            view=str(description / "config/view.yaml"),
-            control=str(package_share("onebot_control") / "config/control.yaml"),
-        )
-        return bring_up(onebot, words)
+        return bring_up(command(), words)
 
     return run_command(launch, see="onebot_bringup --help", interrupted=0)
 

@@ -1,1 +1,1 @@
-"""What the servers of pages share: ports on this computer, HTTP in a thread, the proxy of Rerun."""
+"""What servers on this computer share: ports, connections, origins, and the proxy of Rerun."""

@@ -6,6 +6,7 @@ computers (Rerun's page sends usage statistics).
 
 import asyncio
 import re
+from pathlib import Path
 from urllib.parse import quote
 
 import aiohttp
@@ -19,6 +20,7 @@ from onebot_bringup.serving.ports import LOOPBACK
 _HEADERS = frozenset({"content-type", "content-length", "content-encoding", "rerun-final-length"})
 _FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
 _PAGE_TIMEOUT = 10.0  # s without a byte of a part of the page
+_PAGE_SCRIPT = Path(__file__).with_name("rerun_page.js")
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
 """Below this, Rerun's page requests its data from the host and port of its ``url=`` parameter."""
 _READS = frozenset({f"/{SERVICE}/ReadMessages", f"/{SERVICE}/ReadTables"})
@@ -35,15 +37,19 @@ def content_policy() -> str:
 class RerunProxy:
     """Forwards requests to servers of Rerun on this computer, and streams their responses."""
 
-    def __init__(self, app: web.Application, policy: str, unavailable: str) -> None:
+    def __init__(
+        self, app: web.Application, policy: str, unavailable: str, script: str = ""
+    ) -> None:
         """Forward requests of ``app``.
 
         Args:
             app: its start opens the connection pool, its shutdown ends what is being forwarded.
             policy: the Content-Security-Policy of all responses.
             unavailable: the text of a response 502, when a server does not respond.
+            script: JavaScript that runs in the page before its own scripts.
         """
         self._policy, self._unavailable = policy, unavailable
+        self._head = f"<head><script>{script}</script>".encode() if script else b"<head>"
         self._session: aiohttp.ClientSession | None = None
         self._streams: dict[aiohttp.ClientResponse, web.Request] = {}
         app.on_startup.append(self._open)
@@ -128,7 +134,7 @@ class RerunProxy:
         html = b""
         if found.content_type == "text/html":
             # The policy does not keep a browser from connecting ahead to foreign hosts.
-            html = _FOREIGN_LINK.sub(b"", await found.read())
+            html = _FOREIGN_LINK.sub(b"", await found.read()).replace(b"<head>", self._head, 1)
             answer.headers["Content-Length"] = answer.headers["rerun-final-length"] = str(len(html))
         await answer.prepare(request)
         if request.method != "HEAD":
@@ -173,7 +179,8 @@ def page_app(page: int, options: str, data: tuple[str, int]) -> web.Application:
     """
     app = web.Application(middlewares=[guard(LOOPBACK)])
     policy = f"{content_policy()}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-    proxy = RerunProxy(app, policy, "Rerun's server does not answer; it is being restarted")
+    unavailable = "Rerun's server does not answer; it is being restarted"
+    proxy = RerunProxy(app, policy, unavailable, _PAGE_SCRIPT.read_text())
 
     async def respond(request: web.Request) -> web.StreamResponse:
         path = request.rel_url.raw_path_qs

@@ -3,20 +3,30 @@
 A request needs a Host of this server, an Origin of its own pages, and the token where one is set. A
 program on this computer may omit the Origin, which browsers always send with a WebSocket: it could
 drive the robot through ROS anyway. If a token is set, it needs that, too.
+
+The robot's view is a frame without cookies and with an opaque origin, "null". Its requests have a
+key in their path instead.
 """
 
 import hashlib
 import hmac
-import re
 import secrets
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from onebot_bringup.serving.origin import refusal
 from onebot_bringup.serving.ports import is_loopback, listen
 
-_HOST = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?")
-_LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
+_OTHER_NAMES = {"127.0.0.1": "localhost", "localhost": "127.0.0.1"}
+
+
+def other_site(host: str) -> str:
+    """Return ``host`` (a Host header) with the other name of loopback, "" if it has none.
+
+    To a browser that is another site, and what it shows of one site runs in another process.
+    """
+    name, colon, port = host.lower().partition(":")
+    return f"{_OTHER_NAMES[name]}{colon}{port}" if name in _OTHER_NAMES else ""
 
 
 def new_token() -> str:
@@ -53,29 +63,25 @@ class Access:
             token: of the query, if any.
             cookie: the value of the cookie of this server, if any.
         """
-        if not self.knows(host):
-            names = ", ".join(sorted(self._names))
-            return f'This server is not "{_shown(host)}": open it as {names}.'
-        if origin is not None and origin.lower() != f"http://{host}".lower():
-            return f"Pages of {_shown(origin)} may not steer this robot."
+        if problem := refusal(self.address, host, origin, [f"http://{host}"]):
+            return problem
         if self.token and not self.is_token(token) and not _equal(cookie or "", self.cookie):
             return "The token is missing or wrong: open the whole address that was printed."
         return ""
 
+    def view_refusal(self, host: str, origin: str | None) -> str:
+        """Return why a request with the view's key is rejected; "" if it is accepted.
+
+        Args:
+            host: the Host header.
+            origin: the Origin header, if any: the view's, or of the page that has it in a frame.
+        """
+        pages = f"http://{host}", f"http://{other_site(host)}"
+        return refusal(self.address, host, origin, ["null", *pages])
+
     def is_token(self, token: str | None) -> bool:
         """Whether ``token`` is right; takes the same time for any wrong one."""
         return bool(self.token) and token is not None and _equal(token, self.token)
-
-    def knows(self, host: str) -> bool:
-        """Whether a Host header can be of this server; other names must not lead to loopback."""
-        found = _HOST.fullmatch(host)
-        if found is None:
-            return False
-        return not is_loopback(self.address) or found[1].lower() in self._names
-
-    @property
-    def _names(self) -> Iterable[str]:
-        return _LOOPBACK_NAMES | {self.address}
 
 
 def _equal(one: str, other: str) -> bool:
@@ -84,11 +90,6 @@ def _equal(one: str, other: str) -> bool:
 
 def _bytes(text: str) -> bytes:
     return text.encode(errors="surrogatepass")
-
-
-def _shown(text: str) -> str:
-    """A header as it may be repeated in a response."""
-    return "".join(c for c in text[:100] if c.isascii() and c.isprintable() and c not in '<>"&')
 
 
 class BindAddress(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any
 from aiohttp import WebSocketError, WSMsgType, web
 
 from onebot_bringup.serving.connections import KEEP
-from onebot_bringup.steering.access import Access
+from onebot_bringup.steering.access import Access, other_site
 from onebot_bringup.steering.arbiter import ThreadSafeArbiter
 from onebot_bringup.steering.limits import Braking, Limits
 from onebot_bringup.steering.protocol import (
@@ -105,12 +105,12 @@ class SteeringServer:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
         access = self._context.access
-        refusal = access.refusal(
-            request.headers.get("Host", ""),
-            request.headers.get("Origin"),
-            request.query.get("token"),
-            request.cookies.get(access.cookie_name),
-        )
+        host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
+        if self._context.view.has_key(request):
+            refusal = access.view_refusal(host, origin)
+        else:
+            token, cookie = request.query.get("token"), request.cookies.get(access.cookie_name)
+            refusal = access.refusal(host, origin, token, cookie)
         if refusal:
             return web.Response(status=403, text=f"{refusal}\n")
         answer: web.StreamResponse = await handler(request)
@@ -239,7 +239,7 @@ class SteeringServer:
             "braking": asdict(robot.braking) if robot.braking is not None else None,
             "command": velocity_fields(now.command),
             "odometry": robot.odometry,
-            "view": view.path(page.host) if view is not None else None,
+            "view": view.addresses(page.host) if view is not None else None,
         }
 
     async def _close_pages(self, _: web.Application) -> None:
@@ -271,8 +271,10 @@ class _Page:
 def _policy(request: web.Request, status: int) -> dict[str, str]:
     # Some browsers do not count ws: as a part of 'self'. The guard has checked the host's form.
     socket = f" ws://{request.host}" if status < 400 else ""
+    other = other_site(request.host) if status < 400 else ""
+    view = f" http://{other}" if other else ""
     return {
         "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; object-src 'none'; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'self'; "
-        f"connect-src 'self'{socket}"
+        f"frame-src 'self'{view}; connect-src 'self'{socket}{view}"
     }

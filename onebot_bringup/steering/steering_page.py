@@ -162,7 +162,6 @@ class SteeringPage(Node):
         self._requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
         self._arbiter = ThreadSafeArbiter(settings.limits(()), self._commands.publish)
         self._view = ViewProxy()
-        self._viewers = 0
         self._rejected = 0
         self._page_topic = settings.viewer_page
         self.create_subscription(String, self._page_topic, self._on_viewer, LATCHED)
@@ -301,8 +300,7 @@ class SteeringPage(Node):
             )
 
     def _on_viewer(self, message: String) -> None:
-        self._viewers += bool(message.data)
-        view = View.parse(message.data, self._viewers)
+        view = View.parse(message.data)
         if message.data and view is None:
             self.get_logger().warning(
                 f"{self._page_topic} has no address of a page on this computer",

@@ -1,56 +1,60 @@
-"""A proxy of the robot's view: Rerun's page and its data on the steering page's address.
+"""A proxy of the robot's view: Rerun's page and its data on the steering page's port.
 
-Rerun's page gets its data by gRPC-web from the host and port of its ``url=`` parameter, at
-``/rerun.sdk_comms.v1alpha1.MessageProxyService/...``. Here that is the steering page's server,
-so that one port (such as of an SSH tunnel) and one token are enough. Requests that write into the
-recording are rejected.
+The view is slow where a browser draws without a graphics card, and must not stall the steering
+page. So it is a sandboxed frame: with an opaque origin, which Chromium gives a process of its own.
+On loopback it has the other of the names 127.0.0.1 and localhost, too: that is another site, to
+which other browsers give a process of its own.
+
+Such a frame has no cookies. All that it requests is below a path with a random key, which only the
+steering page gets; ``static/view_frame.js`` runs in it and sends Rerun's requests for data there,
+which Rerun makes to ``/rerun.sdk_comms.v1alpha1.MessageProxyService/...`` of the host and port of
+its page's ``url=`` parameter.
 """
 
+import hmac
 import re
-from dataclasses import dataclass
-from urllib.parse import quote, unquote
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import quote
 
 from aiohttp import web
 
-from onebot_bringup.serving.rerun_proxy import RerunProxy, content_policy
+from onebot_bringup.serving.rerun_proxy import SERVICE, RerunProxy, content_policy, data_url
+from onebot_bringup.steering.access import other_site
 
-_POLICY = f"{content_policy()}; frame-ancestors 'self'; base-uri 'none'; form-action 'none'"
-_SERVICE = "/rerun.sdk_comms.v1alpha1.MessageProxyService"
-_METHODS = frozenset({"ReadMessages", "ReadTables"})
+_SANDBOX = "allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
+_POLICY = f"{content_policy()}; base-uri 'none'; form-action 'none'; sandbox {_SANDBOX}"
+_SCRIPT = Path(__file__).parent / "static" / "view_frame.js"
 _PAGE = re.compile(r"http://127\.0\.0\.1:(\d{1,5})/\?(\S+)")
-_DATA = re.compile(r"rerun\+http://127\.0\.0\.1:(\d{1,5})/proxy")
 
 
 @dataclass(frozen=True)
 class View:
     """The address of a viewer's page on this computer."""
 
-    page_port: int  # of the page's server, on 127.0.0.1
-    data_port: int  # of the recording's server, on 127.0.0.1
-    options: tuple[str, ...] = ()  # the other parameters of the page's address
-    serial: int = 0  # the number of the viewer: a page reloads the view when it changes
+    port: int  # of the page and its data, on 127.0.0.1
+    options: tuple[str, ...] = ()  # the parameters of the page's address beside url=
+    # Required in the path of the view's requests. Each viewer has its own: when it changes, a page
+    # loads the view again.
+    key: str = field(default_factory=lambda: secrets.token_urlsafe(16))
 
     @classmethod
-    def parse(cls, address: str, serial: int = 0) -> "View | None":
+    def parse(cls, address: str) -> "View | None":
         """Parse the message of rerun_viewer's ~/page; None if it is no page on this computer."""
         page = _PAGE.fullmatch(address)
-        if page is None:
+        if page is None or not 0 < int(page[1]) < 65536:
             return None
         words = page[2].split("&")
-        data = [_DATA.fullmatch(unquote(word[4:])) for word in words if word.startswith("url=")]
-        if len(data) != 1 or data[0] is None:
-            return None
-        ports = int(page[1]), int(data[0][1])
-        if not all(0 < port < 65536 for port in ports):
-            return None
-        return cls(*ports, tuple(word for word in words if not word.startswith("url=")), serial)
+        return cls(int(page[1]), tuple(word for word in words if not word.startswith("url=")))
 
-    def path(self, host: str) -> str:
-        """Return where the view is on this server, whose name for the browser is ``host``."""
-        # Without a port, Rerun's page would take that of its own servers.
-        full = host if re.search(r":\d+$", host) else f"{host}:80"
-        words = [f"url={quote(f'rerun+http://{full}/proxy', safe=':/[]')}", *self.options]
-        return f"/view/?{'&'.join(words)}&view={self.serial}"
+    def addresses(self, host: str) -> list[str]:
+        """Return where the view is, the best first, for a page that the browser has at ``host``."""
+        return [self._address(name, host) for name in (other_site(host), host) if name]
+
+    def _address(self, host: str, page: str) -> str:
+        words = data_url(host), *self.options, f"page={quote(f'http://{page}', safe=':/[]')}"
+        return f"http://{host}/view/{self.key}/?{'&'.join(words)}"
 
 
 class ViewProxy:
@@ -62,24 +66,45 @@ class ViewProxy:
 
     def add_to(self, app: web.Application) -> None:
         """Add the routes."""
-        self._proxy = RerunProxy(app, _POLICY, "The robot's view does not answer at the moment.")
-        app.router.add_get("/view/{path:.*}", self._page)
-        app.router.add_post(_SERVICE + "/{method}", self._data)
+        unavailable = "The robot's view does not answer at the moment."
+        self._proxy = RerunProxy(app, _POLICY, unavailable, _SCRIPT.read_text())
+        app.on_response_prepare.append(self._add_headers)
+        app.router.add_post(f"/view/{{key}}/{SERVICE}/{{method}}", self._data)
+        app.router.add_options(f"/view/{{key}}/{SERVICE}/{{method}}", self._preflight)
+        app.router.add_get("/view/{key}/{path:.*}", self._page)
+
+    def has_key(self, request: web.Request) -> bool:
+        """Whether the key in the request's path is the one of the view."""
+        key = request.match_info.get("key", "").encode(errors="surrogatepass")
+        return self.view is not None and hmac.compare_digest(key, self.view.key.encode())
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
-        view = self._known()
-        if not request.query_string and not request.match_info["path"]:
-            raise web.HTTPFound(view.path(request.host))
-        path = request.rel_url.raw_path_qs.removeprefix("/view")
-        return await self._proxy.forward_page(request, view.page_port, path)
+        view = self._known(request)
+        path = request.rel_url.raw_path_qs.split("/", 3)[3]
+        return await self._proxy.forward_page(request, view.port, f"/{path}")
 
     async def _data(self, request: web.Request) -> web.StreamResponse:
-        view, method = self._known(), request.match_info["method"]
-        if method not in _METHODS:
-            raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
-        return await self._proxy.forward_data(request, view.page_port, f"{_SERVICE}/{method}")
+        view, method = self._known(request), request.match_info["method"]
+        return await self._proxy.forward_data(request, view.port, f"/{SERVICE}/{method}")
 
-    def _known(self) -> View:
-        if self.view is None:
-            raise web.HTTPServiceUnavailable(text="There is no view of the robot yet.\n")
+    async def _preflight(self, request: web.Request) -> web.StreamResponse:
+        self._known(request)
+        headers = {"Access-Control-Allow-Headers": "*", "Access-Control-Allow-Methods": "POST"}
+        return web.Response(status=204, headers=headers)
+
+    async def _add_headers(self, request: web.Request, answer: web.StreamResponse) -> None:
+        """Let the frame read the response, and only the steering page have the frame."""
+        if not self.has_key(request):
+            return
+        other = other_site(request.host)
+        pages = f"'self' http://{other}" if other else "'self'"
+        answer.headers.add("Content-Security-Policy", f"frame-ancestors {pages}")
+        answer.headers["Cross-Origin-Resource-Policy"] = "cross-origin"
+        # The guard has checked the origin.
+        answer.headers["Access-Control-Allow-Origin"] = request.headers.get("Origin", "null")
+        answer.headers["Access-Control-Expose-Headers"] = "*"
+
+    def _known(self, request: web.Request) -> View:
+        if self.view is None or not self.has_key(request):
+            raise web.HTTPNotFound(text="There is no such view of the robot.\n")
         return self.view

@@ -1,11 +1,20 @@
 """The ``onebot`` command, run as its users run it."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from onebot_bringup.cli.main import _FORMER as FORMER
+from onebot_bringup.cli.main import VERBS, main
+from onebot_bringup.cli.run import EXECUTABLES, run
+from onebot_description.errors import UsageError
+from tests.onebot_bringup.cli_support import running
+from tests.ros_support import Peer
+from tests.support import wait_for
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -66,6 +75,61 @@ def test_an_unknown_command_is_answered_with_the_nearest() -> None:
     assert done.returncode == 2
     assert 'onebot has no command "chekc" (did you mean "check"?' in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["rostopic", "echo", "/tf"], '"rostopic": write onebot topic echo /tf'),
+        (["tf2_echo", "odom", "base"], '"tf2_echo": write onebot tf echo odom base'),
+        (["rosbag", "play", "a b"], "\"rosbag\": write onebot bag play 'a b'"),
+        (
+            ["launch", "onebot_bringup"],
+            '"launch": write onebot_bringup, mrm_bringup or onebot view',
+        ),
+    ],
+)
+def test_former_names(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Names of ROS 1, and of tools that are verbs here, are answered with what to write."""
+    assert main(words) == 2
+    assert capsys.readouterr().err.startswith(f"error: onebot has no command {line}")
+
+
+def test_former_names_lead_to_commands() -> None:
+    """What they are answered with exists."""
+    for name, verb in FORMER.items():
+        assert name not in VERBS and verb.split()[0] in VERBS
+
+
+def test_run(ros_domain: int, tmp_path: Path) -> None:
+    """A node is run by its package and name, with its arguments, until Ctrl-C."""
+    file = tmp_path / "robot.urdf"
+    file.write_text('<robot name="r"><link name="base"/></robot>')
+    words = ("run", "onebot_description", "robot_state_publisher", str(file))
+    with (
+        Peer(ros_domain) as peer,
+        running(tmp_path, *words, "--ros-args", "-r", "__node:=mine") as node,
+    ):
+        wait_for(lambda: "mine" in peer.node.get_node_names(), "the node")
+        assert node.interrupt() == 0 and not node.err
+
+
+def test_executables() -> None:
+    """Those of each package are those that its CMakeLists.txt installs for ros2 run."""
+    for package, modules in EXECUTABLES.items():
+        text = (ROBOTS.parents[1] / package / "CMakeLists.txt").read_text()
+        named = set(re.findall(r"RENAME (\w+)\)", text)) - {"onebot"}
+        for names in re.findall(r"foreach\(node ([\w ]+)\)", text):
+            named |= set(names.split())
+        assert named == set(modules)
+    for words, part in {
+        ("onebot_descripton", "x"): 'did you mean "onebot_description"',
+        ("onebot_bringup", "viewer"): 'onebot_bringup has no executable "viewer"',
+        ("onebot_bringup",): "takes a package, an executable",
+    }.items():
+        with pytest.raises(UsageError) as error:
+            run(words)
+        assert part in str(error.value)
 
 
 def test_check_shows_a_good_robot(arm: str) -> None:

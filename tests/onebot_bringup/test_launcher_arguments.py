@@ -92,6 +92,22 @@ def test_all_problems_are_told_at_once() -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("use_gui", "joints move as joints:=FILE says, without sliders"),
+        ("gui", "write viewer:=web, viewer:=native or viewer:=none for the view; joints move"),
+        ("rvizconfig", "what the viewer shows is in view:=FILE"),
+        ("urdf_file", "write model:=FILE"),
+    ],
+)
+def test_former_arguments(name: str, answer: str) -> None:
+    """What launch files of ROS call otherwise is answered with how it is written here."""
+    with pytest.raises(UsageError) as error:
+        complete(DECLARED, {name: "true"})
+    assert str(error.value).startswith(f'no argument "{name}": {answer}')
+
+
+@pytest.mark.parametrize(
     ("written", "meant"), [("true", "true"), ("1", "true"), ("False", "false"), ("0", "false")]
 )
 def test_switches_take_both_spellings(written: str, meant: str) -> None:

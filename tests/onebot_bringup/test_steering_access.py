@@ -40,8 +40,20 @@ def test_no_other_name_leads_to_loopback(host):
 )
 def test_foreign_origins_are_refused(origin):
     """Also another port of this host, another scheme, and with the right token."""
-    assert "may not steer" in LOCAL.refusal("127.0.0.1:8080", origin, None, None)
-    assert "may not steer" in OPEN.refusal("127.0.0.1:8080", origin, "the token", None)
+    assert "no access" in LOCAL.refusal("127.0.0.1:8080", origin, None, None)
+    assert "no access" in OPEN.refusal("127.0.0.1:8080", origin, "the token", None)
+
+
+def test_the_view_needs_its_own_frame_or_page():
+    """Its opaque origin, or the page's under one of loopback's names; its key is the token."""
+    for origin in (None, "null", ORIGIN, "http://localhost:8080"):
+        assert LOCAL.view_refusal("127.0.0.1:8080", origin) == ""
+        assert LOCAL.view_refusal("localhost:8080", origin) == ""
+    assert OPEN.view_refusal("192.0.2.1:8080", "null") == ""
+    for origin in ("http://evil.example", "http://localhost:8081", "http://[::1]:8080", ""):
+        assert "no access" in LOCAL.view_refusal("127.0.0.1:8080", origin)
+    assert "no access" in OPEN.view_refusal("192.0.2.1:8080", ORIGIN)
+    assert "open it as" in LOCAL.view_refusal("evil.example:8080", "null")
 
 
 @pytest.mark.parametrize("token", [None, "", "the toke", "the token ", "The token", "\udcff"])

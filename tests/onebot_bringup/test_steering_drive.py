@@ -15,7 +15,7 @@ from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
 WHEELS = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
-LIMITS = {"linear.x.max_velocity": 0.5, "linear.x.max_acceleration": 1.5}
+LIMITS = {"linear.x.max_velocity": 0.5}  # the others are those of control.yaml
 SPEED = 0.3  # m/s
 
 
@@ -50,7 +50,7 @@ def test_a_page_drives_the_robot_along_its_arc(odometry):
     with steering() as node, PageClient(address_of(node)) as page:
         wait_for(lambda: page.state["controllers"] == ["/velocity_controller"], "the robot")
         assert page.state["limits"] == {"linear": 0.5, "angular": 3.0}
-        braking = {"deceleration": 1.5, "jerk": None, "timeout": 0.5}
+        braking = {"deceleration": 0.5, "jerk": None, "timeout": 0.5}
         assert page.state["braking"] == braking
         linear, angular = 0.2, 0.4
         page.hold(linear, angular)

@@ -53,11 +53,11 @@ def page(node: Steering, chromium: Page) -> Iterator[Page]:
     chromium.emulate_nothing()
 
 
-# All that is seen now and then: a message, the note on a view that lags, the hint of lost keys.
+# What is seen now and then: a message, the notes on a view that loads and lags, and on lost keys.
 WARN = """
 document.querySelector("#message").textContent = "Something to look at.";
-document.querySelector("#slow").hidden = false; // beside a view only
-document.querySelector("#view").classList.remove("empty");
+document.querySelector("#slow").hidden = false;
+document.querySelector("#view").classList.replace("empty", "loading");
 document.body.classList.add("keys-away");
 """
 
@@ -89,12 +89,14 @@ def findings(page: Page) -> list[str]:
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("screen", SCREENS)
 def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str) -> None:
-    """At rest, while this page drives with a warning in sight, and while another one does."""
+    """At rest, while this page drives with a limit refused, and while another page drives."""
     page.emulate(*SCREENS[screen], prefers_color_scheme=scheme)
     found = {"at rest": findings(page)}
     page.driver.execute_script(WARN)
+    page.enter("#linear-limit", "fast")
     page.act().key_down("w").perform()
     wait_for(lambda: page.body("driver") == "you", "this page to drive")
+    assert "refused" in page.text("#linear-hint")
     found["driving"] = findings(page)
     page.act().key_up("w").perform()
     with PageClient(node.address) as other:
@@ -145,7 +147,7 @@ const { left, top, right, bottom } = view.getBoundingClientRect();
 return ["#slow", "#message", "#readout"].filter((selector) => {
   const box = document.querySelector(selector).getBoundingClientRect();
   const apart = box.left >= right || box.right <= left || box.top >= bottom || box.bottom <= top;
-  return !apart || box.height === 0 || bottom - top < 60;
+  return !apart || box.height === 0 || bottom - top < 40;
 });
 """
 
@@ -258,7 +260,8 @@ def test_axe_finds_nothing_when_the_connection_is_lost(ros_domain: int, chromium
     """All controls are disabled, and the reason is in sight."""
     with steering(check=False) as lost:
         chromium.open(lost.address)
+        chromium.enter("#linear-limit", "fast")
     wait_for(lambda: chromium.body("connection") == "down", "the page to notice")
     for scheme in SCHEMES:
-        chromium.emulate(390, 844, True, prefers_color_scheme=scheme)
+        chromium.emulate(360, 640, True, prefers_color_scheme=scheme)
         assert findings(chromium) == []

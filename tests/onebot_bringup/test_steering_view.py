@@ -1,7 +1,7 @@
 """The robot's view on the steering page's own address: passed on, and guarded."""
 
 import asyncio
-import json
+import re
 import signal
 import threading
 from collections.abc import Iterator
@@ -11,40 +11,52 @@ from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 import pytest
-from selenium.webdriver import Chrome
+from geometry_msgs.msg import Twist
+from selenium.common.exceptions import WebDriverException
+from selenium.webdriver.common.by import By
 from std_msgs.msg import String
 
 from onebot_bringup.steering.view_proxy import View
 from tests.onebot_bringup.steering_support import PageClient, address_of, steering
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.steering_browser_support import Page
 from tests.support import wait_for
 from tests.support_browser import browser, hosts_reached, screenshot
 from tests.support_rendering import colored, pixels
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
-SERVICE = "/rerun.sdk_comms.v1alpha1.MessageProxyService"
+SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
 
 
 def test_the_viewers_address_is_understood():
-    """Both of its ports, and what else it tells the page."""
-    view = View.parse(PAGE, 3)
-    assert view == View(9090, 9876, ("theme=dark", "persist=0"), 3)
+    """Its port and its parameters; each viewer has its own key."""
+    view, next_view = View.parse(PAGE), View.parse(PAGE)
+    assert view is not None and next_view is not None
+    assert view == View(9090, ("theme=dark", "persist=0"), view.key)
+    assert len(view.key) >= 22 and view.key != next_view.key
 
 
 @pytest.mark.parametrize(
-    "host, shown",
+    "host, sites",
     [
-        ("localhost:9000", "localhost:9000"),
-        ("[::1]:8080", "[::1]:8080"),
-        ("robot.local", "robot.local:80"),
+        ("127.0.0.1:9000", ["localhost:9000", "127.0.0.1:9000"]),
+        ("localhost:9000", ["127.0.0.1:9000", "localhost:9000"]),
+        ("Localhost", ["127.0.0.1:80", "Localhost:80"]),
+        ("[::1]:8080", ["[::1]:8080"]),
+        ("robot.local", ["robot.local:80"]),
+        ("192.0.2.1:8080", ["192.0.2.1:8080"]),
     ],
 )
-def test_the_view_leads_back_to_where_the_browser_is(host, shown):
-    """Whatever this server is called there: a tunnel's port, another name, the default port."""
+def test_the_view_is_another_site_where_loopback_has_two_names(host, sites):
+    """At any port of a tunnel; else it is where the page is."""
     view = View.parse(PAGE)
     assert view is not None
-    assert view.path(host).startswith(f"/view/?url=rerun%2Bhttp://{shown}/proxy&theme=dark")
+    assert view.addresses(host) == [
+        f"http://{site.removesuffix(':80')}/view/{view.key}/"
+        f"?url=rerun%2Bhttp://{site}/proxy&theme=dark&persist=0&page=http://{host}"
+        for site in sites
+    ]
 
 
 @pytest.mark.parametrize(
@@ -53,7 +65,6 @@ def test_the_view_leads_back_to_where_the_browser_is(host, shown):
         "",
         "http://127.0.0.1:9090",
         "http://192.0.2.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy",
-        "http://127.0.0.1:9090/?url=rerun%2Bhttp://192.0.2.1:9876/proxy",
         "http://127.0.0.1:9090@evil.example/?url=rerun%2Bhttp://127.0.0.1:9876/proxy",
         "http://127.0.0.1:99999/?url=rerun%2Bhttp://127.0.0.1:9876/proxy",
         "http://127.0.0.1:0/?url=rerun%2Bhttp://127.0.0.1:9876/proxy",
@@ -78,31 +89,12 @@ def _viewer(domain: int, *args: str) -> Iterator[NodeProcess]:
         yield node
 
 
-def _shown(page: PageClient) -> str:
-    return str(wait_for(lambda: page.state["view"], "the view's address"))
-
-
-class _Traffic:
-    """What the browser got of the recording; reading its log empties that, so it is kept here."""
-
-    def __init__(self, page: Chrome, base: str) -> None:
-        self._page, self._source = page, f"{base}{SERVICE}/ReadMessages"
-        self._requests: set[str] = set()
-        self._bytes = 0
-
-    def received(self) -> int:
-        """Bytes so far."""
-        for entry in self._page.get_log("performance"):
-            message = json.loads(entry["message"])["message"]
-            parameters = message["params"]
-            if message["method"] == "Network.responseReceived":
-                if parameters["response"]["url"] == self._source:
-                    assert parameters["response"]["status"] == 200
-                    self._requests.add(parameters["requestId"])
-            elif message["method"] == "Network.dataReceived":
-                if parameters["requestId"] in self._requests:
-                    self._bytes += parameters["dataLength"]
-        return self._bytes
+def _address_of_view(steering_page: str) -> str:
+    """Where the view is, on the name by which ``steering_page`` is opened."""
+    with urlopen(steering_page, timeout=60.0) as answer:
+        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+    with PageClient(steering_page.partition("/?")[0], Cookie=cookie) as client:
+        return str(wait_for(lambda: client.state["view"], "the view's address")[-1])
 
 
 @pytest.mark.slow
@@ -114,10 +106,7 @@ def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, t
         steering(token="a secret of ours") as node,
         browser(tmp_path / "profile") as page,
     ):
-        address = address_of(node)
-        port = urlsplit(address).port
-        page.get(address)
-        page.get(f"http://127.0.0.1:{port}/view/")
+        page.get(_address_of_view(address_of(node)))
         wait_for(lambda: page.execute_script("return !!window._handle"), "Rerun's page", 240.0)
         wait_for(
             lambda: colored(pixels(screenshot(page)), BLUE).sum() > 2000,
@@ -127,21 +116,139 @@ def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, t
         log = page.get_log("browser")
         assert hosts_reached(page) == {"127.0.0.1"}
         assert not [line for line in log if "WebAssembly" in line["message"]], log
+        with pytest.raises(WebDriverException, match="sandboxed"):
+            page.execute_script("return document.cookie")
+
+
+_WATCH = """
+window.told = [];
+window.addEventListener("message", ({ data }) => window.told.push(data));
+"""
+# A message leaves the frame with its next task.
+_BLOCK = """
+window.parent.postMessage("busy", "*");
+setTimeout(() => {
+  for (const end = performance.now() + 300e3; performance.now() < end; );
+  window.parent.postMessage("free", "*");
+}, 100);
+"""
 
 
 @pytest.mark.slow
-def test_the_view_comes_through_one_forwarded_port(ros_domain, tmp_path):
-    """As by ssh -L: the browser knows another port, and gets page and data there."""
-    with _viewer(ros_domain), steering() as node, browser(tmp_path / "profile") as page:
-        port = urlsplit(address_of(node)).port
-        assert port is not None
-        with PageClient(address_of(node)) as client, _Relay(port) as relay:
-            _shown(client)
-            base = f"http://localhost:{relay.port}"
-            page.get(f"{base}/view/")
-            wait_for(lambda: page.execute_script("return !!window._handle"), "the page", 240.0)
-            traffic = _Traffic(page, base)
-            wait_for(lambda: traffic.received() > 1000, "the recording", 240.0)
+def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
+    """By either name of loopback, through a tunnel, and by an address of the network.
+
+    The view's thread does nothing else for five minutes; keys, joystick and Stop act meanwhile.
+    """
+    with (
+        _viewer(ros_domain),
+        Peer(ros_domain, "wheels") as wheels,
+        steering(host="0.0.0.0") as node,
+        browser(tmp_path / "profile") as driver,
+    ):
+        commands = wheels.hear(Twist, "/velocity_controller/cmd_vel", 1000)
+        own = urlsplit(address_of(node))
+        assert own.port is not None
+        with _Relay(own.port) as relay:
+            page = Page(driver)
+            for host in (
+                f"127.0.0.1:{own.port}",
+                f"localhost:{own.port}",
+                f"localhost:{relay.port}",
+                own.netloc,
+            ):
+                page.open(f"http://{host}/?{own.query}")
+                wait_for(lambda: page.view_is_shown, f"the view at {host}", 240.0)
+                _drive_beside_a_busy_view(page, commands)
+
+
+def _drive_beside_a_busy_view(page: Page, commands: list[Twist]) -> None:
+    def moves() -> bool:
+        return bool(commands) and commands[-1] != Twist()
+
+    def rests() -> bool:
+        return commands[-1] == Twist()
+
+    page.driver.execute_script(_WATCH)
+    with page.view() as inside:
+        inside.execute_script(_BLOCK)
+    wait_for(lambda: "busy" in page.driver.execute_script("return told"), "the view to be busy")
+    page.hold_pad(0.0, 1.0)
+    wait_for(moves, "the joystick to drive")
+    page.key("keyDown", "Space")
+    wait_for(rests, "the space bar to stop it")
+    page.key("keyUp", "Space")
+    page.let_go()
+    page.key("keyDown", "KeyW")
+    wait_for(moves, "the key to drive")
+    page.hold("#stop", 0.0, 0.0)
+    page.let_go()
+    wait_for(rests, "Stop to stop it")
+    page.key("keyUp", "KeyW")
+    page.wait_for_states(3)
+    assert page.connected
+    assert "free" not in page.driver.execute_script("return told")
+
+
+@pytest.mark.slow
+def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
+    """Covered until there is a layout; kept over a lost connection; not over a lost tunnel."""
+    (tmp_path / "view.yaml").write_text(VIEW)
+    viewer = ros_args(
+        grpc_port=0, web_port=0, open_browser="false", view=str(tmp_path / "view.yaml")
+    )
+    with (
+        NodeProcess("onebot_bringup.viewer.rerun_viewer", *viewer),
+        Peer(ros_domain, "robot") as robot,
+        steering() as node,
+        browser(tmp_path / "profile") as driver,
+        _Relay(urlsplit(address_of(node)).port or 0) as relay,
+    ):
+        page = Page(driver).open(f"http://127.0.0.1:{relay.port}/")
+        wait_for(lambda: _runs(page), "Rerun's page", 240.0)
+        assert page.find("#waiting").is_displayed(), "Rerun shows bare panels without a robot"
+        robot.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))
+        wait_for(lambda: page.view_is_shown, "the view", 240.0)
+        assert not page.find("#waiting").is_displayed()
+        _press_space_in_the_view(page)
+
+        with page.view() as inside:
+            inside.execute_script("window.mark = true")
+        _lose_the_connection(page, node)
+        with page.view() as inside:
+            assert inside.execute_script("return window.mark")
+
+        relay.cut()
+        wait_for(lambda: page.find("#waiting").is_displayed(), "the view to be loaded again", 60.0)
+        wait_for(lambda: page.view_is_shown, "the view again", 240.0)
+        with page.view() as inside:
+            assert not inside.execute_script("return window.mark")
+
+
+def _runs(page: Page) -> bool:
+    if not page.driver.find_elements(By.CSS_SELECTOR, "#view iframe"):
+        return False
+    with page.view() as inside:
+        return bool(inside.execute_script("return !!window._handle"))
+
+
+def _press_space_in_the_view(page: Page) -> None:
+    """The stop key works there, too."""
+    page.find("#view iframe").click()
+    page.key("keyDown", "Space")
+    wait_for(lambda: {"type": "stop"} in page.sent(), "the stop of a key in the view")
+    assert page.stop_is_held
+    page.key("keyUp", "Space")
+    wait_for(lambda: not page.stop_is_held, "its release")
+
+
+def _lose_the_connection(page: Page, node: NodeProcess) -> None:
+    """Until the page notices and connects anew, the server says nothing."""
+    node.process.send_signal(signal.SIGSTOP)
+    wait_for(lambda: not page.connected, "the page to notice")
+    node.process.send_signal(signal.SIGCONT)
+    wait_for(lambda: page.connected, "a new connection")
+    page.wait_for_states(3)
 
 
 class _Relay:
@@ -149,6 +256,7 @@ class _Relay:
 
     def __init__(self, target: int) -> None:
         self._target = target
+        self._open: set[asyncio.StreamWriter] = set()
         self._loop = asyncio.new_event_loop()
         server = self._loop.run_until_complete(asyncio.start_server(self._serve, "127.0.0.1", 0))
         self.port = server.sockets[0].getsockname()[1]
@@ -157,12 +265,25 @@ class _Relay:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._target)
+        self._open |= {writer, far_writer}
         await asyncio.gather(_pump(reader, far_writer), _pump(far_reader, writer))
+        self._open -= {writer, far_writer}
+
+    def cut(self) -> None:
+        """End all connections; new ones are accepted."""
+        asyncio.run_coroutine_threadsafe(self._cut(), self._loop).result(60.0)
+
+    async def _cut(self) -> None:
+        for writer in self._open:
+            writer.transport.abort()
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        await asyncio.gather(*others, return_exceptions=True)
 
     def __enter__(self) -> "_Relay":
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.cut()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(10.0)
 
@@ -177,38 +298,43 @@ async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
     writer.close()
 
 
-def _status(base: str, path: str, data: bytes | None = None, **headers: str) -> int:
+def _status(url: str, data: bytes | None = None, **headers: str) -> int:
     try:
-        with urlopen(Request(base + path, data, headers), timeout=60.0) as answer:
+        with urlopen(Request(url, data, headers), timeout=60.0) as answer:
             return int(answer.status)
     except HTTPError as error:
         return error.code
 
 
 def test_the_view_is_guarded_and_for_looking_only(ros_domain):
-    """Without token, or from a foreign page, there is neither page nor data; nobody writes."""
+    """Without its key, or from a foreign page, there is neither page nor data; nobody writes."""
     with _viewer(ros_domain) as viewer, steering(token="a secret of ours") as node:
-        base = address_of(node).partition("/?")[0]
-        with urlopen(address_of(node), timeout=60.0) as answer:
-            cookie = answer.headers["Set-Cookie"].partition(";")[0]
-        with PageClient(base, Cookie=cookie) as client:
-            view = _shown(client)
-        read, write = f"{SERVICE}/ReadMessages", f"{SERVICE}/WriteMessages"
+        address = address_of(node)
+        view = _address_of_view(address)
+        root = view.partition("?")[0]
+        read, write = f"{root}{SERVICE}/ReadMessages", f"{root}{SERVICE}/WriteMessages"
         kind = {"Content-Type": "application/grpc-web+proto"}
-        for path, data in ((view, None), ("/view/re_viewer.js", None), (read, b"\0" * 5)):
-            assert _status(base, path, data, **kind) == 403
-            foreign = {"Cookie": cookie, "Origin": "http://evil.example", **kind}
-            assert _status(base, path, data, **foreign) == 403
-            assert _status(base, path, data, Cookie=cookie, **kind) == 200
-        assert _status(base, write, b"\0" * 5, Cookie=cookie, **kind) == 403
-        request = Request(base + view, headers={"Cookie": cookie})
-        with urlopen(request, timeout=60.0) as answer:
-            policy = answer.headers["Content-Security-Policy"]
-            assert b"<html" in answer.read()
-        assert "connect-src 'self' data: blob:" in policy and "frame-ancestors 'self'" in policy
+        other = f"http://localhost:{urlsplit(view).port}"
+        for url, data in ((view, None), (f"{root}re_viewer.js", None), (read, b"\0" * 5)):
+            assert _status(url, data, **kind) == 200
+            for origin in ("null", other, address.partition("/?")[0]):
+                assert _status(url, data, Origin=origin, **kind) == 200
+            for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
+                assert _status(url, data, **headers, **kind) == 403
+            wrong = re.sub("/view/.*?/", "/view/wrong/", url)
+            assert _status(wrong, data, **kind) == 403
+            assert _status(wrong, data, Origin="null", **kind) == 403
+            token = f"{wrong}{'&' if '?' in wrong else '?'}token=a%20secret%20of%20ours"
+            assert _status(token, data, **kind) == 404
+        assert _status(write, b"\0" * 5, **kind) == 403
+        with urlopen(Request(view, headers={"Origin": "null"}), timeout=60.0) as answer:
+            policy = answer.headers.get_all("Content-Security-Policy")
+            assert answer.headers["Access-Control-Allow-Origin"] == "null"
+            assert answer.headers["Set-Cookie"] is None
+            assert b"<head><script>" in answer.read()
+        assert policy[1:] == [f"frame-ancestors 'self' {other}"]
+        assert "connect-src 'self' data: blob:" in policy[0] and "sandbox allow-s" in policy[0]
+        assert "allow-same-origin" not in policy[0] and "allow-top" not in policy[0]
         viewer.process.send_signal(signal.SIGKILL)
         viewer.wait()
-        wait_for(
-            lambda: _status(base, view, Cookie=cookie) in (502, 503),
-            "the proxy to see that it died",
-        )
+        wait_for(lambda: _status(view) in (403, 404, 502), "the proxy to see that it died")

@@ -83,6 +83,7 @@ def test_the_page_is_served_with_an_order_to_stay_on_this_machine():
         assert "connect-src 'self' data: blob:;" in policy and "frame-ancestors 'none'" in policy
         assert "http" not in policy and "fonts.googleapis" not in html
         assert "<title>Rerun Viewer</title>" in html
+        assert 0 < html.find("requestAnimationFrame") < html.find("re_viewer.js")
         with _get(f"{page.url}/re_viewer_bg.wasm") as response:
             assert response.headers["Content-Type"] == "application/wasm"
             assert len(response.read()) > 1_000_000

@@ -2,7 +2,7 @@
 
 import { write } from "./settings.js";
 
-const OLD_S = 1.0; // odometry that was heard longer ago is no longer live
+const OLD_S = 1.0; // odometry that was received longer ago is no longer live
 const UNITS = { linear: "m/s", angular: "rad/s" };
 
 export class Readout {
@@ -52,7 +52,7 @@ export class Readout {
 }
 
 function source(odometry, old) {
-  if (!odometry) return "no odometry heard yet";
+  if (!odometry) return "no odometry yet";
   return old ? `${odometry.topic}, silent for ${odometry.age.toFixed(0)} s` : odometry.topic;
 }
 

@@ -25,9 +25,10 @@ export class Topic {
     this.input.addEventListener("focus", () => this.input.select());
   }
 
-  /** Show why the server refused a topic. */
+  /** Show why the server refused a topic; the field shows the one that is steered. */
   refuse(sentence) {
     this.hint.refuse(sentence);
+    this.input.value = this.known;
   }
 
   /** Show the server's topic, but not over what the user is typing. */
@@ -103,15 +104,15 @@ class LimitField {
 
   /** Show the server's numbers, but not over what the user is typing. */
   show(chosen, limit, ceiling, from) {
-    this.known = text(chosen ?? limit);
+    this.known = chosen === null ? text(limit) : String(chosen);
     if (document.activeElement !== this.input) this.input.value = this.known;
     this.hint.warn(this.warning(chosen, ceiling, from));
   }
 
   warning(chosen, ceiling, from) {
     const most = `${text(ceiling)} ${this.unit}`;
-    if (!from) return `No limit of the robot is known: at most ${most}.`;
-    return chosen > ceiling ? `More than ${from} allows: ${most} holds.` : "";
+    if (!from) return `No limit known: at most ${most}.`;
+    return chosen > ceiling ? `Held to ${most} by ${from}.` : "";
   }
 }
 
@@ -128,6 +129,7 @@ class Hint {
     this.refusal = sentence;
     this.input.setAttribute("aria-invalid", sentence !== "");
     this.show();
+    if (sentence) this.element.scrollIntoView({ block: "nearest" });
   }
 
   warn(sentence) {

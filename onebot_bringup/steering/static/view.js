@@ -1,6 +1,10 @@
-/** The robot's Rerun view, in a frame of its own on this page's origin. */
+/**
+ * The robot's Rerun view, in a frame with a process of its own: however long Rerun takes to draw,
+ * this page and its controls go on. What the frame reports comes from view_frame.js.
+ */
 
 const NOTE_FOR = 30000; // ms; about as long as it takes to catch up
+const RELOAD_AFTER = 2000; // ms
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 /** Whether pictures are drawn by the processor: then Rerun falls behind what comes in. */
@@ -13,42 +17,85 @@ function drawnInSoftware() {
   return SOFTWARE.test(renderer);
 }
 
+/** The first address with a view: a tunnel may lead one of the names of loopback elsewhere. */
+async function findView(addresses) {
+  for (const address of addresses) {
+    const answer = await fetch(address, { method: "HEAD", cache: "no-store" }).catch(() => null);
+    if (answer?.ok) return address;
+  }
+  return null;
+}
+
 export class View {
   /**
    * @param {HTMLElement} place holds the frame, and a sentence to be seen while there is none.
-   * @param {import("./command_sender.js").CommandSender} sender
+   * @param {import("./stop.js").Stop} stop
    */
-  constructor(place, sender) {
+  constructor(place, stop) {
     this.place = place;
-    this.sender = sender;
-    this.address = null;
+    this.release = () => stop.release("view");
+    this.addresses = null;
     this.frame = null;
+    this.ended = false;
+    this.loadedAt = -Infinity;
     this.note = place.querySelector("#slow");
     this.noteEnds = undefined;
+    this.wanted = false; // somebody went to the frame with the keyboard
+    this.on = {
+      shown: () => this.uncover(),
+      ended: () => (this.ended = true),
+      stop: () => stop.press("view"),
+      released: this.release,
+      focus: () => this.wanted || this.giveBackFocus(),
+    };
+    window.addEventListener("message", (event) => this.receive(event));
+    window.addEventListener("focus", this.release); // a busy frame reports that late
+    const want = ({ code }) => (this.wanted = code === "Tab");
+    window.addEventListener("keydown", want, { capture: true });
   }
 
-  /** Show the view at an address of this server, or none. */
-  show(address) {
-    if (address === this.address) return;
-    this.address = address;
+  /**
+   * Show the view at one of these addresses, the best first, or none. It is loaded again only if
+   * they change, or if its data has ended.
+   */
+  show(addresses) {
+    const same = addresses?.join() === this.addresses?.join();
+    if (same && !(this.ended && performance.now() - this.loadedAt > RELOAD_AFTER)) return;
+    this.addresses = addresses;
+    this.ended = false;
     this.frame?.remove();
     this.frame = null;
-    this.place.classList.toggle("empty", !address);
+    this.release();
+    this.place.classList.toggle("empty", !addresses);
+    this.place.classList.toggle("loading", Boolean(addresses));
     this.explain(false);
-    if (address) this.load(address);
+    if (addresses) this.load(addresses);
   }
 
-  /** Nothing in the frame reconnects by itself: load it again next time. */
-  forget() {
-    this.address = undefined;
-  }
-
-  load(address) {
+  async load(addresses) {
+    this.loadedAt = performance.now();
+    const address = await findView(addresses);
+    if (addresses !== this.addresses) return;
+    if (!address) {
+      this.ended = true;
+      return;
+    }
     this.frame = document.createElement("iframe");
     this.frame.title = "The robot in Rerun";
+    this.frame.allow = "clipboard-write";
     this.frame.src = address;
-    this.frame.addEventListener("load", () => this.loaded(this.frame.contentWindow));
     this.place.append(this.frame);
+  }
+
+  receive({ source, origin, data }) {
+    if (!this.frame || source !== this.frame.contentWindow || origin !== "null") return;
+    if (Object.hasOwn(this.on, data?.view)) this.on[data.view]();
+  }
+
+  uncover() {
+    if (!this.place.classList.contains("loading")) return;
+    this.place.classList.remove("loading");
+    this.explain(drawnInSoftware());
   }
 
   /** Say for a while why the view is behind, or no longer. */
@@ -62,25 +109,5 @@ export class View {
   giveBackFocus() {
     this.frame?.blur();
     window.focus();
-  }
-
-  loaded(inside) {
-    this.explain(drawnInSoftware());
-    // Keys pressed in the frame stay there; but the space bar stops the robot everywhere.
-    const stop = (event) => {
-      if (event.code !== "Space") return;
-      event.preventDefault();
-      event.stopImmediatePropagation();
-      if (event.type === "keydown" && !event.repeat) this.sender.stop();
-    };
-    inside.addEventListener("keydown", stop, { capture: true });
-    inside.addEventListener("keyup", stop, { capture: true });
-    // Rerun's page takes the focus as it starts, before anybody pointed at it or went to it.
-    let asked = false;
-    const ask = (event) => (asked ||= event.type === "pointerdown" || event.code === "Tab");
-    inside.addEventListener("pointerdown", ask, { capture: true });
-    window.addEventListener("keydown", ask, { capture: true });
-    inside.addEventListener("focus", () => asked || this.giveBackFocus(), { capture: true });
-    if (document.activeElement === this.frame) this.giveBackFocus();
   }
 }

@@ -1,0 +1,340 @@
+"""``onebot bag ...``: records topics, plays recordings and shows what they hold, as ros2 bag."""
+
+import argparse
+import json
+import re
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from onebot_bringup.cli.options import Parser, Subcommand, dispatch, not_negative, positive
+from onebot_bringup.cli.session import Session, use_local_discovery
+from onebot_description.errors import OneBotError, did_you_mean
+
+if TYPE_CHECKING:
+    from onebot_bringup.bags.reader import Bag
+
+_NANO = 1_000_000_000
+_STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
+_DEPTH = 1000  # of a publisher: what is kept for late subscribers of a latched topic
+_CLOCK = "/clock"
+_CLOCK_RATE = 40.0  # Hz, ros2 bag play's
+
+
+def info(parser: Parser, argv: Sequence[str]) -> int:
+    """Show what a recording holds; return the exit code."""
+    _add_source(parser)
+    parser.add_argument(
+        "-t", "--topic-name", action="store_true", help="show only the names of the topics"
+    )
+    args = parser.parse(argv)
+    bag = _open(args.bag)
+    print("\n".join(sorted(bag.topics)) if args.topic_name else _information(bag))
+    return 0
+
+
+def _add_source(parser: Parser) -> None:
+    parser.add_argument("bag", metavar="BAG", help="a folder of rosbag2, or its .mcap or .db3 file")
+
+
+def _open(name: str) -> "Bag":
+    from onebot_bringup.bags.reader import Bag
+
+    bag = Bag(Path(name).expanduser())
+    _warn_of(bag)
+    return bag
+
+
+def _warn_of(bag: "Bag") -> None:
+    """Print the warnings, each once."""
+    for warning in bag.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    bag.warnings.clear()
+
+
+def _information(bag: "Bag") -> str:
+    """What ros2 bag info prints."""
+    size = sum(file.stat().st_size for file in bag.files)
+    topics = [
+        f"Topic: {name} | Type: {bag.topics[name]} | Count: {bag.counts[name]} | "
+        "Serialization Format: cdr"
+        for name in sorted(bag.topics)
+    ]
+    rows = {
+        "Files": _column([file.name for file in bag.files]),
+        "Bag size": _size(size),
+        "Storage id": _STORAGES[bag.files[0].suffix],
+        "ROS Distro": bag.distro or "unknown",
+        "Duration": f"{_seconds(bag.end_ns - bag.start_ns)}s",
+        "Start": _date(bag.start_ns) if bag.count else "-",
+        "End": _date(bag.end_ns) if bag.count else "-",
+        "Messages": str(bag.count),
+        "Topic information": _column(topics),
+    }
+    return "\n" + "\n".join(f"{f'{title}:':18} {text}" for title, text in rows.items()) + "\n"
+
+
+def _column(lines: Sequence[str]) -> str:
+    return f"\n{'':19}".join(lines)
+
+
+def _size(number: float) -> str:
+    for unit in ("B", "KiB", "MiB"):
+        if number < 1024:
+            return f"{number:.1f} {unit}" if unit != "B" else f"{number:.0f} B"
+        number /= 1024
+    return f"{number:.1f} GiB"
+
+
+def _seconds(nanoseconds: int) -> str:
+    seconds, rest = divmod(nanoseconds, _NANO)
+    return f"{seconds}.{rest:09d}"
+
+
+def _date(nanoseconds: int) -> str:
+    moment = datetime.fromtimestamp(nanoseconds // _NANO)
+    return f"{moment:%b %e %Y %H:%M:%S}.{nanoseconds % _NANO:09d} ({_seconds(nanoseconds)})"
+
+
+def record(parser: Parser, argv: Sequence[str]) -> int:
+    """Record topics until Ctrl-C; return the exit code."""
+    parser.add_argument("names", nargs="*", metavar="TOPIC", help="such as /tf")
+    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="the same")
+    parser.add_argument("-a", "--all", action="store_true", help="all topics but hidden ones")
+    parser.add_argument("-e", "--regex", default="", help="topics with this in their name")
+    parser.add_argument("-x", "--exclude-regex", default="", help="but not those with this in it")
+    parser.add_argument("-o", "--output", metavar="FOLDER", help="a new folder (rosbag2_DATE-TIME)")
+    parser.add_argument(
+        "--compression-format", choices=("zstd", "none"), default="zstd", help="of the messages"
+    )
+    parser.add_argument(
+        "--use-sim-time", action="store_true", help="stamp messages with the time of /clock"
+    )
+    args = parser.parse(argv)
+    topics = [*args.names, *args.topics]
+    if not (topics or args.regex or args.all):
+        parser.error("name the topics, or -a for all")
+    if args.all and (topics or args.regex):
+        parser.error("-a records all topics: leave out their names and --regex")
+    use_local_discovery()
+    from onebot_bringup.bags import bag_recorder  # slow to import
+
+    parameters = {
+        "folder": args.output or f"rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}",
+        "topics": topics,
+        "regex": args.regex,
+        "exclude_regex": args.exclude_regex,
+        "compression": args.compression_format,
+        "use_sim_time": args.use_sim_time,
+    }
+    given = [
+        word
+        for name, value in parameters.items()
+        if value
+        for word in ("-p", f"{name}:={json.dumps(value)}")  # which is YAML, too
+    ]
+    return bag_recorder.main(["onebot", *(args.ros_args or ["--ros-args"]), *given])
+
+
+def play(parser: Parser, argv: Sequence[str]) -> int:
+    """Publish the messages of a recording; return the exit code.
+
+    Raises:
+        OneBotError: it cannot be read, or has no such topic.
+    """
+    _add_play_arguments(parser)
+    args = parser.parse(argv)
+    bag = _open(args.bag)
+    ros_args = args.ros_args or ["--ros-args"]
+    for rule in args.remap:
+        ros_args += ["-r", rule]
+    with Session(ros_args, "rosbag2_player") as session:
+        _Player(session, bag, args).run()
+    return 0
+
+
+def _add_play_arguments(parser: Parser) -> None:
+    _add_source(parser)
+    parser.add_argument(
+        "-r", "--rate", type=positive, default=1.0, help="2 plays twice as fast (1)"
+    )
+    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="play only these")
+    parser.add_argument(
+        "--exclude-topics", nargs="+", default=[], metavar="TOPIC", help="play all but these"
+    )
+    parser.add_argument("-e", "--regex", type=_regex, help="play topics with this in their name")
+    parser.add_argument(
+        "-x", "--exclude-regex", type=_regex, help="play no topics with this in their name"
+    )
+    parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end")
+    parser.add_argument(
+        "-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW", help="publish by other names"
+    )
+    parser.add_argument(
+        "--start-offset", type=not_negative, default=0.0, metavar="S",
+        help="begin S seconds after the start; latched topics have their messages before it, too",
+    )  # fmt: skip
+    parser.add_argument("--playback-duration", type=positive, metavar="S", help="end after S s")
+    parser.add_argument(
+        "-d", "--delay", type=not_negative, default=0.0, metavar="S", help="wait S s first"
+    )
+    parser.add_argument(
+        "--clock", nargs="?", type=positive, const=_CLOCK_RATE, metavar="HZ",
+        help=f"publish the recording's time on {_CLOCK}, HZ times a second ({_CLOCK_RATE:g})",
+    )  # fmt: skip
+
+
+def _regex(text: str) -> re.Pattern[str]:
+    try:
+        return re.compile(text)
+    except re.error as error:
+        raise argparse.ArgumentTypeError(f"{text} is no regular expression: {error}") from None
+
+
+class _Player:
+    """Publishes a recording in its own time."""
+
+    def __init__(self, session: Session, bag: "Bag", args: Namespace) -> None:
+        self._session, self._bag, self._args = session, bag, args
+        self._begin = bag.start_ns + int(args.start_offset * _NANO)
+        self._end = bag.end_ns
+        if args.playback_duration is not None:
+            self._end = min(self._end, self._begin + int(args.playback_duration * _NANO))
+        self._publishers: dict[str, Any] = {}
+        self._clock: Any = None
+        self._next_tick = self._begin
+
+    def run(self) -> None:
+        """Play it once, or with ``--loop`` until Ctrl-C.
+
+        Raises:
+            OneBotError: there is nothing to play.
+        """
+        self._advertise()
+        self._session.discover()  # those who are there already get the first message
+        self._session.spin_until(time.monotonic() + self._args.delay)
+        seconds = max(0, self._end - self._begin) / _NANO
+        print(f"playing {self._bag.source}: {seconds:.1f} s of {len(self._publishers)} topics")
+        self._play()
+        while self._args.loop:
+            self._play()
+        self._finish()
+
+    def _advertise(self) -> None:
+        from rosgraph_msgs.msg import Clock
+
+        node = self._session.node
+        for topic in self._chosen():
+            if (kind := self._class(topic)) is not None:
+                self._publishers[topic] = node.create_publisher(kind, topic, self._qos(topic))
+        if not self._publishers:
+            raise OneBotError(f"{self._bag.source} has nothing to play")
+        if self._begin > self._bag.end_ns:
+            length = (self._bag.end_ns - self._bag.start_ns) / _NANO
+            raise OneBotError(f"--start-offset is beyond the end: it has {length:.1f} s")
+        if self._args.clock is not None:
+            self._clock = node.create_publisher(Clock, _CLOCK, 10)
+
+    def _chosen(self) -> list[str]:
+        args, known = self._args, self._bag.topics
+        for name in (*args.topics, *args.exclude_topics):
+            if name not in known:
+                hint = did_you_mean(name, known, "topics")
+                raise OneBotError(f"{self._bag.source} has no topic {name}{hint}")
+        return [topic for topic in known if self._is_chosen(topic)]
+
+    def _is_chosen(self, topic: str) -> bool:
+        args = self._args
+        if topic in args.exclude_topics or (topic == _CLOCK and args.clock is not None):
+            return False
+        if args.exclude_regex is not None and args.exclude_regex.search(topic):
+            return False
+        if args.regex is not None and args.regex.search(topic):
+            return True
+        return topic in args.topics if args.topics else args.regex is None
+
+    def _class(self, topic: str) -> Any:
+        """Its message class; None, with a warning, if that is not installed."""
+        from onebot_bringup.introspection.interfaces import message_class
+
+        try:
+            return message_class(self._bag.topics[topic])
+        except OneBotError as error:
+            print(f"warning: {topic} is not played: {error}", file=sys.stderr)
+            return None
+
+    def _qos(self, topic: str) -> Any:
+        """What its publishers offered; reliable and latched only if all of them were."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+        offered = self._bag.offered[topic]
+        reliable = all(qos.reliability == "reliable" for qos in offered)
+        return QoSProfile(
+            depth=_DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL
+            if self._is_latched(topic)
+            else DurabilityPolicy.VOLATILE,
+        )
+
+    def _is_latched(self, topic: str) -> bool:
+        offered = self._bag.offered[topic]
+        return bool(offered) and all(qos.durability == "transient_local" for qos in offered)
+
+    def _play(self) -> None:
+        latched = set(filter(self._is_latched, self._publishers))
+        started, rate = time.monotonic(), float(self._args.rate)
+
+        def due(stamp: int) -> float:
+            return started + (stamp - self._begin) / _NANO / rate
+
+        self._next_tick = self._begin
+        for topic, _, stamp, data in self._bag.messages(list(self._publishers)):
+            if stamp < self._begin and topic not in latched:
+                continue
+            if stamp > self._end:
+                break
+            self._wait(stamp, due)
+            self._publishers[topic].publish(data)
+        self._wait(self._end, due)
+        _warn_of(self._bag)
+
+    def _wait(self, stamp: int, due: Callable[[int], float]) -> None:
+        """Wait until a message is due; meanwhile publish the clock."""
+        from rosgraph_msgs.msg import Clock
+
+        from onebot_description.wire.messages import time_message
+
+        while self._clock is not None and self._next_tick <= stamp:
+            self._session.spin_until(due(self._next_tick))
+            self._clock.publish(Clock(clock=time_message(self._next_tick)))
+            self._next_tick += int(_NANO / self._args.clock * self._args.rate)
+        self._session.spin_until(due(stamp))
+
+    def _finish(self) -> None:
+        """Wait until reliable messages have been received, for a second at most."""
+        from rclpy.duration import Duration
+
+        for publisher in self._publishers.values():
+            if publisher.get_subscription_count():
+                publisher.wait_for_all_acked(Duration(seconds=1.0))
+
+
+COMMANDS = {
+    "info": Subcommand("show what a recording holds", info),
+    "record": Subcommand("record topics into a new folder", record),
+    "play": Subcommand("publish the messages of a recording", play),
+}
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command and return its exit code.
+
+    Raises:
+        OneBotError: the recording is wrong, or the command line is.
+    """
+    return dispatch("bag", COMMANDS, argv)

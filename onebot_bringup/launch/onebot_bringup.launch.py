@@ -1,0 +1,11 @@
+"""For ``ros2 launch onebot_bringup onebot_bringup.launch.py``: runs the script onebot_bringup."""
+
+from launch import LaunchDescription
+
+from onebot_bringup.launch import onebot_bringup
+from onebot_bringup.launch.ros2_launch import launch_description
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Declare the arguments of the script, and run it with those given."""
+    return launch_description(onebot_bringup)

@@ -1,0 +1,64 @@
+"""What a launch file of ``ros2 launch`` holds: a bringup's arguments, and its script to run.
+
+The script is one process to ros2 launch, which does not start the nodes itself: the script checks
+arguments, files and description before any node starts, and supervises, restarts and stops the
+nodes by rules that ros2 launch does not have. There is one list of nodes, too.
+"""
+
+import sys
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+from onebot_bringup.launch.bringup import Bringup
+
+
+def launch_description(script: ModuleType) -> Any:
+    """Return the LaunchDescription that runs a bringup script.
+
+    Args:
+        script: its module, whose ``command()`` describes it.
+    """
+    # Of ROS: where ros2 launch is, so are these.
+    from launch import LaunchDescription
+    from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+
+    command: Bringup = script.command()
+    arguments = [*command.arguments(), *command.model_arguments({}).arguments]
+    given: dict[str, str] = {}
+
+    def start(context: Any) -> list[Any]:
+        given.update(context.launch_configurations)
+        process = [sys.executable, "-m", script.__name__, *words(command, given)]
+        return [ExecuteProcess(cmd=process, name=command.program, output="screen")]
+
+    def forget_defaults(context: Any) -> None:
+        for argument in arguments:
+            if argument.name not in given:
+                context.launch_configurations.pop(argument.name, None)
+
+    return LaunchDescription(
+        [
+            OpaqueFunction(function=start),  # first: so far only what was given has a value
+            *(
+                DeclareLaunchArgument(each.name, default_value=each.default, description=each.help)
+                for each in arguments
+            ),
+            # A launch file may include this one twice, or others with arguments of these names.
+            OpaqueFunction(function=forget_defaults),
+        ]
+    )
+
+
+def words(command: Bringup, configurations: Mapping[str, str]) -> list[str]:
+    """Return the command line: of the launch configurations, those that are the bringup's.
+
+    The others may be of the launch file that includes this one.
+    """
+    of_model = command.model_arguments(configurations)
+    names = {argument.name for argument in (*command.arguments(), *of_model.arguments)}
+    return [
+        f"{name}:={value}"
+        for name, value in configurations.items()
+        if name in names or not of_model.complete
+    ]

@@ -1,0 +1,116 @@
+/**
+ * Runs in the view's frame, before Rerun's own scripts. The frame has a process and an origin of its
+ * own; the steering page gets messages {view: ...}:
+ *   shown: the robot's layout is drawn, or Rerun's page has something else to show than its progress
+ *   ended: its data has ended; nothing in it connects again
+ *   stop: the stop key was pressed
+ *   released: it was released, or its release would not be received
+ *   focus: it took the focus without having been pointed at
+ */
+(() => {
+  const SERVICE = "/rerun.sdk_comms.";
+  const FRAMES = 4; // from the layout's arrival to its picture; Rerun reads what came once a frame
+  const page = new URLSearchParams(location.search).get("page");
+
+  function tell(what) {
+    if (window.parent !== window) window.parent.postMessage({ view: what }, page);
+  }
+
+  /** Finds the message that activates a layout in a stream of ReadMessagesResponse by gRPC-web. */
+  class LayoutFinder {
+    constructor() {
+      this.found = false;
+      this.start = []; // of the current message, with the five bytes of its header
+      this.rest = 0; // bytes of the current message that do not matter
+    }
+
+    look(bytes) {
+      for (let at = 0; at < bytes.length && !this.found; ) {
+        const skipped = Math.min(this.rest, bytes.length - at);
+        this.rest -= skipped;
+        at += skipped;
+        if (at < bytes.length) this.take(bytes[at++]);
+      }
+    }
+
+    take(byte) {
+      this.start.push(byte);
+      if (this.start.length < 5) return;
+      const [, a, b, c, d, ...content] = this.start;
+      const size = ((a * 256 + b) * 256 + c) * 256 + d;
+      // Field 1 is a LogMsg, with its size as varint; and of that, field 3 is an activation.
+      const end = content.findIndex((value, index) => index > 0 && value < 128);
+      if (content.length < size && (end < 0 || content.length < end + 2)) return;
+      this.found = content[0] === 0x0a && content[end + 1] === 0x1a;
+      this.rest = size - content.length;
+      this.start = [];
+    }
+  }
+
+  function drawn(frames) {
+    if (frames > 0) requestAnimationFrame(() => drawn(frames - 1));
+    else tell("shown");
+  }
+
+  /** The same response, with its data watched. */
+  function watched(response) {
+    if (!response.ok || !response.body) return response;
+    const reader = response.body.getReader();
+    const finder = new LayoutFinder();
+    const body = new ReadableStream({
+      async pull(controller) {
+        const { done, value } = await reader.read().catch((error) => {
+          tell("ended");
+          throw error;
+        });
+        if (done) {
+          tell("ended");
+          controller.close();
+          return;
+        }
+        controller.enqueue(value);
+        if (finder.found) return;
+        finder.look(value);
+        if (finder.found) drawn(FRAMES);
+      },
+      cancel: (reason) => reader.cancel(reason),
+    });
+    return new Response(body, response);
+  }
+
+  const fetchAsGiven = window.fetch;
+  /** Rerun gets its data from the root of the host; it is below the view's own path. */
+  window.fetch = async (resource, options) => {
+    const { pathname } = new URL(resource.url ?? resource, location.href);
+    if (!pathname.startsWith(SERVICE)) return fetchAsGiven(resource, options);
+    const request = new Request(resource, options);
+    const { method, headers, signal } = request;
+    const body = await request.arrayBuffer();
+    return watched(await fetchAsGiven(`.${pathname}`, { method, headers, signal, body }));
+  };
+
+  const stop = (event) => {
+    if (event.code !== "Space") return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (!event.repeat) tell(event.type === "keydown" ? "stop" : "released");
+  };
+  window.addEventListener("keydown", stop, { capture: true });
+  window.addEventListener("keyup", stop, { capture: true });
+  window.addEventListener("blur", () => tell("released"));
+
+  // Rerun's page takes the focus as it starts, before anybody pointed at it.
+  let pointed = false;
+  window.addEventListener("pointerdown", () => (pointed = true), { capture: true });
+  window.addEventListener("focus", () => pointed || tell("focus"), { capture: true });
+
+  // A browser that is too old, a phone's question, a crash.
+  document.addEventListener("DOMContentLoaded", () => {
+    const text = document.getElementById("center_text");
+    const look = () => {
+      if (text.classList.contains("visible") && !text.querySelector("#status")) tell("shown");
+    };
+    new MutationObserver(look).observe(text, { attributes: true, childList: true });
+    look();
+  });
+})();

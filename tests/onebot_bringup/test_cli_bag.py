@@ -1,0 +1,175 @@
+"""``onebot bag``: what it records, plays and prints, on real DDS, with ros2 bag's options."""
+
+import os
+import re
+import sqlite3
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from onebot_bringup.bags.bag_recorder import Selection
+from onebot_bringup.bags.reader import Bag
+from tests.onebot_bringup.bag_support import LATCHED as LATCHED_QOS
+from tests.onebot_bringup.bag_support import cdr, write_words
+from tests.onebot_bringup.cli_support import onebot, output_of, running
+from tests.ros_support import LATCHED, Peer
+from tests.support import wait_for
+
+SECOND = 1_000_000_000
+START = 1_700_000_000 * SECOND
+
+
+def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files, size, times, and each topic with its number of messages, as ros2 bag info."""
+    monkeypatch.setenv("TZ", "UTC")
+    write_words(tmp_path / "run", 5)
+    size = os.path.getsize(tmp_path / "run/run_0.mcap")
+    assert output_of("bag", "info", str(tmp_path / "run")) == (
+        "\n"
+        "Files:             run_0.mcap\n"
+        f"Bag size:          {size / 1024:.1f} KiB\n"
+        "Storage id:        mcap\n"
+        "ROS Distro:        jazzy\n"
+        "Duration:          0.004000000s\n"
+        "Start:             Jan  1 1970 00:00:01.000000000 (1.000000000)\n"
+        "End:               Jan  1 1970 00:00:01.004000000 (1.004000000)\n"
+        "Messages:          5\n"
+        "Topic information: Topic: /words | Type: std_msgs/msg/String | Count: 5 | "
+        "Serialization Format: cdr\n\n"
+    )
+    assert output_of("bag", "info", "-t", str(tmp_path / "run")) == "/words\n"
+    wrong = onebot("bag", "info", str(tmp_path / "none"))
+    assert wrong.returncode == 1 and "there is no recording" in wrong.stderr
+
+
+def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+    """Ten words in 1.8 s, the first of them latched on a topic of its own, and an odd type."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        once, words, odd = (
+            writer.add_connection(name, "std_msgs/msg/String", typestore=types)
+            for name in ("/once", "/words", "/odd")
+        )
+        writer.write(once, START, cdr("once"))
+        writer.write(odd, START, cdr("odd"))
+        for index in range(10):
+            writer.write(words, START + index * SECOND // 5, cdr(f"word {index}"))
+    with closing(sqlite3.connect(next(folder.glob("*.db3")))) as database, database:
+        latched = "- {history: 3, depth: 0, reliability: 1, durability: 1}\n"  # numbers, as before
+        database.execute(
+            "UPDATE topics SET offered_qos_profiles = ? WHERE name = '/once'", [latched]
+        )
+        database.execute("UPDATE topics SET type = 'odd_msgs/msg/Odd' WHERE name = '/odd'")
+    return folder
+
+
+def test_what_a_recording_knows(tmp_path: Path) -> None:
+    """Numbers, times and QoS, of both formats; QoS in words and in numbers."""
+    bag = Bag(recording(tmp_path / "run"))
+    assert bag.counts == {"/once": 1, "/words": 10, "/odd": 1} and bag.count == 12
+    assert (bag.start_ns, bag.end_ns - bag.start_ns) == (START, 9 * SECOND // 5)
+    assert bag.offered["/once"] == [LATCHED_QOS] and bag.offered["/words"] == []
+    write_words(tmp_path / "ours", 3)
+    ours = Bag(tmp_path / "ours")
+    assert (ours.counts, ours.offered) == ({"/words": 3}, {"/words": [LATCHED_QOS]})
+    assert (ours.start_ns, ours.end_ns) == (SECOND, SECOND + 2_000_000)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes((tmp_path / "ours/ours_0.mcap").read_bytes()[:-50])
+    assert Bag(cut).counts == ours.counts and Bag(cut).end_ns == ours.end_ns
+
+
+def test_play(tmp_path: Path, ros_domain: int) -> None:
+    """Each message in its time and order, latched ones for who comes later, and the clock.
+
+    What is not installed is left out with one line.
+    """
+    folder = recording(tmp_path / "run")
+    with Peer(ros_domain) as peer:
+        heard = peer.hear(String, "/speech")
+        clock = peer.hear(Clock, "/clock")
+        words = ("--clock", "50", "-r", "2", "-m", "/words:=/speech")
+        started = time.monotonic()
+        with running(tmp_path, "bag", "play", str(folder), *words) as command:
+            wait_for(lambda: heard, "the first word")
+            once = peer.hear(String, "/once", LATCHED)
+            assert command.process.wait(60) == 0, command.err
+        assert time.monotonic() - started > 0.9
+        assert [word.data for word in heard] == [f"word {index}" for index in range(10)]
+        assert [word.data for word in once] == ["once"]
+        stamps = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
+        assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {SECOND // 25}
+        assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
+    [warning] = command.err.splitlines()
+    assert warning.startswith('warning: /odd is not played: no message type "odd_msgs/msg/Odd"')
+    assert f"playing {folder}: 1.8 s of 2 topics\n" in command.out
+
+
+def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
+    """Only some topics, from an offset on, for a while, in a loop until Ctrl-C (exit code 0)."""
+    folder = recording(tmp_path / "run")
+    with Peer(ros_domain) as peer:
+        heard = peer.hear(String, "/words")
+        once = peer.hear(String, "/once", LATCHED)
+        part = ("--start-offset", "0.5", "--playback-duration", "0.4", "-x", "odd", "--loop")
+        with running(tmp_path, "bag", "play", str(folder), *part) as command:
+            wait_for(lambda: len(heard) >= 5 and once, "two rounds")
+            assert command.interrupt() == 0 and "Traceback" not in command.err
+    expected = ["word 3", "word 4"] * 3
+    assert [word.data for word in heard][:5] == expected[:5]
+    assert not command.err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "part"),
+    [
+        (("--topics", "/word"), 1, 'has no topic /word (did you mean "/words"? topics: '),
+        (("--start-offset", "9"), 1, "--start-offset is beyond the end: it has 1.8 s"),
+        (("--topics", "/odd"), 1, "has nothing to play"),
+        (("-r", "0"), 2, "not above zero"),
+        (("-e", "("), 2, "is no regular expression"),
+    ],
+)  # fmt: skip
+def test_play_mistakes(
+    tmp_path: Path, ros_domain: int, words: tuple[str, ...], code: int, part: str
+) -> None:
+    """One line each."""
+    done = onebot("bag", "play", str(recording(tmp_path / "run")), *words)
+    assert done.returncode == code and part in done.stderr, done.stderr
+
+
+def test_record(tmp_path: Path, ros_domain: int) -> None:
+    """The topics chosen by name and pattern, without those excluded, until Ctrl-C."""
+    folder = tmp_path / "run"
+    with Peer(ros_domain) as peer:
+        for name in ("/left/words", "/right/words", "/right/secret"):
+            peer.node.create_publisher(String, name, LATCHED).publish(String(data=name))
+        words = ("/left/words", "-e", "^/right", "-x", "secret", "-o", str(folder))
+        with running(tmp_path, "bag", "record", *words) as command:
+            wait_for(
+                lambda: (folder / "metadata.yaml").is_file() and Bag(folder).count == 2,
+                "both messages",
+            )
+            assert command.interrupt() == 0, command.err
+        assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
+        again = onebot("bag", "record", "-a", "-o", str(folder))
+        assert again.returncode == 1 and "exists already" in again.stderr
+    assert onebot("bag", "record").returncode == 2
+    both = onebot("bag", "record", "-a", "/words")
+    assert both.returncode == 2 and "-a records all topics" in both.stderr
+
+
+def test_selection() -> None:
+    """Names and pattern add up, the exclusion counts for all; without any, all but hidden ones."""
+    everything = Selection()
+    assert everything.has("/a") and not everything.has("/a/_b") and not everything.has("/rosout")
+    named = Selection({"/a", "/_a"})
+    assert named.has("/a") and named.has("/_a") and not named.has("/b")
+    matched = Selection({"/a"}, re.compile("^/b"), re.compile("c$"))
+    assert matched.has("/a") and matched.has("/bb")
+    assert not matched.has("/bc") and not matched.has("/ab")

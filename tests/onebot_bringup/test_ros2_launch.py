@@ -1,0 +1,142 @@
+"""The launch files of ``ros2 launch``: the scripts' arguments, and the scripts themselves.
+
+No package index has the Python package ``launch`` of ROS. What is used of it is replaced here by
+classes of the same signatures; what it would start is a real process.
+"""
+
+import importlib.util
+import signal
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from mrm_description.launch import mrm_bringup
+from onebot_bringup.launch import onebot_bringup
+from tests.onebot_bringup.launcher_support import RunningCommand
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+FILES = {
+    mrm_bringup: CHECKOUT / "mrm_description/launch/mrm_bringup.launch.py",
+    onebot_bringup: CHECKOUT / "onebot_bringup/launch/onebot_bringup.launch.py",
+}
+
+
+@dataclass
+class LaunchContext:
+    """What the actions of one launch share."""
+
+    launch_configurations: dict[str, str] = field(default_factory=dict)
+
+
+class OpaqueFunction:
+    """Calls a function, and starts what it returns."""
+
+    def __init__(self, *, function: Any) -> None:
+        self.function = function
+
+    def execute(self, context: LaunchContext) -> list[Any]:
+        return self.function(context) or []
+
+
+class DeclareLaunchArgument:
+    """Gives an argument its default, unless it has a value."""
+
+    def __init__(self, name: str, *, default_value: str, description: str) -> None:
+        self.name, self.default_value, self.description = name, default_value, description
+
+    def execute(self, context: LaunchContext) -> list[Any]:
+        context.launch_configurations.setdefault(self.name, self.default_value)
+        return []
+
+
+class ExecuteProcess:
+    """Starts a process."""
+
+    def __init__(self, *, cmd: list[str], name: str, output: str) -> None:
+        self.cmd, self.name, self.output = cmd, name, output
+
+
+class LaunchDescription:
+    """What a launch file returns."""
+
+    def __init__(self, initial_entities: list[Any]) -> None:
+        self.entities = initial_entities
+
+
+@pytest.fixture(autouse=True)
+def launch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The Python package ``launch``."""
+    package, actions = ModuleType("launch"), ModuleType("launch.actions")
+    package.LaunchDescription = LaunchDescription
+    for each in (DeclareLaunchArgument, ExecuteProcess, OpaqueFunction):
+        setattr(actions, each.__name__, each)
+    monkeypatch.setitem(sys.modules, "launch", package)
+    monkeypatch.setitem(sys.modules, "launch.actions", actions)
+
+
+def entities(script: ModuleType) -> list[Any]:
+    """What the launch file of a script describes; it is loaded as ros2 launch does it."""
+    spec = importlib.util.spec_from_file_location("python_launch_file", FILES[script])
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.generate_launch_description().entities
+
+
+def visit(script: ModuleType, context: LaunchContext) -> list[str]:
+    """Execute what is described, in order; the command line that it starts."""
+    started = [action for each in entities(script) for action in each.execute(context)]
+    (process,) = started
+    assert process.output == "screen"
+    return process.cmd
+
+
+@pytest.mark.parametrize("script", FILES)
+def test_it_declares_the_arguments_of_the_script(script, capsys):
+    """Names, defaults and descriptions are those that the script shows."""
+    declared = [each for each in entities(script) if isinstance(each, DeclareLaunchArgument)]
+    assert script.main(["--show-args"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for each in declared:
+        assert f"{each.name}:={each.default_value} {each.description}".replace("  ", " ") in shown
+    assert shown.count(":=") == len(declared)
+
+
+def test_only_what_was_given_is_on_the_command_line():
+    """A default is no choice of the user's, and what another file declares is not ours."""
+    given = {"model": str(CHECKOUT / "mrm_description/urdf/mrm.xacro"), "viewer": "none"}
+    context = LaunchContext({**given, "robot_ip": "10.0.0.1"})
+    python, _, module, *words = visit(mrm_bringup, context)
+    assert (python, module) == (sys.executable, "mrm_description.launch.mrm_bringup")
+    assert words == [f"{name}:={value}" for name, value in given.items()]
+
+
+def test_an_argument_of_the_model_is_passed_on():
+    """Of OneBot's own model, or of another one that is given."""
+    words = visit(onebot_bringup, LaunchContext({"mesh_enabled": "false"}))[3:]
+    assert words == ["mesh_enabled:=false"]
+    words = visit(mrm_bringup, LaunchContext({"mesh_enabled": "false"}))[3:]
+    assert words == []
+
+
+def test_two_in_one_launch_file_do_not_mix():
+    """What the first one declares is no choice of the user's to the second."""
+    context = LaunchContext({"viewer": "none"})
+    first = visit(onebot_bringup, context)
+    context.launch_configurations["namespace"] = "r2"
+    assert visit(onebot_bringup, context) == [*first, "namespace:=r2"]
+
+
+def test_it_brings_the_robot_up_until_ctrl_c(tmp_path, ros_domain):
+    """The process that ros2 launch would run, and interrupt."""
+    running = RunningCommand(tmp_path, visit(mrm_bringup, LaunchContext({"viewer": "none"})))
+    try:
+        running.wait_for_out("Ctrl-C stops everything")
+        running.send(signal.SIGINT)
+        assert running.wait() == 0
+    finally:
+        running.close()
+    assert "Traceback" not in running.out + running.err
