@@ -237,7 +237,9 @@ def _press_space_in_the_view(page: Page) -> None:
     page.find("#view iframe").click()
     page.key("keyDown", "Space")
     wait_for(lambda: {"type": "stop"} in page.sent(), "the stop of a key in the view")
+    assert page.stop_is_held
     page.key("keyUp", "Space")
+    wait_for(lambda: not page.stop_is_held, "its release")
 
 
 def _lose_the_connection(page: Page, node: NodeProcess) -> None:
