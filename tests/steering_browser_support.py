@@ -85,6 +85,11 @@ class Page:
             thumb["y"] + thumb["height"] / 2 - pad["y"] - pad["height"] / 2,
         )
 
+    @property
+    def stop_is_held(self) -> bool:
+        """Stop is pressed, by whatever it is."""
+        return "held" in str(self.find("#stop").get_property("className"))
+
     def in_sight(self, selector: str) -> bool:
         """Whether an element says something, and the middle of it is not covered or cut off."""
         return bool(

@@ -41,12 +41,17 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -
 def require_program(name: str, package: str = "") -> str:
     """Return the path of a program; skip where it is missing, but fail in CI, which installs it."""
     path = shutil.which(name)
-    if path is None:
-        missing = f'this test needs the program "{name}": apt-get install {package or name}'
+    require(path is not None, f'the program "{name}"', package or name)
+    return str(path)
+
+
+def require(there: bool, what: str, package: str) -> None:
+    """Skip where something of a Debian package is missing, but fail in CI, which installs it."""
+    if not there:
+        missing = f"this test needs {what}: apt-get install {package}"
         if os.environ.get("CI"):
             pytest.fail(missing)
         pytest.skip(missing)
-    return path
 
 
 @contextmanager

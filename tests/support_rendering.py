@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from onebot_bringup.viewer.pictures import NO_RENDERER, TOO_OLD, headless_viewer
-from onebot_description.errors import OneBotError
+from onebot_bringup.viewer.pictures import NO_RENDERER, TOO_OLD, renderer_problem
 
 
 def require_renderer() -> None:
@@ -25,28 +24,9 @@ def require_renderer() -> None:
 
 @functools.cache
 def _missing() -> str:
-    try:
-        with _viewer_of_nothing():
-            return ""
-    except OneBotError as error:
-        if str(error) in (NO_RENDERER, TOO_OLD):
-            return str(error)
-        raise
-
-
-def _viewer_of_nothing():
-    import tempfile
-
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    path = Path(tempfile.mkdtemp()) / "nothing.rrd"
-    stream = rr.RecordingStream("onebot_test")
-    stream.set_sinks(rr.FileSink(path))
-    stream.send_blueprint(rrb.Blueprint(rrb.TextDocumentView(origin="/text")))
-    stream.log("text", rr.TextDocument("nothing"), static=True)
-    stream.disconnect()
-    return headless_viewer(str(path), 320, 240)
+    problem = renderer_problem()
+    assert problem in ("", NO_RENDERER, TOO_OLD), problem
+    return problem
 
 
 def pixels(png: Path | bytes) -> NDArray[np.int64]:

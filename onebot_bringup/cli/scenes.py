@@ -20,6 +20,7 @@ from std_msgs.msg import Header, String
 from onebot_bringup.cli.param import ParameterClient
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
+from onebot_bringup.introspection.message_senders import publishers
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
@@ -258,9 +259,9 @@ def published_prefix(session: Session) -> str:
         OneBotError: none publishes it.
     """
     topic = session.full_name(_DESCRIPTION_TOPIC)
-    ends = _look_for_robot(session, lambda: session.node.get_publishers_info_by_topic(topic))
-    for end in ends:
-        node = ParameterClient(session, f"{end.node_namespace.rstrip('/')}/{end.node_name}")
+    nodes = _look_for_robot(session, lambda: publishers(session.node, topic))
+    for name in nodes.values():
+        node = ParameterClient(session, name)
         with suppress(OneBotError):  # it has no parameters
             [value] = node.values(["frame_prefix"])
             if value.string_value:

@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 from rclpy.type_support import check_for_type_support
 
 _GID_SIZE = 16  # bytes, RMW_GID_STORAGE_SIZE
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"
 _PARTICIPANT_SIZE = 12  # bytes of a GID that all publishers of a process share (RTPS 2.2, 8.2.4)
 
 
@@ -115,9 +116,22 @@ class SenderSubscription:
 
     def _known_senders(self) -> dict[bytes, Sender]:
         return {
-            bytes(end.endpoint_gid): Sender(
-                bytes(end.endpoint_gid[:_PARTICIPANT_SIZE]),
-                f"{end.node_namespace.rstrip('/')}/{end.node_name}",
-            )
-            for end in self._node.get_publishers_info_by_topic(self._topic)
+            gid: Sender(gid[:_PARTICIPANT_SIZE], name)
+            for gid, name in publishers(self._node, self._topic).items()
         }
+
+
+def publishers(node: Node, topic: str) -> dict[bytes, str]:
+    """Return the full names of the nodes that publish a topic, by the GIDs of their publishers.
+
+    A node's name is discovered after its publishers; until then they are left out.
+
+    Args:
+        node: whose knowledge of the ROS graph is used.
+        topic: the full name.
+    """
+    return {
+        bytes(end.endpoint_gid): f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+        for end in node.get_publishers_info_by_topic(topic)
+        if end.node_name != _UNKNOWN
+    }

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
 from PIL import Image
 from rerun.experimental import ViewerClient, ViewerState
 
@@ -287,6 +289,22 @@ def headless_viewer(
         yield cast(ViewerClient, _PatientClient(client, child, progress))
     finally:
         child.stop()
+
+
+def renderer_problem() -> str:
+    """Return why this computer cannot draw pictures; "" if it can. It draws an empty one."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "nothing.rrd")
+        stream = rr.RecordingStream("onebot_renderer")
+        stream.set_sinks(rr.FileSink(path))
+        stream.send_blueprint(rrb.Blueprint(rrb.TextDocumentView(origin="/text")))
+        stream.log("text", rr.TextDocument("nothing"), static=True)
+        stream.disconnect()
+        try:
+            with headless_viewer(str(path), 320, 240):
+                return ""
+        except OneBotError as error:
+            return str(error)
 
 
 def is_complete(state: ViewerState) -> bool:

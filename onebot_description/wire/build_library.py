@@ -35,6 +35,8 @@ _ZIG_TARGETS = {
 _FLAGS = (
     "-std=c11 -O3 -ffp-contract=off -g0 -s -fPIC -shared -fexceptions -fvisibility=hidden".split()
 )
+if sys.platform == "darwin":  # its linker would look for Python's functions now
+    _FLAGS += ["-undefined", "dynamic_lookup"]
 
 
 class BuildError(Exception):

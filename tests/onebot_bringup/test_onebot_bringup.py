@@ -92,7 +92,7 @@ def test_without_simulation_its_joints_move_from_yaml(ros_domain):
 
 
 def test_namespace_rate_and_params_file(ros_domain, tmp_path):
-    """Its topics are in the namespace; rate and y override params_file, which has x and prefix."""
+    """The namespace names topics and frames; rate and y override params_file, which has x."""
     words = ["namespace:=left", "rate:=50", "y:=0.5", "viewer:=none"]
     file = tmp_path / "control.yaml"
     # rcl would take y of the last section that this file has, whatever later files have.
@@ -104,20 +104,23 @@ def test_namespace_rate_and_params_file(ros_domain, tmp_path):
     left_wheel_names: [left_wheel_joint]
     right_wheel_names: [right_wheel_joint]
     y: 7.0
-    tf_frame_prefix: left
 """)
     truth_topic = "/left/velocity_controller/ground_truth"
     with NodeProcess(MODULE, f"params_file:={file}", *words), Peer(ros_domain) as peer:
         joints = peer.hear(JointState, "/left/joint_states")
-        truth, static = (
-            peer.hear(Odometry, truth_topic),
-            peer.hear(TFMessage, "/tf_static", LATCHED),
-        )
-        wait_for(lambda: truth and static, "the truth and the static transforms")
+        truth = peer.hear(Odometry, truth_topic)
+        tf = peer.hear(TFMessage, "/tf")
+        peer.node.create_subscription(TFMessage, "/tf_static", tf.append, LATCHED)
+
+        def edges():
+            return {(e.header.frame_id, e.child_frame_id) for m in tf for e in m.transforms}
+
+        frames = {("world", "left/odom"), ("left/odom", "left/base_link")}
+        frames |= {("left/base_link", "left/left_wheel")}
+        wait_for(lambda: truth and frames <= edges(), "the truth and the transforms")
+        assert all(child.startswith("left/") for _, child in edges())
         assert _position(truth[0]) == pytest.approx((2.0, 0.5), abs=1e-3)
         assert truth[0].child_frame_id == "left/base_link"
-        edges = {e.child_frame_id for m in static for e in m.transforms}
-        wait_for(lambda: any(e.startswith("left/") for e in edges), "the prefix of the description")
         wait_for(lambda: len(joints) > 60, "joint states in the namespace")
         steps = [_seconds(b) - _seconds(a) for a, b in zip(joints[5:], joints[6:], strict=False)]
         assert sorted(steps)[len(steps) // 2] == pytest.approx(0.02, rel=0.2)

@@ -111,6 +111,8 @@ def test_the_robots_view_is_beside_it_and_leaves_it_the_keys(
         page.driver.get(node.address)
         note = page.find("#slow")
         wait_for(note.is_displayed, "word of a view that lags", timeout=60.0)
+        frame = page.find("iframe").rect
+        assert note.rect["y"] > frame["y"] + frame["height"] - 1, "it covers Rerun's buttons"
         # Software WebGL takes some 20 s to the first picture on two cores.
         wait_for(
             lambda: colored(pixels(screenshot(page.driver)), BLUE).sum() > 1000,
@@ -522,7 +524,8 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         assert page.text("#topic output") == "Twist, no subscriber"
         page.enter("#topic-name", "not-a-topic")
         wait_for(lambda: "name of a ROS topic" in page.text("#topic-hint"), "the error")
-        assert page.find("#topic-name").get_property("value") == TOPIC
+        field = page.find("#topic-name")
+        wait_for(lambda: field.get_property("value") == TOPIC, "the topic to be put back")
         page.enter("#topic-name", "/other/cmd_vel")
         wait_for(lambda: page.text("#topic output") == "TwistStamped, 1 subscriber", "its type")
         assert page.driver.title == "/other/cmd_vel \N{EN DASH} Steering"
@@ -533,7 +536,9 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         page.enter("#topic-name", "/rosout")
         wait_for(lambda: page.in_sight("#topic-hint"), "the refusal, scrolled to")
         page.emulate_nothing()
-        assert page.find("#topic-name").get_property("value") == "/other/cmd_vel"
+        wait_for(
+            lambda: field.get_property("value") == "/other/cmd_vel", "the topic to be put back"
+        )
         page.act().key_down("w").perform()
         wait_for(lambda: heard and pair(heard[-1].twist) == (0.5, 0.0), "a stamped command")
         page.act().key_up("w").perform()

@@ -53,11 +53,11 @@ def page(node: Steering, chromium: Page) -> Iterator[Page]:
     chromium.emulate_nothing()
 
 
-# All that is seen now and then: a message, the note on a view that lags, the hint of lost keys.
+# What is seen now and then: a message, the notes on a view that loads and lags, and on lost keys.
 WARN = """
 document.querySelector("#message").textContent = "Something to look at.";
-document.querySelector("#slow").hidden = false; // beside a view only
-document.querySelector("#view").classList.remove("empty");
+document.querySelector("#slow").hidden = false;
+document.querySelector("#view").classList.replace("empty", "loading");
 document.body.classList.add("keys-away");
 """
 

@@ -246,10 +246,13 @@ def _runs(page: Page) -> bool:
 def _press_keys_in_the_view(page: Page) -> None:
     """The stop key works there, too; the others drive only when the mouse is back."""
     page.find("#view iframe").click()
-    for key in ("KeyW", "Space"):
-        page.key("keyDown", key)
-        page.key("keyUp", key)
+    page.key("keyDown", "KeyW")
+    page.key("keyUp", "KeyW")
+    page.key("keyDown", "Space")
     wait_for(lambda: {"type": "stop"} in page.sent(), "the stop of a key in the view")
+    assert page.stop_is_held
+    page.key("keyUp", "Space")
+    wait_for(lambda: not page.stop_is_held, "its release")
     assert not [message for message in page.sent() if message["type"] == "drive"]
     page.act().move_to_element(page.find("aside")).perform()
     page.key("keyDown", "KeyW")

@@ -325,17 +325,18 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
 
 @pytest.mark.slow
 def test_frames_carry_the_prefix(tmp_path):
-    """With a frame_prefix, links follow the prefixed frames."""
+    """With a frame_prefix, links follow the prefixed frames; another robot's are not in the way."""
     require_renderer()
     recording = open_recording(save=tmp_path / "x.rrd")
     live = RobotView(recording.stream, frame_prefix="r1/")
     describe(live, ARM)
     take_tf(live, transforms("r1/base", "r1/tip", 1.0))
+    take_tf(live, transforms("r2/base", "r2/tip", 1.0))
     assert live.tick(START_NS) == []
     assert live.fixed_frame == "r1/base"
     recording.close()
     with headless_viewer(str(tmp_path / "x.rrd")) as client:
-        assert set(_graph(client)) == {("r1/base", "r1/tip")}
+        assert ("r1/base", "r1/tip") in _graph(client)
         assert _reports(client) == []
         assert colored(pixels(still(client)), ORANGE).any()
 

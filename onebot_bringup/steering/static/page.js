@@ -31,7 +31,7 @@ const limits = new Limits(
 );
 const readout = new Readout(element("readout"));
 const braking = new Braking(element("braking").querySelector("output"));
-const view = new View(element("view"), sender);
+const view = new View(element("view"), stop);
 
 // Without the focus no release of a key or a button would be received.
 window.addEventListener("blur", letGo);

@@ -25,9 +25,10 @@ export class Topic {
     this.input.addEventListener("focus", () => this.input.select());
   }
 
-  /** Show why the server refused a topic. */
+  /** Show why the server refused a topic; the field shows the one that is steered. */
   refuse(sentence) {
     this.hint.refuse(sentence);
+    this.input.value = this.known;
   }
 
   /** Show the server's topic, but not over what the user is typing. */

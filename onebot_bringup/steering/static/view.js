@@ -30,10 +30,11 @@ async function findView(addresses) {
 export class View {
   /**
    * @param {HTMLElement} place holds the frame, and a sentence to be seen while there is none.
-   * @param {import("./command_sender.js").CommandSender} sender
+   * @param {import("./stop.js").Stop} stop
    */
-  constructor(place, sender) {
+  constructor(place, stop) {
     this.place = place;
+    this.release = () => stop.release("view");
     this.addresses = null;
     this.frame = null;
     this.ended = false;
@@ -45,10 +46,12 @@ export class View {
     this.on = {
       shown: () => this.uncover(),
       ended: () => (this.ended = true),
-      stop: () => sender.stop(),
+      stop: () => stop.press("view"),
+      released: this.release,
       focus: () => this.wanted || this.giveBackFocus(),
     };
     window.addEventListener("message", (event) => this.receive(event));
+    window.addEventListener("focus", this.release); // a busy frame reports that late
     const want = ({ code }) => (this.wanted = code === "Tab");
     window.addEventListener("keydown", want, { capture: true });
   }
@@ -64,6 +67,7 @@ export class View {
     this.ended = false;
     this.frame?.remove();
     this.frame = null;
+    this.release();
     this.place.classList.toggle("empty", !addresses);
     this.place.classList.toggle("loading", Boolean(addresses));
     this.explain(false);

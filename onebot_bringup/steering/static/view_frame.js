@@ -4,6 +4,7 @@
  *   shown: the robot's layout is drawn, or Rerun's page has something else to show than its progress
  *   ended: its data has ended; nothing in it connects again
  *   stop: the stop key was pressed
+ *   released: it was released, or its release would not be received
  *   focus: it took the focus without having been pointed at
  */
 (() => {
@@ -92,10 +93,11 @@
     if (event.code !== "Space") return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    if (event.type === "keydown" && !event.repeat) tell("stop");
+    if (!event.repeat) tell(event.type === "keydown" ? "stop" : "released");
   };
   window.addEventListener("keydown", stop, { capture: true });
   window.addEventListener("keyup", stop, { capture: true });
+  window.addEventListener("blur", () => tell("released"));
 
   // Rerun's page takes the focus as it starts, before anybody pointed at it.
   let pointed = false;

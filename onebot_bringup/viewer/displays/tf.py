@@ -24,7 +24,6 @@ from onebot_bringup.viewer.displays.display import (
 )
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.settings import name_list, setting
-from onebot_description.description import Description
 from onebot_description.wire.messages import TfArrays, tf_arrays
 
 TF_ENTITY = "tf"
@@ -70,7 +69,8 @@ class TfDisplay(Display[AxesSettings]):
         self._look: tuple[object, ...] = ()  # what the axes drawn depend on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
-        self._robot: Description | None = None
+        self._links: set[str] = set()  # frames of the robot's links
+        self._shown_of: tuple[object, ...] | None = None  # the tree that _drawn is for
         self._retired: set[str] = set()  # of links of the robot before
         self._retired_at = 0.0
 
@@ -87,17 +87,18 @@ class TfDisplay(Display[AxesSettings]):
         self._only = {*settings.frames, *map(frame_of, settings.frames)}
         if self._only:
             self._hide(self._drawn - self._only)
+        self._shown_of = None
         self._draw(())
 
     def set_robot(self) -> None:
         """Draw the axes of the links; hide those of links that are no more."""
-        robot, before, frame_of = self.context.robot, self._robot, self.context.frame_of
+        robot, before = self.context.robot, self._links
         assert robot is not None
-        self._show(map(frame_of, robot.link_names))
-        old = set() if before is None else set(map(frame_of, before.link_names))
-        self._retired = old - set(map(frame_of, robot.link_names))
+        self._links = set(map(self.context.frame_of, robot.link_names))
+        self._show(self._links)
+        self._retired = before - self._links
         self._retired_at = self.context.clock()
-        self._robot = robot
+        self._shown_of = None
         self.context.transforms.forget(self._retired)
         self._hide(self._retired)
 
@@ -117,7 +118,8 @@ class TfDisplay(Display[AxesSettings]):
         if self._retired and self.context.clock() - self._retired_at > _STRAGGLING:
             self.context.transforms.forget(self._retired)
             self._retired = set()
-        self._show(self.context.frames.names - self._retired)
+            self._shown_of = None
+        self._show_connected()
 
     def warnings(self) -> list[str]:
         """Return that transforms are ignored."""
@@ -130,6 +132,22 @@ class TfDisplay(Display[AxesSettings]):
     def layout(self) -> LayoutPart:
         """Return whether axes are shown."""
         return LayoutPart(visible=((FRAMES_ENTITY, self._settings.visible),))
+
+    def _show_connected(self) -> None:
+        """Draw axes in the frames of the tree shown: any other one would be an error in the view.
+
+        Another robot's frames, say: it publishes to the same /tf.
+        """
+        frames, fixed_frame = self.context.frames, self.context.fixed_frame
+        if self._shown_of == (frames.version, fixed_frame):
+            return
+        self._shown_of = frames.version, fixed_frame
+        shown = set(frames.names)
+        if self._links:
+            top = frames.top(fixed_frame)
+            shown = {frame for frame in shown if frames.top(frame) == top} | self._links
+        self._hide(self._drawn - shown)
+        self._show(shown - self._retired)
 
     def _show(self, frames: Iterable[str]) -> None:
         wanted = self._only.intersection(frames) if self._only else set(frames)

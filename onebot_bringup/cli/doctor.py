@@ -1,0 +1,330 @@
+"""``onebot doctor``: what is wrong on this computer, and what to do, like ``ros2 doctor``."""
+
+import os
+import platform
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import NamedTuple
+
+from onebot_bringup.cli.main import version
+from onebot_bringup.cli.options import Parser, positive
+from onebot_bringup.cli.session import use_local_discovery
+from onebot_bringup.introspection.shared_memory import FOLDER, find_segments, remove_segments
+from onebot_description.errors import OneBotError, did_you_mean, listing
+
+OK, NOTE, PROBLEM = "ok", "note", "problem"
+
+_RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
+_MOST_DOMAIN = 232
+_EPHEMERAL_DOMAINS = range(102, 216)  # whose ports Linux hands out to anyone
+_MULTICAST = "239.255.0.1", 7400  # DDS's group; any port does to try it
+_LEAST_MEMORY = 16 * 2**20  # bytes free in /dev/shm for a bringup
+_PORTS = {8080: "steering page", 9090: "viewer", 9876: "viewer's recording"}
+_FONTS = ("/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts")
+_REQUIREMENT = re.compile(r"([\w.-]+)(?:\[[\w,]+\])?\s*([^;]*)(?:;\s*(.*))?")
+_TEXT = "onebot doctor"
+_ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
+
+
+class Finding(NamedTuple):
+    """One line of the report."""
+
+    level: str  # OK; NOTE: works, but something could be better; PROBLEM: something is broken
+    text: str
+    remedy: str = ""  # what to do
+
+
+def run(argv: Sequence[str]) -> int:
+    """Print the report; return 1 if something is broken.
+
+    Raises:
+        UsageError: the command line is wrong.
+    """
+    parser = Parser("onebot doctor", "check what ROS and this project need of this computer")
+    parser.add_argument(
+        "--clean", action="store_true", help="remove shared memory that killed processes left"
+    )
+    parser.add_argument(
+        "--timeout", type=positive, default=20.0, metavar="S",
+        help="for a message between two processes (20 s)",
+    )  # fmt: skip
+    args = parser.parse(argv)
+    use_local_discovery()
+    print(f"onebot {version()}, Python {platform.python_version()} on {platform.platform()}")
+    checks: dict[str, Callable[[], Finding]] = {
+        "dependencies": lambda: dependencies(_required(), _installed),
+        "compiled library": _library,
+        "rclpy": lambda: rclpy_of(os.environ),
+        "domain": lambda: domain(os.environ),
+        "multicast": lambda: multicast(os.environ),
+        "messages": lambda: _messages(args.timeout),
+        "shared memory": lambda: shared_memory(FOLDER, args.clean),
+        "ports": lambda: ports(_PORTS),
+        "fonts": lambda: fonts(_FONTS),
+        "renderer": _renderer,
+    }
+    found = [_print(name, check) for name, check in checks.items()]
+    return 1 if PROBLEM in found else 0
+
+
+def _print(name: str, check: Callable[[], Finding]) -> str:
+    level, text, remedy = check()
+    print(f"{level:8} {name}: {text}{f'; {remedy}' if remedy else ''}", flush=True)
+    return level
+
+
+def _required() -> list[str]:
+    try:
+        return metadata.requires("onebot") or []
+    except metadata.PackageNotFoundError:
+        return []
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def dependencies(required: Iterable[str], installed: Callable[[str], str | None]) -> Finding:
+    """Compare the required versions with those that ``installed`` gives; extras are left out."""
+    wrong, count = [], 0
+    for requirement in required:
+        match = _REQUIREMENT.fullmatch(requirement)
+        if match is None or match[3]:  # of an extra, or of another platform
+            continue
+        name, wanted = match[1], match[2].strip()
+        count += 1
+        found = installed(name)
+        if found is None:
+            wrong.append(f"{name} is missing")
+        elif not all(_fits(found, part) for part in filter(None, wanted.split(","))):
+            wrong.append(f"{name} is {found} instead of {wanted}")
+    if wrong:
+        return Finding(PROBLEM, listing(wrong), "pip install --upgrade onebot, or pip install -e .")
+    if not count:
+        return Finding(NOTE, "not installed, run from a checkout", "pip install -e .")
+    return Finding(OK, f"{count} as required")
+
+
+def _fits(found: str, part: str) -> bool:
+    """Whether a version fits ``>=1``, ``<2``, ``==1.2.*`` and the like."""
+    match = re.fullmatch(r"\s*(>=|<=|==|<|>)\s*([\d.]+?)(\.\*)?\s*", part)
+    if match is None:
+        return True
+    here, there = _numbers(found), _numbers(match[2])
+    if match[3]:
+        here = here[: len(there)]
+    length = max(len(here), len(there))
+    here, there = (numbers + (0,) * (length - len(numbers)) for numbers in (here, there))
+    return {
+        ">=": here >= there, "<=": here <= there, "==": here == there,
+        "<": here < there, ">": here > there,
+    }[match[1]]  # fmt: skip
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    release = re.match(r"[\d.]*\d", text)
+    return tuple(map(int, release[0].split("."))) if release else ()
+
+
+def _library() -> Finding:
+    from onebot_description.wire.library import load_library
+
+    try:
+        load_library()
+    except OneBotError as error:
+        return Finding(PROBLEM, str(error))
+    return Finding(OK, "loaded")
+
+
+def rclpy_of(environment: Mapping[str, str]) -> Finding:
+    """Import rclpy, with the middleware that the environment names."""
+    done = _python(
+        "import rclpy, rclpy.utilities as u; "
+        "print(u.get_rmw_implementation_identifier(), 'of', rclpy.__path__[0])",
+        environment,
+    )
+    if not done.returncode:
+        return Finding(OK, done.stdout.strip())
+    if name := environment.get("RMW_IMPLEMENTATION"):
+        return Finding(PROBLEM, f"it does not run with {name}", "unset RMW_IMPLEMENTATION")
+    return Finding(
+        PROBLEM,
+        f"it cannot be imported: {_last_line(done)}",
+        "is another ROS sourced? use a new shell, or unset PYTHONPATH LD_LIBRARY_PATH "
+        "AMENT_PREFIX_PATH",
+    )
+
+
+def domain(environment: Mapping[str, str]) -> Finding:
+    """Check ROS_DOMAIN_ID and the range of discovery."""
+    text = environment.get("ROS_DOMAIN_ID", "") or "0"
+    scope = (environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET").upper()
+    if not text.isdecimal() or int(text) > _MOST_DOMAIN:
+        wanted = f"a number from 0 to {_MOST_DOMAIN}"
+        return Finding(PROBLEM, f"ROS_DOMAIN_ID={text} is not {wanted}", "export ROS_DOMAIN_ID=0")
+    if scope not in _RANGES:
+        hint = did_you_mean(scope, _RANGES, "ranges").strip()
+        return Finding(PROBLEM, f"ROS_AUTOMATIC_DISCOVERY_RANGE={scope} is none {hint}")
+    if scope == "OFF":
+        return Finding(
+            PROBLEM, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF: nodes do not discover each other",
+            "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
+        )  # fmt: skip
+    if environment.get("ROS_LOCALHOST_ONLY", "0") == "1":
+        return Finding(
+            NOTE, "ROS_LOCALHOST_ONLY=1 overrides ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "unset ROS_LOCALHOST_ONLY",
+        )  # fmt: skip
+    if int(text) in _EPHEMERAL_DOMAINS:
+        return Finding(
+            NOTE, f"ROS_DOMAIN_ID={text}: Linux hands the ports of 102 to 215 out to others, too",
+            "export ROS_DOMAIN_ID with 0 to 101",
+        )  # fmt: skip
+    return Finding(OK, f"ROS_DOMAIN_ID={text}, discovery of {scope}")
+
+
+def multicast(environment: Mapping[str, str]) -> Finding:
+    """Send a packet to DDS's group, by loopback, or by the default route for a whole subnet."""
+    local = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
+    where = "loopback" if local else "the network"
+    try:
+        _multicast(socket.inet_aton("127.0.0.1" if local else "0.0.0.0"))
+    except OSError as error:
+        return Finding(
+            NOTE if local else PROBLEM,  # DDS finds its peers on this computer without it, too
+            f"no packet comes back from {where}: {error}",
+            "sudo ip link set lo multicast on"
+            if local
+            else "connect to a network, or export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
+        )
+    return Finding(OK, f"works on {where}")
+
+
+def _multicast(interface: bytes) -> None:
+    group = socket.inet_aton(_MULTICAST[0])
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        receiver.bind(("", 0))
+        receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + interface)
+        receiver.settimeout(1.0)
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
+        sender.sendto(_TEXT.encode(), (_MULTICAST[0], receiver.getsockname()[1]))
+        receiver.recv(64)
+
+
+def _messages(timeout: float) -> Finding:
+    """Have one process publish and another receive: discovery and data, as they are set up."""
+    topic, kind = f"/_onebot_doctor_{os.getpid()}", "std_msgs/msg/String"
+    publisher = subprocess.Popen(
+        [*_ONEBOT, "topic", "pub", "-r", "10", topic, kind],
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        received = subprocess.run(
+            [*_ONEBOT, "topic", "echo", "--once", "--timeout", str(timeout), topic, kind],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        )  # fmt: skip
+    finally:
+        publisher.kill()
+        publisher.wait()
+    if not received.returncode:
+        return Finding(OK, "discovered and received from another process")
+    return Finding(
+        PROBLEM,
+        f"none from another process: {_last_line(received)}",
+        "see the lines above; a firewall may drop UDP to this computer's own ports from 7400 on",
+    )
+
+
+def shared_memory(folder: Path, clean: bool) -> Finding:
+    """Check its size, and what killed processes left in it; with ``clean`` remove that."""
+    try:
+        space = os.statvfs(folder)
+    except OSError as error:
+        return Finding(
+            PROBLEM, f"{folder}: {error.strerror}; DDS falls back to UDP", "mount a tmpfs there"
+        )
+    segments = find_segments(folder)
+    removed = remove_segments(segments.stale) if clean else 0
+    left = len(segments.stale) - removed
+    free = space.f_bavail * space.f_frsize
+    text = f"{free / 2**20:.0f} MiB free, {len(segments.used)} segments in use"
+    if removed:
+        text += f", {removed} of killed processes removed"
+    if free < _LEAST_MEMORY:
+        remedy = (
+            "onebot doctor --clean" if left else "in a container: --shm-size=256m or --ipc host"
+        )
+        return Finding(PROBLEM, text, remedy)
+    if left:
+        size = segments.stale_bytes / 2**20
+        return Finding(
+            NOTE, f"{text}, {left} ({size:.0f} MiB) of killed processes", "onebot doctor --clean"
+        )
+    return Finding(OK, text)
+
+
+def ports(wanted: Mapping[int, str]) -> Finding:
+    """Check that the default ports of the pages are free on loopback."""
+    taken = [f"{port} ({what})" for port, what in wanted.items() if not _is_free(port)]
+    if taken:
+        return Finding(
+            NOTE,
+            f"in use: {listing(taken)}",
+            "another one is taken, and printed; or stop who has it",
+        )
+    return Finding(OK, f"{', '.join(map(str, wanted))} are free")
+
+
+def _is_free(port: int) -> bool:
+    from onebot_bringup.serving.ports import LOOPBACK
+
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError:
+            return False
+    return True
+
+
+def fonts(folders: Iterable[str]) -> Finding:
+    """Look for any font: a browser here shows the pages' text with the system's."""
+    for folder in folders:
+        for pattern in ("*.ttf", "*.otf", "*.ttc", "*.pfb"):
+            if next(Path(folder).expanduser().rglob(pattern), None) is not None:
+                return Finding(OK, f"in {folder}")
+    return Finding(
+        NOTE, "none: a browser on this computer shows no text", "apt install fonts-dejavu-core"
+    )
+
+
+def _renderer() -> Finding:
+    code = "from onebot_bringup.viewer import pictures; print(pictures.renderer_problem())"
+    done = _python(code, {n: v for n, v in os.environ.items() if n != "RMW_IMPLEMENTATION"})
+    problem = _last_line(done) if done.returncode else done.stdout.strip()
+    if problem:
+        return Finding(NOTE, f"onebot snapshot does not work: {problem}")
+    return Finding(OK, "draws pictures")
+
+
+def _python(code: str, environment: Mapping[str, str]) -> "subprocess.CompletedProcess[str]":
+    """Run what may end its process, as rcl does when the middleware is wrong."""
+    return subprocess.run(
+        [sys.executable, "-c", code], env=dict(environment), capture_output=True, text=True
+    )
+
+
+def _last_line(done: "subprocess.CompletedProcess[str]") -> str:
+    lines = done.stderr.strip().splitlines()
+    return lines[-1].removeprefix("error: ") if lines else f"exit code {done.returncode}"

@@ -1,0 +1,72 @@
+"""Shared memory of Fast DDS: the segments that processes use, and those that killed ones left.
+
+Each participant has a segment ``fastrtps_<16 digits>``, and keeps a file of that name and ``_el``
+locked while it lives.
+"""
+
+import fcntl
+import os
+import re
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+FOLDER = Path("/dev/shm")
+_SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
+_YOUNG = 10.0  # s; a participant that starts has not locked its file yet
+
+
+class Segments(NamedTuple):
+    """The segments in a folder."""
+
+    used: list[Path]
+    stale: list[Path]  # nobody uses them
+    stale_bytes: int
+
+
+def find_segments(folder: Path = FOLDER) -> Segments:
+    """Return the segments of living and of ended processes."""
+    used, stale, size = [], [], 0
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if not _SEGMENT.fullmatch(path.name):
+            continue
+        with suppress(OSError):  # it has ended just now, or is another user's
+            found = path.stat()
+            if time.time() - found.st_mtime < _YOUNG or _is_locked(_lock_of(path)):
+                used.append(path)
+            else:
+                stale.append(path)
+                size += found.st_size
+    return Segments(used, stale, size)
+
+
+def remove_segments(segments: Iterable[Path]) -> int:
+    """Remove segments that nobody uses, and their lock files; return how many could be."""
+    removed = 0
+    for path in segments:
+        with suppress(OSError):  # of another user
+            path.unlink()
+            removed += 1
+            _lock_of(path).unlink(missing_ok=True)
+    return removed
+
+
+def _lock_of(segment: Path) -> Path:
+    return segment.with_name(f"{segment.name}_el")
+
+
+def _is_locked(path: Path) -> bool:
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        # A shared lock, given back at once: it keeps nobody from starting.
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(file)
+    return False

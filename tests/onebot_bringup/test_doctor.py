@@ -1,0 +1,154 @@
+"""``onebot doctor``: each check by itself, and all of them in a broken environment."""
+
+import fcntl
+import os
+import re
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import rclpy
+
+from onebot_bringup.cli.doctor import (
+    NOTE,
+    OK,
+    PROBLEM,
+    dependencies,
+    domain,
+    fonts,
+    multicast,
+    ports,
+    shared_memory,
+)
+from onebot_bringup.introspection.shared_memory import FOLDER, find_segments
+from tests.onebot_bringup.cli_support import onebot
+from tests.support import wait_for
+
+INSTALLED = {"numpy": "2.1.0", "xacro": "2.1.1", "mcap": "1.6", "rerun-sdk": "0.42.0"}
+
+
+@pytest.mark.parametrize(
+    ("requirement", "level", "part"),
+    [
+        ("numpy>=2.0", OK, "1 as required"),
+        ("xacro<2.2,>=2.1", OK, ""),
+        ("mcap==1.6.*", OK, ""),
+        ("rerun-sdk[x]<0.42,>=0.39", PROBLEM, "rerun-sdk is 0.42.0 instead of <0.42,>=0.39"),
+        ("numpy==2.0.*", PROBLEM, "numpy is 2.1.0"),
+        ("missing>=1", PROBLEM, "missing is missing"),
+        ("pytest>=8; extra == 'test'", NOTE, "not installed"),
+    ],
+)
+def test_dependencies(requirement: str, level: str, part: str) -> None:
+    """Versions against what the package requires, without its extras."""
+    found = dependencies([requirement], INSTALLED.get)
+    assert found.level == level and part in found.text
+
+
+@pytest.mark.parametrize(
+    ("variables", "level", "part"),
+    [
+        ({}, OK, "ROS_DOMAIN_ID=0, discovery of SUBNET"),
+        ({"ROS_DOMAIN_ID": "233"}, PROBLEM, "not a number from 0 to 232"),
+        ({"ROS_DOMAIN_ID": "one"}, PROBLEM, "not a number"),
+        ({"ROS_DOMAIN_ID": "120"}, NOTE, "ports of 102 to 215"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCLHOST"}, PROBLEM, 'did you mean "LOCALHOST"'),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "off"}, PROBLEM, "do not discover each other"),
+        ({"ROS_LOCALHOST_ONLY": "1"}, NOTE, "overrides ROS_AUTOMATIC_DISCOVERY_RANGE"),
+    ],
+)
+def test_domain(variables: dict[str, str], level: str, part: str) -> None:
+    """The variables of discovery; what does not work is a problem, with what to do."""
+    found = domain(variables)
+    assert found.level == level and part in found.text
+    assert found.remedy or found.level == OK or "did you mean" in found.text
+
+
+def test_multicast_and_ports() -> None:
+    """A packet comes back by loopback; a port that is taken is named."""
+    assert multicast({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}).level in (OK, NOTE)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        found = ports({port: "viewer"})
+        assert found.level == NOTE and f"{port} (viewer)" in found.text
+    assert ports({port: "viewer"}).level == OK
+
+
+def test_fonts(tmp_path: Path) -> None:
+    """Any font in any folder will do."""
+    assert fonts([str(tmp_path / "none"), str(tmp_path)]).level == NOTE
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a/b.ttf").touch()
+    assert fonts([str(tmp_path)]).level == OK
+
+
+def test_shared_memory(tmp_path: Path) -> None:
+    """What nobody has locked is of a killed process, unless it is young; --clean removes it."""
+    names = [f"fastrtps_{index:016x}" for index in range(3)]
+    for name in (*names, "fastrtps_port7410", "other"):
+        for suffix in ("", "_el"):
+            file = tmp_path / f"{name}{suffix}"
+            file.write_bytes(bytes(2**20))
+            os.utime(file, (0, 0))
+    os.utime(tmp_path / names[2])  # has just been made
+    with (tmp_path / f"{names[0]}_el").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        segments = find_segments(tmp_path)
+        assert [path.name for path in segments.used] == [names[0], names[2]]
+        assert [path.name for path in segments.stale] == [names[1]]
+        found = shared_memory(tmp_path, clean=False)
+        assert (found.level, found.remedy) == (NOTE, "onebot doctor --clean")
+        assert "1 (1 MiB) of killed processes" in found.text
+        found = shared_memory(tmp_path, clean=True)
+        assert found.level == OK and "1 of killed processes removed" in found.text
+    left = sorted(path.name for path in tmp_path.iterdir() if not path.name.endswith("_el"))
+    assert left == [names[0], names[2], "fastrtps_port7410", "other"]
+    assert not (tmp_path / f"{names[1]}_el").exists()
+    assert shared_memory(tmp_path / "none", clean=False).level == PROBLEM
+
+
+def test_segment_of_a_killed_node(ros_domain: int) -> None:
+    """The segment of a living process is in use; of one that was killed it is not any more."""
+    code = (
+        "import rclpy, time; rclpy.init(); node = rclpy.create_node('n'); "
+        "print(flush=True); time.sleep(600)"
+    )
+    node = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    try:
+        assert node.stdout is not None and node.stdout.readline()
+        memory = Path(f"/proc/{node.pid}/maps").read_text()
+        mine = Path(re.findall(rf"{FOLDER}/fastrtps_[0-9a-f]{{16}}", memory)[0])
+        os.utime(mine, (0, 0))
+        assert mine in find_segments().used
+    finally:
+        node.kill()
+        node.wait()
+    wait_for(lambda: mine in find_segments().stale, "the segment to be stale")
+    mine.unlink()
+    mine.with_name(f"{mine.name}_el").unlink()
+
+
+def test_report(ros_domain: int) -> None:
+    """All checks run; here nothing is broken, and a message comes from another process."""
+    done = onebot("doctor")
+    assert done.returncode == 0, done.stdout + done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("onebot ") and len(lines) == 11
+    assert all(re.match(r"(ok  |note)     [\w ]+: ", line) for line in lines[1:]), done.stdout
+    assert "ok       messages: discovered and received from another process" in lines
+    assert f"of {rclpy.__path__[0]}" in done.stdout
+
+
+def test_broken_environment(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A middleware that is not installed: what to do, no traceback, exit code 1."""
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_connextdds")
+    done = onebot("doctor", "--timeout", "1")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert (
+        "problem  rclpy: it does not run with rmw_connextdds; unset RMW_IMPLEMENTATION\n"
+        in done.stdout
+    )
+    assert "\nproblem  messages: none from another process: " in done.stdout
+    assert "renderer: " in done.stdout
