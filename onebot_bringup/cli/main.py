@@ -8,7 +8,6 @@ This module imports nothing slow: before ``start_process`` runs, Ctrl-C prints a
 """
 
 import os
-import shlex
 import sys
 from collections.abc import Callable, Sequence
 
@@ -171,6 +170,8 @@ def _instead(verb: str, rest: Sequence[str]) -> str:
     if verb in _LAUNCH:
         return ": write onebot_bringup, mrm_bringup or onebot view FILE, and name:=value after it"
     if verb in _FORMER:
+        import shlex
+
         return f": write onebot {shlex.join([*_FORMER[verb].split(), *rest])}"
     return did_you_mean(verb, VERBS, "commands")
 

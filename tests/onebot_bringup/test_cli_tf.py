@@ -45,11 +45,11 @@ def test_tree(frames: None) -> None:
     done = onebot("tf", "tree", "--wait-time", "1")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0].split() == ["frame", "rate", "age"]
-    assert lines[1:3] == ["map", "└─ m         static"] and lines[3] == "odom"
-    assert re.fullmatch(r"└─ base +[\d.]+ Hz +-?\d\.\d{3} s", lines[4])
-    assert lines[5].split() == ["└─", "wheel", "static"]
-    assert "/tf is published by /driver\n" in done.stdout
+    assert lines[0].split() == ["frame", "rate", "age", "published", "by"]
+    assert lines[1] == "map" and lines[2].split() == ["└─", "m", "static", "/driver"]
+    assert lines[3] == "odom"
+    assert re.fullmatch(r"└─ base +[\d.]+ Hz +-?\d\.\d{3} s +/driver", lines[4])
+    assert lines[5].split() == ["└─", "wheel", "static", "/driver"]
     assert "warning: 2 unconnected trees, of map, odom" in done.stderr
 
 
@@ -100,6 +100,27 @@ def test_monitor(frames: None, tmp_path: Path) -> None:
             r"All Broadcasters:\nNode: /driver \d+\.\d{3} Hz, Average Delay: ",
         ):
             assert re.search(part, command.out), part
+
+
+def test_publishers_of_one_frame(frames: None, ros_domain: int, tmp_path: Path) -> None:
+    """Two nodes that publish one frame are warned of by name, and each frame has its own."""
+    with Peer(ros_domain, "other") as other:
+        publisher = other.node.create_publisher(TFMessage, "/tf", 100)
+
+        def publish() -> None:
+            found = [transform("odom", "base", 2.0), transform("base", "arm")]
+            for each in found:
+                each.header.stamp = other.node.get_clock().now().to_msg()
+            publisher.publish(TFMessage(transforms=found))
+
+        other.node.create_timer(0.02, publish)
+        with running(tmp_path, "tf", "monitor", "--period", "0.5") as command:
+            command.says("warning: base: published by /driver, /other at once")
+            command.says("Node: /other ")
+            command.says("Frame: arm, published by /other, Average Delay: ")
+            command.says("Frame: wheel, published by /driver, static")
+            assert command.interrupt() == 0
+        assert command.err.count("at once") == 1
 
 
 def test_without_transforms(ros_domain: int) -> None:
