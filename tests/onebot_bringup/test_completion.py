@@ -1,11 +1,12 @@
 """Tab completion: what the shell's functions get from the commands."""
 
+import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
-import pytest
 from std_msgs.msg import String
 
 from onebot_bringup.cli.completion import launch_words
@@ -15,68 +16,74 @@ from tests.ros_support import Peer
 ROBOT = Path(__file__).parents[2] / "mrm_description/urdf/mrm.xacro"
 
 
-def completed(line: str, folder: Path, module: str = MODULE) -> set[str]:
-    """What argcomplete's function of a shell gets for a line whose end Tab is pressed at."""
-    file = folder / "out"
-    file.touch()
-    variables = {
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_STDOUT_FILENAME": str(file),
-        "_ARGCOMPLETE_IFS": "\n",
-        "COMP_LINE": line,
-        "COMP_POINT": str(len(line)),
-    }
+BRINGUP = "onebot_bringup.launch.onebot_bringup"
+MRM = "mrm_description.launch.mrm_bringup"
+WORDS = {
+    "onebot to": {"topic"},
+    "onebot topic e": {"echo"},
+    "onebot topic echo --flow": {"--flow-style"},
+    "onebot topic pub /x geometry_msgs/msg/TwistS": {"geometry_msgs/msg/TwistStamped"},
+    "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
+    "onebot tf ": {"tree", "echo", "monitor"},
+    "onebot run onebot_c": {"onebot_control"},
+    "onebot run onebot_control ": {"velocity_controller"},
+    "onebot completion ": {"bash", "zsh", "fish"},
+    "onebot doctor --c": {"--clean"},
+    "onebot nothing ": set(),
+    "onebot topic nothing ": set(),
+    "onebot run onebot_control velocity_controller ": set(),  # it must not run
+    "onebot_bringup viewer:=na": {"viewer:=native"},
+    "/bin/mrm_bringup ste": set(),
+    "mrm_bringup names": {"namespace:="},
+    f"onebot view {ROBOT} relo": {"reload:=true", "reload:=false"},
+    "onebot replay run fra": {"frame_prefix:="},
+}
+# Each completion ends its process: they are forks of one that has imported what is slow.
+COMPLETE = """
+import importlib, json, os, sys
+from onebot_bringup.cli import completion
+for number, (line, module) in enumerate(json.loads(sys.argv[1])):
+    if not os.fork():
+        os.environ |= {
+            "_ARGCOMPLETE": "1",
+            "_ARGCOMPLETE_STDOUT_FILENAME": f"{sys.argv[2]}/{number}",
+            "_ARGCOMPLETE_IFS": "\\n",
+            "COMP_LINE": line,
+            "COMP_POINT": str(len(line.encode())),
+        }
+        importlib.import_module(module).main()
+    os.wait()
+"""
+
+
+def completed(lines: Iterable[str], folder: Path) -> dict[str, set[str]]:
+    """What argcomplete's function of a shell gets for lines whose end Tab is pressed at."""
+    modules = {"onebot_bringup": BRINGUP, "mrm_bringup": MRM}
+    asked = [(line, modules.get(Path(line.split()[0]).name, MODULE)) for line in lines]
     done = subprocess.run(
-        [sys.executable, "-m", module], env=os.environ | variables, capture_output=True, text=True
-    )
-    assert "Traceback" not in done.stderr, done.stderr
-    return {word.strip() for word in file.read_text().splitlines()}
+        [sys.executable, "-c", COMPLETE, json.dumps(asked), str(folder)],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+    found = {}
+    for number, (line, _) in enumerate(asked):
+        file = folder / str(number)
+        words = file.read_text().splitlines() if file.exists() else []
+        found[line] = {word.strip() for word in words}
+    return found
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("onebot to", {"topic"}),
-        ("onebot topic e", {"echo"}),
-        ("onebot topic echo --flow", {"--flow-style"}),
-        ("onebot topic pub /x geometry_msgs/msg/TwistS", {"geometry_msgs/msg/TwistStamped"}),
-        ("onebot service call /x std_srvs/srv/Tr", {"std_srvs/srv/Trigger"}),
-        ("onebot tf ", {"tree", "echo", "monitor"}),
-        ("onebot run onebot_c", {"onebot_control"}),
-        ("onebot run onebot_control ", {"velocity_controller"}),
-        ("onebot completion ", {"bash", "zsh", "fish"}),
-        ("onebot doctor --c", {"--clean"}),
-        ("onebot nothing ", set()),
-        ("onebot topic nothing ", set()),
-        ("onebot run onebot_control velocity_controller ", set()),  # it must not run
-    ],
-)
-def test_words(tmp_path: Path, line: str, expected: set[str]) -> None:
-    """Commands, subcommands, options, types."""
-    assert completed(line, tmp_path) == expected
-
-
-@pytest.mark.parametrize(
-    ("line", "module", "expected"),
-    [
-        ("onebot_bringup viewer:=na", "onebot_bringup.launch.onebot_bringup", {"viewer:=native"}),
-        ("/bin/mrm_bringup ste", "mrm_description.launch.mrm_bringup", set()),
-        ("mrm_bringup names", "mrm_description.launch.mrm_bringup", {"namespace:="}),
-        (f"onebot view {ROBOT} relo", MODULE, {"reload:=true", "reload:=false"}),
-        ("onebot replay run fra", MODULE, {"frame_prefix:="}),
-    ],
-)
-def test_launch_arguments(tmp_path: Path, line: str, module: str, expected: set[str]) -> None:
-    """Names with their choices, in place of a bringup that starts."""
-    assert completed(line, tmp_path, module) == expected
+def test_words(tmp_path: Path) -> None:
+    """Commands, subcommands, options, types; launch arguments with their choices."""
+    assert completed(WORDS, tmp_path) == WORDS
 
 
 def test_running_topics(ros_domain: int, tmp_path: Path) -> None:
     """Names of what is discovered."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_publisher(String, "/words", 10)
-        assert completed("onebot topic echo /wo", tmp_path) == {"/words"}
-        assert completed("onebot node info /t", tmp_path) == {"/talker"}
+        lines = {"onebot topic echo /wo": {"/words"}, "onebot node info /t": {"/talker"}}
+        assert completed(lines, tmp_path) == lines
 
 
 def test_launch_words() -> None:
