@@ -6,7 +6,6 @@ sourced; forgetting that should not end in a traceback.
 
 import sys
 from collections.abc import Sequence
-from importlib.machinery import PathFinder
 from types import ModuleType, TracebackType
 
 from onebot_description.errors import OneBotError
@@ -49,6 +48,8 @@ class LastFinder:
 
 
 def _explain(name: str) -> str:
+    from importlib.machinery import PathFinder  # every command imports this module
+
     found = PathFinder.find_spec("rclpy")
     if found is None:
         return (

@@ -8,7 +8,6 @@ This module imports nothing slow: before ``start_process`` runs, Ctrl-C prints a
 """
 
 import os
-import shlex
 import sys
 from collections.abc import Callable, Sequence
 
@@ -21,7 +20,7 @@ PIPE_CLOSED = 128 + 13  # as shells report SIGPIPE
 
 # The verbs, with one line each for ``onebot --help``. Each is a module of this package with
 # ``run(argv) -> int``, imported only when it is used; ``argv`` is what follows the verb.
-_PACKAGE = "onebot_bringup.cli"
+PACKAGE = "onebot_bringup.cli"
 VERBS = {
     "check": "check a URDF or xacro file and show its tree",
     "view": "bring up any robot from its file and move it",
@@ -36,6 +35,7 @@ VERBS = {
     "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
     "doctor": "check what is wrong on this computer",
+    "completion": "print the tab completion of a shell",
     "accuracy": "measure how accurately OneBot drives",
     "bench": "measure performance as ratios to floors",
     "steer": "drive from a page in the browser",
@@ -60,7 +60,7 @@ _FORMER = {
 }
 _LAUNCH = ("launch", "roslaunch")
 # Verbs with subcommands, the module's ``COMMANDS``.
-_GROUPS = ("topic", "node", "param", "service", "interface", "tf", "bag")
+GROUPS = ("topic", "node", "param", "service", "interface", "tf", "bag")
 # Verbs that run until Ctrl-C, which is a success for them.
 _UNTIL_CTRL_C = ("view", "topic", "tf", "run", "bag", "replay", "steer", "teleop")
 
@@ -94,6 +94,10 @@ def run_command(
         see: the help command to name in usage errors, or a function that returns it.
         interrupted: the exit code after Ctrl-C.
     """
+    if "_ARGCOMPLETE" in os.environ:  # the shell wants to know what can follow
+        from onebot_bringup.cli.completion import complete
+
+        complete()
     try:
         code = body()
         if sys.stdout is not None:
@@ -128,10 +132,10 @@ def help_command(words: list[str]) -> str:
     if not words or words[0] not in VERBS:
         return "onebot --help"
     count = 1
-    if words[0] in _GROUPS and len(words) > 1:
+    if words[0] in GROUPS and len(words) > 1:
         from importlib import import_module
 
-        count += words[1] in import_module(f"{_PACKAGE}.{words[0]}").COMMANDS
+        count += words[1] in import_module(f"{PACKAGE}.{words[0]}").COMMANDS
     return f"onebot {' '.join(words[:count])} --help"
 
 
@@ -158,7 +162,7 @@ def run_verb(words: list[str]) -> int:
         raise UsageError(f'onebot has no command "{first}"{_instead(first, rest)}')
     from importlib import import_module
 
-    return int(import_module(f"{_PACKAGE}.{first}").run(rest))
+    return int(import_module(f"{PACKAGE}.{first}").run(rest))
 
 
 def _instead(verb: str, rest: Sequence[str]) -> str:
@@ -166,6 +170,8 @@ def _instead(verb: str, rest: Sequence[str]) -> str:
     if verb in _LAUNCH:
         return ": write onebot_bringup, mrm_bringup or onebot view FILE, and name:=value after it"
     if verb in _FORMER:
+        import shlex
+
         return f": write onebot {shlex.join([*_FORMER[verb].split(), *rest])}"
     return did_you_mean(verb, VERBS, "commands")
 

@@ -1,6 +1,7 @@
 """Command line options, and commands with subcommands such as ``onebot topic pub``."""
 
 import argparse
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
@@ -77,6 +78,10 @@ class Parser(argparse.ArgumentParser):
         Raises:
             UsageError: the command line is wrong.
         """
+        if "_ARGCOMPLETE" in os.environ:  # the shell wants to know what can follow
+            from onebot_bringup.cli.completion import complete_parser
+
+            complete_parser(self)
         words = list(argv)
         start = words.index("--ros-args") if "--ros-args" in words else len(words)
         parsed = self.parse_args(words[:start])

@@ -1,7 +1,8 @@
 """``onebot param ...``: lists, gets, sets and dumps parameters, like ``ros2 param``."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch
@@ -105,6 +106,16 @@ class ParameterClient:
         """The type of a statically typed parameter; NOT_SET if it is dynamic or undeclared."""
         found = self.describe([name])
         return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
+
+
+def frame_prefix(session: Session, nodes: Iterable[str]) -> str:
+    """Return the parameter frame_prefix of the first of these nodes that has one, or else ""."""
+    for name in nodes:
+        with suppress(OneBotError):  # it has no parameters
+            [value] = ParameterClient(session, name).values(["frame_prefix"])
+            if value.string_value:
+                return str(value.string_value)
+    return ""
 
 
 _NODE = "such as /robot_state_publisher"

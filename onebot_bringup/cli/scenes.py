@@ -17,7 +17,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.cli.param import ParameterClient
+from onebot_bringup.cli.param import frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.introspection.message_senders import publishers
@@ -106,7 +106,7 @@ def _record_running(args: Namespace, session: Session, scene: Path) -> "RunningV
     """Record the robot as it is now; return a viewer in its place, which has its trails as well."""
     recording = open_recording(save=scene)
     try:
-        prefix = args.frame_prefix or published_prefix(session)
+        prefix = args.frame_prefix or _published_prefix(session)
         robot = RunningRobot(session, args.view, recording.stream, prefix)
         robot.await_description()
         viewer = None if args.view or args.frame_prefix else find_viewer(session)
@@ -252,21 +252,15 @@ class RunningRobot:
         return f"{text} (frames received: {listing(frames)})"
 
 
-def published_prefix(session: Session) -> str:
-    """Return the parameter frame_prefix of the node that publishes the description, or else "".
+def _published_prefix(session: Session) -> str:
+    """Return the prefix of the frames, as the node that publishes the description has it.
 
     Raises:
         OneBotError: none publishes it.
     """
     topic = session.full_name(_DESCRIPTION_TOPIC)
     nodes = _look_for_robot(session, lambda: publishers(session.node, topic))
-    for name in nodes.values():
-        node = ParameterClient(session, name)
-        with suppress(OneBotError):  # it has no parameters
-            [value] = node.values(["frame_prefix"])
-            if value.string_value:
-                return str(value.string_value)
-    return ""
+    return frame_prefix(session, nodes.values())
 
 
 def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.session import Session
+from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
     UsageError,
@@ -23,6 +23,7 @@ from onebot_bringup.launch.bringup import environment
 from onebot_bringup.launch.nodes import NICE_VIEWER, RosNodes
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
+from onebot_control.poses import prefixed
 from onebot_description.errors import OneBotError
 
 _TOPIC = "velocity_controller/cmd_vel"
@@ -93,7 +94,8 @@ def run(argv: Sequence[str]) -> int:
 def _launch(
     folder: Path, values: Mapping[str, str], bind_address: BindAddress, ros_args: Sequence[str]
 ) -> int:
-    own = _needs_viewer(values, ros_args)
+    frame_prefix = _viewer_to_start(values, ros_args)
+    own = frame_prefix is not None
     page: dict[str, object] = {name: values[name] for name in ("topic", "odom_topic")}
     page |= {name: float(values[name]) for name in _NUMBERS}
     page |= {**bind_address.parameters, "open_browser": values["open_browser"] == "true"}
@@ -102,7 +104,7 @@ def _launch(
     nodes = [make.node("steering_page", "onebot_bringup.steering.steering_page", page)]
     if own:
         view: dict[str, object] = {"viewer": "web", "view": values["view"], "open_browser": False}
-        view |= {"grpc_port": 0, "web_port": 0}
+        view |= {"grpc_port": 0, "web_port": 0, "frame_prefix": frame_prefix}
         module = "onebot_bringup.viewer.rerun_viewer"
         nodes.append(
             make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
@@ -112,29 +114,47 @@ def _launch(
         return launcher.run(nodes, started_message=hint, temporary=[folder])
 
 
-def _needs_viewer(values: Mapping[str, str], ros_args: Sequence[str]) -> bool:
-    """Whether to start a viewer; for ``auto``, try to discover the robot's viewer first."""
+def _viewer_to_start(values: Mapping[str, str], ros_args: Sequence[str]) -> str | None:
+    """Return the prefix of the robot's frames for a viewer to start; None to start none.
+
+    For ``auto``, try to discover the robot's viewer first.
+    """
     namespace = values["namespace"].strip("/")
     in_namespace = ["-r", f"__ns:=/{namespace}"] if namespace else []
     with Session(["--ros-args", *ros_args, *in_namespace]) as session:
         for name in ("topic", "odom_topic"):
             if values[name]:
                 session.full_name(values[name])
-        if values["viewer"] != "auto":
-            return values["viewer"] == "web"
-        from std_msgs.msg import String
+        if values["viewer"] == "none" or values["viewer"] == "auto" and _finds_viewer(session):
+            return None
+        return _frame_prefix(session, namespace)
 
-        from onebot_description.node import LATCHED
 
-        pages: list[String] = []
-        session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
-        found = session.look_for(
-            lambda: any(_answers(page.data) for page in pages),
-            "the robot's view, a rerun_viewer with a page",
-        )
+def _frame_prefix(session: Session, namespace: str) -> str:
+    """Return the robot's; of one that is started later, as a bringup names its frames."""
+    from onebot_bringup.cli.param import frame_prefix
+    from onebot_bringup.introspection.message_senders import publishers
+
+    topic = session.full_name("robot_description")
+    nodes = session.spin(lambda: publishers(session.node, topic), PATIENCE)
+    return frame_prefix(session, nodes.values()) if nodes else prefixed("", True, "", namespace)
+
+
+def _finds_viewer(session: Session) -> bool:
+    """Whether the robot has a viewer; that there is none is reported."""
+    from std_msgs.msg import String
+
+    from onebot_description.node import LATCHED
+
+    pages: list[String] = []
+    session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
+    found = session.look_for(
+        lambda: any(_answers(page.data) for page in pages),
+        "the robot's view, a rerun_viewer with a page",
+    )
     if not found:
         print("no viewer found: starting one")
-    return not found
+    return bool(found)
 
 
 def _answers(address: str) -> bool:

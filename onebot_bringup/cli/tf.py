@@ -5,8 +5,9 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch, natural, positive
 from onebot_bringup.cli.session import PATIENCE, Session
@@ -14,9 +15,14 @@ from onebot_bringup.introspection.rates import Window
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
+if TYPE_CHECKING:
+    from onebot_bringup.introspection.frame_publishers import TfSenders
+    from onebot_description.wire.messages import TfArrays
+
 _TOPICS = ("/tf", "/tf_static")
 _DEPTH = 100  # of the subscriptions, as tf2's
 _WINDOW = 1000  # samples of a rate or delay
+_CHECK_EVERY = 0.5  # s, for frames that several nodes publish
 _NANO = 1e-9
 
 
@@ -27,15 +33,12 @@ def tree(parser: Parser, argv: Sequence[str]) -> int:
         help="how long transforms are collected (2 s)",
     )  # fmt: skip
     args = parser.parse(argv)
-    with Session(args.ros_args) as session:
-        transforms = _Transforms(session)
+    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
         transforms.await_first()
-        session.spin_until(time.monotonic() + args.wait_time)
+        transforms.spin(lambda: False, args.wait_time)
         print("\n".join(_drawn(transforms)))
-        for topic in _TOPICS:
-            print(f"{topic} is published by {transforms.publishers(topic)}")
         for warning in _faults(transforms):
-            print(f"warning: {warning}", file=sys.stderr)
+            transforms.warn(warning)
     return 0
 
 
@@ -43,10 +46,11 @@ def _drawn(transforms: "_Transforms") -> list[str]:
     buffer, now = transforms.buffer, transforms.now_ns()
     roots = buffer.roots
     below = {name: [c for c in buffer.children(name) if c not in roots] for name in buffer.names}
-    rows = [("frame", "rate", "age")]
+    rows = [("frame", "rate", "age", "published by")]
     for branch, name in branches(roots, lambda frame: below[frame]):
-        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now)))
-    return [*aligned(rows), ""]
+        publishers = transforms.publishers(name) if name in buffer.frames else ""
+        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now), publishers))
+    return aligned(rows)
 
 
 def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, str]:
@@ -94,9 +98,8 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
         "-p", "--precision", type=natural, default=3, metavar="N", help="digits after the point (3)"
     )
     args = parser.parse(argv)
-    with Session(args.ros_args) as session:
-        transforms = _Transforms(session)
-        _await_transform(session, transforms, args, args.timeout)
+    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
+        _await_transform(transforms, args, args.timeout)
         due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
         while True:
             found = transforms.buffer.lookup(args.target, args.source)
@@ -104,8 +107,8 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
             if args.once:
                 return 0
             due = max(due + period, time.monotonic())
-            session.spin_until(due)
-            _await_transform(session, transforms, args, None)
+            transforms.spin(lambda: False, due - time.monotonic())
+            _await_transform(transforms, args, None)
 
 
 def _add_frames(parser: Parser, nargs: str | None = None) -> None:
@@ -115,9 +118,7 @@ def _add_frames(parser: Parser, nargs: str | None = None) -> None:
     )
 
 
-def _await_transform(
-    session: Session, transforms: "_Transforms", args: Namespace, timeout: float | None
-) -> None:
+def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float | None) -> None:
     """Wait for the transform between the frames; print why there is none when that changes."""
 
     def problem() -> str:
@@ -128,7 +129,7 @@ def _await_transform(
         return ""
 
     began, printed = time.monotonic(), ""
-    session.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
+    transforms.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
     while why := problem():
         if timeout is not None and time.monotonic() - began >= timeout:
             raise OneBotError(f"no transform {args.target} -> {args.source}: {why}")
@@ -136,7 +137,7 @@ def _await_transform(
             printed = why
             text = f"Waiting for transform {args.target} ->  {args.source}: {why}"
             print(text, file=sys.stderr)
-        session.spin_until(time.monotonic() + 0.1)
+        transforms.spin(lambda: not problem(), 0.1)
 
 
 def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
@@ -184,19 +185,25 @@ def monitor(parser: Parser, argv: Sequence[str]) -> int:
     args = parser.parse(argv)
     if args.target and not args.source:
         parser.error("name both frames, or none")
-    with Session(args.ros_args) as session:
-        transforms = _Transforms(session)
+    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
         if args.target:
             print(
                 f"Waiting for transform chain to become available between {args.target} and "
                 f"{args.source}"
             )
-            _await_transform(session, transforms, args, None)
+            _await_transform(transforms, args, None)
         else:
             transforms.await_first()
         net = Window(_WINDOW)
+
+        def sample() -> None:
+            if args.target:
+                stamp_ns = transforms.buffer.lookup(args.target, args.source).stamp_ns
+                if stamp_ns:
+                    net.add((transforms.now_ns() - stamp_ns) * _NANO)
+
         while True:
-            session.spin_until(time.monotonic() + args.period)
+            transforms.spin(sample, args.period)
             print(f"\n\n\n{_results(transforms, args, net)}")
 
 
@@ -207,34 +214,38 @@ def _results(transforms: "_Transforms", args: Namespace, net: Window) -> str:
     if args.target:
         chain = buffer.chain(args.target, args.source)
         names = [name for name in chain if name in buffer.frames]
-        stamp_ns = buffer.lookup(args.target, args.source).stamp_ns
         lines = [f"RESULTS: for {args.target} to {args.source}", f"Chain is: {' -> '.join(chain)}"]
-        if stamp_ns:
-            net.add((transforms.now_ns() - stamp_ns) * _NANO)
-            found = net.statistics()
-            assert found is not None
+        if found := net.statistics():
             lines.append(f"Net delay     avg = {found.mean:.6g}: max = {found.high:.6g}")
-    lines += ["", "Frames:", *(transforms.frame_line(name) for name in names)]
-    return "\n".join([*lines, "", "All Broadcasters:", *transforms.topic_lines()])
+    lines += ["", "Frames:"]
+    for name in names:
+        delay = "static" if buffer.frames[name].static else transforms.frames[name].delay()
+        publishers = transforms.publishers(name)
+        lines.append(f"Frame: {cell(name)}, published by {publishers}, {delay}")
+    lines += ["", "All Broadcasters:"]
+    for node, arrivals in sorted(transforms.nodes.items()):
+        if rate := arrivals.rate():
+            lines.append(f"Node: {node} {rate:.3f} Hz, {arrivals.delay()}")
+    return "\n".join(lines)
 
 
 @dataclass
 class _Arrivals:
-    """When messages with a frame, or of a topic, were received, and how old they were."""
+    """When messages with a frame, or of a node, were received, and how old they were."""
 
-    times: Window = field(default_factory=lambda: Window(_WINDOW))  # between them, s
+    intervals: Window = field(default_factory=lambda: Window(_WINDOW))  # s
     delays: Window = field(default_factory=lambda: Window(_WINDOW))  # s
     last: float | None = None
 
     def add(self, now: float, delay: float) -> None:
         if self.last is not None:
-            self.times.add(now - self.last)
+            self.intervals.add(now - self.last)
         self.last = now
         self.delays.add(delay)
 
     def rate(self) -> float:
-        """Hz since the last call; 0 if that is not known."""
-        found = self.times.statistics()
+        """Hz; 0 if that is not known, or nothing came since the last call."""
+        found = self.intervals.statistics()
         return 1.0 / found.mean if found is not None and found.mean > 0.0 else 0.0
 
     def delay(self) -> str:
@@ -245,18 +256,27 @@ class _Arrivals:
 
 
 class _Transforms:
-    """What a session receives on /tf and /tf_static."""
+    """What a session receives on /tf and /tf_static, and from whom; it warns of conflicts.
+
+    Attributes:
+        buffer: the transforms.
+        frames: how each child frame arrives.
+        nodes: how the messages of each node on /tf arrive, seen every 20 ms.
+    """
 
     def __init__(self, session: Session) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
+        from onebot_bringup.introspection.frame_publishers import FramePublishers
         from onebot_bringup.introspection.transforms import TransformBuffer
         from onebot_description.wire.tf_message import TFMessage
 
         self.buffer = TransformBuffer()
         self.frames: dict[str, _Arrivals] = {}
-        self._topics = {topic: _Arrivals() for topic in _TOPICS}
-        self._session = session
+        self.nodes: dict[str, _Arrivals] = {}
+        self._session, self._publishers = session, FramePublishers()
+        self._senders: TfSenders | None = None
+        self._began = self._checked = time.monotonic()
         self._warned: set[str] = set()
         for topic, durability in zip(
             _TOPICS, (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL), strict=True
@@ -269,6 +289,11 @@ class _Transforms:
                 raw=True,
             )
 
+    def close(self) -> None:
+        """End the subscriptions that are not the executor's."""
+        if self._senders is not None:
+            self._senders.close()
+
     def _receiver(self, topic: str) -> Callable[[bytes], None]:
         from onebot_description.wire.messages import BAD_MESSAGE, tf_arrays
 
@@ -276,20 +301,61 @@ class _Transforms:
             try:
                 message = tf_arrays(data)
             except BAD_MESSAGE as error:
-                self._warn(f"a message of {topic} is ignored: {error}")
+                self.warn(f"a message of {topic} is ignored: {error}")
                 return
             for sentence in self.buffer.add(message, static=topic == _TOPICS[1]):
-                self._warn(sentence)
-            now_ns, now = self.now_ns(), time.monotonic()
-            delays = ((now_ns - message.stamps_ns) * _NANO).tolist()
-            for child, delay in zip(message.children, delays, strict=True):
+                self.warn(sentence)
+            now = time.monotonic()
+            for child, delay in zip(message.children, self._delays(message), strict=True):
                 self.frames.setdefault(child.removeprefix("/"), _Arrivals()).add(now, delay)
-            if delays:
-                self._topics[topic].add(now, sum(delays) / len(delays))
 
         return received
 
-    def _warn(self, text: str) -> None:
+    def _delays(self, message: "TfArrays") -> list[float]:
+        delays: list[float] = ((self.now_ns() - message.stamps_ns) * _NANO).tolist()
+        return delays
+
+    def spin(self, until: Callable[[], Any], timeout: float) -> Any:
+        """Receive until ``until()`` is true, for ``timeout`` seconds at most."""
+        return self._session.spin(self._polling(until), timeout)
+
+    def _polling(self, condition: Callable[[], Any]) -> Callable[[], Any]:
+        def check() -> Any:
+            self._poll()
+            return condition()
+
+        return check
+
+    def _poll(self) -> None:
+        """See who has sent what; warn of frames that several nodes publish, each once."""
+        now = time.monotonic()
+        if self._senders is None:
+            self._await_names(now)
+            return
+        for sender, transforms, latched in self._senders.take():
+            self._publishers.add(sender, transforms, latched=latched)
+            delays = self._delays(transforms)
+            if delays and not latched:
+                mean = math.fsum(delays) / len(delays)
+                self.nodes.setdefault(sender.name, _Arrivals()).add(now, mean)
+        if now - self._checked > _CHECK_EVERY:
+            self._checked = now
+            for conflict in self._publishers.conflicts(self._senders.senders()):
+                self.warn(str(conflict))
+
+    def _await_names(self, now: float) -> None:
+        """Begin to see who sends once that is discovered: what comes before is nobody's."""
+        from onebot_bringup.introspection.frame_publishers import TfSenders
+        from onebot_bringup.introspection.message_senders import publishers
+
+        node = self._session.node
+        counts = [(node.count_publishers(t), len(publishers(node, t))) for t in _TOPICS]
+        known = any(number for number, _ in counts) and all(a == b for a, b in counts)
+        if known or now - self._began > PATIENCE:
+            self._senders = TfSenders(node)
+
+    def warn(self, text: str) -> None:
+        """Print a warning, once."""
         if text not in self._warned:
             self._warned.add(text)
             print(f"warning: {text}", file=sys.stderr)
@@ -303,29 +369,20 @@ class _Transforms:
         Raises:
             OneBotError: nobody publishes one.
         """
-        if not self._session.look_for(lambda: self.buffer.frames, "transforms"):
-            published = "; ".join(f"publishers of {t}: {self.publishers(t)}" for t in _TOPICS)
+        if not self._session.look_for(self._polling(lambda: self.buffer.frames), "transforms"):
+            published = "; ".join(f"publishers of {t}: {self._of_topic(t)}" for t in _TOPICS)
             raise OneBotError(f"no transform was received on /tf and /tf_static ({published})")
 
-    def publishers(self, topic: str) -> str:
-        """The nodes that publish a topic, joined by commas."""
-        ends = self._session.node.get_publishers_info_by_topic(topic)
-        names = {f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends}
-        return ", ".join(sorted(names)) or "none"
+    def publishers(self, frame: str) -> str:
+        """The nodes that publish a frame, joined by commas; of its topic, if it is not known."""
+        found = self._publishers.publishers(frame)
+        return ", ".join(found) or self._of_topic(_TOPICS[self.buffer.frames[frame].static])
 
-    def frame_line(self, name: str) -> str:
-        static = self.buffer.frames[name].static
-        publishers = self.publishers(_TOPICS[static])
-        delay = "static" if static else self.frames[name].delay()
-        return f"Frame: {cell(name)}, published by {publishers}, {delay}"
+    def _of_topic(self, topic: str) -> str:
+        from onebot_bringup.introspection.message_senders import publishers
 
-    def topic_lines(self) -> list[str]:
-        lines = []
-        for topic, arrivals in self._topics.items():
-            rate = arrivals.rate()
-            if rate:
-                lines.append(f"Node: {self.publishers(topic)} {rate:.3f} Hz, {arrivals.delay()}")
-        return lines
+        found = publishers(self._session.node, topic).values()
+        return " or ".join(sorted(set(found))) or "none"
 
 
 COMMANDS = {

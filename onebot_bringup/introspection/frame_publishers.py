@@ -34,8 +34,8 @@ class Conflict:
             placed = zip(self.parents, self.publishers, strict=True)
             which += f" ({', '.join(f'in {parent} by {node}' for parent, node in placed)})"
         return (
-            f"{which}, so that it jumps between them. Stop one, or give the frames of each robot a "
-            "prefix of their own (namespace:=NAME, or frame_prefix:=NAME/)"
+            f"{which}. Stop one, or give the frames of each robot a prefix of their own "
+            "(namespace:=NAME, or frame_prefix:=NAME/)"
         )
 
 

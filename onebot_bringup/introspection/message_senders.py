@@ -1,6 +1,7 @@
 """Which publisher sent a message: rclpy does not pass this on, but rcl does."""
 
 import ctypes
+from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -10,6 +11,7 @@ from rclpy.qos import QoSProfile
 from rclpy.type_support import check_for_type_support
 
 _GID_SIZE = 16  # bytes, RMW_GID_STORAGE_SIZE
+_MOST_WAITING = 100  # messages
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
 _PARTICIPANT_SIZE = 12  # bytes of a GID that all publishers of a process share (RTPS 2.2, 8.2.4)
 
@@ -77,6 +79,7 @@ class SenderSubscription:
         self._data = _Bytes(allocator=self._rcl.rcutils_get_default_allocator())
         self._info = _MessageInfo()
         self._senders: dict[bytes, Sender] = {}
+        self._waiting: deque[tuple[bytes, bytes]] = deque(maxlen=_MOST_WAITING)
         check_for_type_support(kind)
         with node.handle:
             self._subscription = rclpy_implementation.Subscription(
@@ -84,15 +87,19 @@ class SenderSubscription:
             )
 
     def take(self) -> Iterator[tuple[Sender, bytes]]:
-        """Yield the messages that came since the last call, but none of an unknown sender."""
-        found = True  # the graph is asked once a call at most
-        while data := self._take_one():
-            gid = bytes(self._info.gid)
-            if gid not in self._senders and found:
-                found = False
-                self._senders = self._known_senders()
+        """Yield the messages that came since the last call.
+
+        Those of a sender that is not discovered yet are kept for the next one.
+        """
+        messages = [*self._waiting, *iter(self._take_one, None)]
+        if any(gid not in self._senders for gid, _ in messages):
+            self._senders = self._known_senders()
+        self._waiting.clear()
+        for gid, data in messages:
             if gid in self._senders:
                 yield self._senders[gid], data
+            else:
+                self._waiting.append((gid, data))
 
     def senders(self) -> set[Sender]:
         """Return the nodes that publish the topic now."""
@@ -104,7 +111,8 @@ class SenderSubscription:
         self._subscription.destroy_when_not_in_use()
         self._rcl.rcutils_uint8_array_fini(ctypes.byref(self._data))
 
-    def _take_one(self) -> bytes:
+    def _take_one(self) -> tuple[bytes, bytes] | None:
+        """Return the publisher's GID and the message; None if there is none."""
         with self._subscription:
             failed = self._rcl.rcl_take_serialized_message(
                 ctypes.c_void_p(self._subscription.pointer),
@@ -112,7 +120,9 @@ class SenderSubscription:
                 ctypes.byref(self._info),
                 None,
             )
-        return b"" if failed else ctypes.string_at(self._data.buffer, self._data.length)
+        if failed:
+            return None
+        return bytes(self._info.gid), ctypes.string_at(self._data.buffer, self._data.length)
 
     def _known_senders(self) -> dict[bytes, Sender]:
         return {

@@ -3,10 +3,10 @@
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.main import run_command, start_process
 
+TYPE_CHECKING = False  # as in typing, which is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.launch.bringup import Bringup
 

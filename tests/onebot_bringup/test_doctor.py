@@ -132,7 +132,7 @@ def test_segment_of_a_killed_node(ros_domain: int) -> None:
 
 def test_report(ros_domain: int) -> None:
     """All checks run; here nothing is broken, and a message comes from another process."""
-    done = onebot("doctor")
+    done = onebot("doctor", "--timeout", "120")
     assert done.returncode == 0, done.stdout + done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].startswith("onebot ") and len(lines) == 11

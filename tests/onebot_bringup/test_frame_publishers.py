@@ -83,10 +83,10 @@ def test_the_sentence_names_nodes_frames_and_parents() -> None:
     """The parents only where they differ; two nodes of one name are both there."""
     twin = Sender(b"2" * 12, "/a")
     [conflict] = found([(A, WHEELS, False), (twin, WHEELS, False)] * 2, (A, twin))
-    assert str(conflict).startswith("left, right: published by /a, /a at once, so that")
+    assert str(conflict).startswith("left, right: published by /a, /a at once. Stop one")
     assert "namespace:=NAME" in str(conflict)
     [conflict] = found([(A, BASE, True), (B, MAP, True)])
-    assert "published by /a, /b at once (in odom by /a, in map by /b), so" in str(conflict)
+    assert "published by /a, /b at once (in odom by /a, in map by /b). Stop" in str(conflict)
 
 
 def test_what_comes_again_is_not_looked_at_again() -> None:
@@ -118,9 +118,9 @@ def edge(parent: str, child: str) -> TFMessage:
 def test_publishers_are_named_on_dds(ros_domain: int) -> None:
     """Of /tf and /tf_static, beside garbage; who has ended is none of them."""
     with Peer(ros_domain, "watcher") as watcher, Peer(ros_domain, "one") as one:
+        one.node.create_publisher(TFMessage, "/tf_static", LATCHED).publish(edge("base", "lamp"))
         senders, publishers = TfSenders(watcher.node), FramePublishers()
         moving = one.publisher(TFMessage, "/tf")
-        one.publisher(TFMessage, "/tf_static", LATCHED).publish(edge("base", "lamp"))
         with Peer(ros_domain, "other") as other:
             also = other.publisher(TFMessage, "/tf")
             frame = "wheel"

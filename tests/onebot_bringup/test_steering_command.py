@@ -100,8 +100,7 @@ def test_without_a_viewer_it_starts_one(ros_domain, tmp_path, monkeypatch):
     monkeypatch.setenv(MARK, str(tmp_path))
     with running(tmp_path, "steer", *QUIET) as command:
         with PageClient(_address(command)) as page:
-            view = wait_for(lambda: page.state["view"], "the view")
-        assert view.startswith("/view/?url=rerun%2Bhttp://127.0.0.1:")
+            wait_for(lambda: page.state["view"], "the view")
         assert "looking for the robot's view" in command.err and "starting one" in command.out
         command.process.send_signal(signal.SIGINT)
         assert command.process.wait(PATIENCE) == 0
@@ -121,11 +120,17 @@ def test_a_viewer_that_does_not_answer_is_none(ros_domain, tmp_path, elsewhere):
         if not elsewhere:
             server.close()
         with Peer(ros_domain) as peer:
-            viewer = peer.node.create_publisher(String, "/rerun_viewer/page", LATCHED)
+            viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
             viewer.publish(String(data=page))
-            with running(tmp_path, "steer", *QUIET) as command:
+            peer.node.declare_parameter("frame_prefix", "a/")
+            if elsewhere:
+                peer.node.create_publisher(String, "/left/robot_description", LATCHED)
+            with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
                 wait_for(lambda: "starting one" in command.out, "a viewer of its own")
                 _address(command)
+                # As the node that publishes the robot has it, or as a bringup would.
+                prefix = output_of("param", "get", "/left/steering_viewer", "frame_prefix")
+                assert prefix.split()[-1] == ("a/" if elsewhere else "left/")
                 assert command.interrupt() == 0
 
 

@@ -291,6 +291,7 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
             page.hold_pad(0.0, 0.5)
             wait_for(lambda: page.number("linear-command") > 0.1, "the command")
             assert page.thumb > 10.0
+            page.driver.execute_script("document.querySelector('#stop').focus()")
             wait_for(lambda: speeds and speeds[-1].twist.twist.linear.x > 0.1, "driving")
             node.node.process.send_signal(signal.SIGKILL)
             wait_for(lambda: abs(speeds[-1].twist.twist.linear.x) < 1e-4, "the robot to stop")
@@ -313,6 +314,9 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
             assert page.text("#driver") == "Nobody drives" and page.text("#message") == ""
             assert abs(speeds[-1].twist.twist.linear.x) < 1e-4
             page.let_go()
+            page.act().key_down(Keys.ENTER).perform()
+            assert page.stop_is_held, "the focus was lost with the connection"
+            page.act().key_up(Keys.ENTER).perform()
             page.hold_pad(0.0, 0.5)
             wait_for(lambda: speeds[-1].twist.twist.linear.x > 0.1, "driving again")
             page.let_go()

@@ -166,7 +166,7 @@ def test_nothing_shines_through_stop(page: Page, enabled: bool) -> None:
     page.emulate(360, 480, mobile=True)
     page.driver.execute_script("document.querySelector('#topic-name').scrollIntoView()")
     stop = page.find("#stop")
-    page.driver.execute_script("arguments[0].disabled = !arguments[1]", stop, enabled)
+    page.driver.execute_script("arguments[0].ariaDisabled = !arguments[1]", stop, enabled)
     assert page.driver.execute_script(IN_SIGHT, ["#stop"]) == {"#stop": True}
     opacities = page.driver.execute_script(
         "const found = []; let e = arguments[0];"

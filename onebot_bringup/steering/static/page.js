@@ -33,6 +33,7 @@ const readout = new Readout(element("readout"));
 const braking = new Braking(element("braking").querySelector("output"));
 const view = new View(element("view"), stop);
 
+enable(false);
 // Without the focus no release of a key or a button would be received.
 window.addEventListener("blur", letGo);
 window.addEventListener("pagehide", letGo);
@@ -71,7 +72,10 @@ function down(reason) {
 
 function enable(yes) {
   sender.enabled = yes;
-  for (const part of document.querySelectorAll("fieldset, #stop")) part.disabled = !yes;
+  const parts = document.querySelectorAll("#steer :is(input, button):not(#stop), #settings");
+  for (const part of parts) part.disabled = !yes;
+  // Not "disabled", which takes the focus away: Enter stops again when the connection is back.
+  element("stop").setAttribute("aria-disabled", !yes);
 }
 
 function receive(message) {

@@ -5,6 +5,7 @@
 
 const NOTE_FOR = 30000; // ms; about as long as it takes to catch up
 const RELOAD_AFTER = 2000; // ms
+const ISOLATES_SANDBOXES = /Chrome\/(?!.*Mobile)/; // other browsers isolate sites at most
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 /** Whether pictures are drawn by the processor: then Rerun falls behind what comes in. */
@@ -38,6 +39,7 @@ export class View {
     this.frame = null;
     this.ended = false;
     this.loadedAt = -Infinity;
+    this.isolated = true; // the frame has a process of its own
     this.note = place.querySelector("#slow");
     this.noteEnds = undefined;
     this.wanted = false; // somebody went to the frame with the keyboard
@@ -80,6 +82,8 @@ export class View {
       this.ended = true;
       return;
     }
+    this.isolated =
+      new URL(address).host !== location.host || ISOLATES_SANDBOXES.test(navigator.userAgent);
     this.frame = document.createElement("iframe");
     this.frame.title = "The robot in Rerun";
     this.frame.allow = "clipboard-write";
@@ -98,11 +102,12 @@ export class View {
     this.explain(drawnInSoftware());
   }
 
-  /** Say for a while why the view is behind, or no longer. */
+  /** Say for a while why the view is behind, or no longer; and all the time if it can stall us. */
   explain(behind) {
     clearTimeout(this.noteEnds);
     this.note.hidden = !behind;
-    if (behind) this.noteEnds = setTimeout(() => this.explain(false), NOTE_FOR);
+    this.note.querySelector("span").hidden = this.isolated;
+    if (behind && this.isolated) this.noteEnds = setTimeout(() => this.explain(false), NOTE_FOR);
   }
 
   /** Hand the keys from the frame back to the page. */

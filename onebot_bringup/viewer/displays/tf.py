@@ -120,6 +120,7 @@ class TfDisplay(Display[AxesSettings]):
             self._retired = set()
             self._shown_of = None
         self._show_connected()
+        self._draw(())
 
     def warnings(self) -> list[str]:
         """Return that transforms are ignored."""
