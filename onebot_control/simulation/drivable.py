@@ -14,23 +14,34 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import link_poses, matrix, origin_of
+from onebot_control.simulation.loading import mesh_corners
 from onebot_control.wheel_shapes import Tyre, Tyres
 from onebot_description.description.description import (
+    Box,
     Cylinder,
     Description,
     Geometry,
     Joint,
     Link,
+    Mesh,
     Origin,
+    Shape,
     Sphere,
 )
 from onebot_description.model import quaternions
 
+Floats = NDArray[np.float64]
+
 _THIN = 0.006  # m; a wheel no wider touches the ground in one place
 _WIDTH = 0.004  # m, of the cylinder that replaces a wider one
 _GLIDING = 0.01  # coefficient of friction
+# m. Rigid casters before and behind the wheels would carry the robot alone. What is lower than the
+# wheels, if by less than the first, is lifted until the wheels stand lower by the second.
+_LEVEL, _LIFT = 0.005, 0.0002
+_MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
 _GRAVITY = 9.81  # m/s^2
 # Inertia of a wheel that skids, in masses of the robot at its rim: with less it turns too little.
 _GEARED = 2.0
@@ -128,6 +139,9 @@ def _links(
     joints = {joint.child: joint for joint in description.joints}
     bodies = {link: first for link, (first, _) in link_poses(description).items()}
     mass, skids = _mass(description), len(tyres) > 2
+    # Of one caster the load is determined by the mass.
+    several = sum(_swivels(joint, free, bodies, joints) for joint in joints.values()) > 1
+    ground, poses = _ground(description, tyres), link_poses(description)
     for link in description.links:
         first = joints.get(bodies[link.name])
         if first is not None and first.name in tyres:
@@ -139,9 +153,60 @@ def _links(
                 link = replace(link, collisions=tuple(rolls))
             yield link
         elif link.friction is None and not _swivels(first, free, bodies, joints):
-            yield replace(link, friction=_GLIDING)
+            lifted = link if first is not None else _lifted(link, poses[link.name][1], ground)
+            yield replace(lifted, friction=_GLIDING)
         else:
-            yield link
+            yield _smaller(link) if several else link
+
+
+def _ground(description: Description, tyres: Mapping[str, Tyre | None]) -> float:
+    """Return the height on which the driven wheels roll, in the frame of the root link, m."""
+    poses, heights = link_poses(description), [-math.inf]
+    for joint in description.joints:
+        if tyre := tyres.get(joint.name):
+            place = poses[joint.parent][1] @ matrix(joint.origin)
+            middle = place @ np.array([*(tyre.offset * value for value in joint.axis), 1.0])
+            heights.append(float(middle[2]) - tyre.radius)
+    return max(heights)
+
+
+def _lifted(link: Link, pose: Floats, ground: float) -> Link:
+    """Return a link of the base, at ``pose`` there, with what is as low as the wheels lifted."""
+    collisions = []
+    for geometry in link.collisions:
+        place = pose @ matrix(geometry.origin)
+        gap = _bottom(geometry.shape, place) - ground
+        if -_LEVEL < gap < _LIFT:
+            place[2, 3] += _LIFT - gap
+            origin = origin_of(np.linalg.inv(pose) @ place)
+            geometry = replace(geometry, origin=origin)
+        collisions.append(geometry)
+    return replace(link, collisions=tuple(collisions))
+
+
+def _smaller(link: Link) -> Link:
+    """Return the wheel of a caster with smaller round shapes; lifted, it would roll unevenly."""
+    collisions = tuple(
+        replace(each, shape=replace(each.shape, radius=each.shape.radius - _LIFT))
+        if isinstance(each.shape, Sphere | Cylinder) and each.shape.radius > 2.0 * _LIFT
+        else each
+        for each in link.collisions
+    )
+    return replace(link, collisions=collisions)
+
+
+def _bottom(shape: Shape, pose: Floats) -> float:
+    """Return the least height of a shape at ``pose``."""
+    up, height = pose[2, :3], float(pose[2, 3])
+    if isinstance(shape, Mesh):
+        corners = mesh_corners(shape) * np.array(shape.scale)
+        return height + float((corners @ up).min()) - _MARGIN
+    if isinstance(shape, Box):
+        return height - float(abs(up) @ np.array(shape.size)) / 2.0
+    if isinstance(shape, Sphere):
+        return height - shape.radius
+    around = shape.radius * (math.hypot(up[0], up[1]) if isinstance(shape, Cylinder) else 1.0)
+    return height - abs(float(up[2])) * shape.length / 2.0 - around
 
 
 def _inert(link: Link, joint: Joint, moment: float) -> Link:

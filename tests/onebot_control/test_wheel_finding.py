@@ -62,9 +62,17 @@ BALLS = tuple(
     part(f"ball_{x:g}", f"{x} 0 -0.07", '<sphere radius="0.03"/>', kind="fixed")
     for x in (-0.2, 0.2)
 )
-SWIVEL = part("fork", "-0.2 0 -0.05", '<box size="0.02 0.02 0.02"/>', axis="0 0 1") + part(
-    "roller", "-0.03 0.02 0", '<sphere radius="0.05"/>', parent="fork"
-)
+
+
+def swivel(x: float, y: float = 0.0, name: str = "") -> str:
+    """A caster that swivels and rolls, as low as the wheels."""
+    fork, roller = f"fork{name}", f"roller{name}"
+    return part(fork, f"{x} {y} -0.05", '<box size="0.02 0.02 0.02"/>', axis="0 0 1") + part(
+        roller, "-0.03 0.02 0", '<sphere radius="0.05"/>', parent=fork
+    )
+
+
+SWIVEL = swivel(-0.2)
 ROLLERS = tuple(
     wheel(f"caster_{side}", -0.2, y, radius=0.05) for side, y in (("l", 0.1), ("r", -0.1))
 )
@@ -165,6 +173,8 @@ def test_what_is_simulated() -> None:
     assert frictions["l"] is frictions["roller"] is None
     thin = next(link for link in simulated.links if link.name == "l").collisions[0]
     assert (thin.shape.radius, thin.shape.length) == (0.1, 0.004)  # type: ignore[union-attr]
+    ball = next(link for link in simulated.links if link.name == "ball_0.2").collisions[0]
+    assert ball.origin.xyz == pytest.approx((0.0, 0.0, 0.0002))
     assert drivable(robot(), ["left_wheel_joint", "right_wheel_joint"]).description.joints == (
         robot().joints
     )
@@ -181,10 +191,17 @@ def drive(description: Description) -> list[tuple[float, float]]:
     return [(straight.odometry.x, straight.truth.x), (turn.odometry.yaw, turn.truth.yaw)]
 
 
-@pytest.mark.parametrize("axis", ["0 1 0", "0 -1 0"])
-def test_two_wheels_drive(axis: str) -> None:
-    """Without any parameter, on wide wheels without a limit, on balls; either way round."""
-    robot = base(wheel("l", 0.0, 0.2), wheel("r", 0.0, -0.2, axis), *BALLS, ARM)
+CASTERS = tuple(
+    swivel(x, y, f"_{x:g}_{y:g}".replace("-", "m")) for x in (-0.2, 0.2) for y in (-0.1, 0.1)
+)
+
+
+@pytest.mark.parametrize(
+    ("axis", "casters"), [("0 1 0", BALLS), ("0 -1 0", BALLS), ("0 1 0", CASTERS)]
+)
+def test_two_wheels_drive(axis: str, casters: tuple[str, ...]) -> None:
+    """Without any parameter, on wide wheels without a limit; either way round, and on casters."""
+    robot = base(wheel("l", 0.0, 0.2), wheel("r", 0.0, -0.2, axis), *casters, ARM)
     for odometry, truth in drive(robot):
         assert truth == pytest.approx(odometry, rel=1e-3)
 
