@@ -8,6 +8,7 @@ for _ in range(500):
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -26,7 +27,14 @@ from onebot_control.simulation import (
     Twist,
     World,
 )
-from onebot_control.wheel_geometry import WheelGeometry, check_wheel_names, wheel_geometry
+from onebot_control.simulation.drivable import drivable
+from onebot_control.wheel_finding import DriveWheels, find_wheels
+from onebot_control.wheel_geometry import (
+    WheelGeometry,
+    check_wheel_names,
+    wheel_directions,
+    wheel_geometry,
+)
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -84,13 +92,24 @@ class JointStateBroadcaster:
         frame_id: of its header.
     """
 
-    def __init__(self, config: BroadcasterConfig, joints: Sequence[str]) -> None:
-        """Choose among ``joints``, those that there are.
+    def __init__(
+        self,
+        config: BroadcasterConfig,
+        joints: Sequence[str],
+        held: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        """Choose among ``joints``, those that there are, and ``held``.
+
+        Args:
+            config: of ros2_control.
+            joints: those whose states ``values`` gets.
+            held: further ones, to the positions at which they are held still.
 
         Raises:
             ConfigError: a joint named is not among them.
         """
-        chosen = config.joints or tuple(joints)
+        joints = (*joints, *held)
+        chosen = config.joints or joints
         problems = [
             Problem(f"{BROADCASTER}.joints", f'no joint "{name}"{did_you_mean(name, joints)}')
             for name in chosen
@@ -101,7 +120,8 @@ class JointStateBroadcaster:
         extra = tuple(name for name in config.extra_joints if name not in chosen)
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
-        self._rows = [list(joints).index(name) for name in chosen]
+        self._rows = [joints.index(name) for name in chosen]
+        self._held = [list(held.values()), [0.0] * len(held), [0.0] * len(held)]
         self._extra = [0.0] * len(extra)
         self._hidden = [math.nan] * len(chosen) + self._extra
         self._shown = [
@@ -112,12 +132,35 @@ class JointStateBroadcaster:
         """Return positions, velocities and efforts of ``names``; NaN where not asked for."""
         # For a handful of joints lists are quicker than arrays.
         return [
-            self._chosen(field.tolist()) if shown else self._hidden
-            for field, shown in zip(states, self._shown, strict=True)
+            self._chosen(field.tolist() + held) if shown else self._hidden
+            for field, held, shown in zip(states, self._held, self._shown, strict=True)
         ]
 
     def _chosen(self, field: list[float]) -> list[float]:
         return [field[row] for row in self._rows] + self._extra
+
+
+class Side:
+    """The wheels of one side, as one wheel whose positive velocity drives forward."""
+
+    def __init__(
+        self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
+    ) -> None:
+        """Find the wheels called ``names`` in ``joints``; see ``wheel_directions``."""
+        self._directions = [(name, directions[name]) for name in names]
+        self._rows = [(joints.index(name), directions[name]) for name in names]
+
+    def mean(self, values: Floats) -> float:
+        """Return the mean of the wheels' positions or velocities."""
+        # For a few wheels a loop is quicker than arrays.
+        total = 0.0
+        for row, direction in self._rows:
+            total += direction * values.item(row)
+        return total / len(self._rows)
+
+    def velocities(self, speed: float) -> dict[str, float]:
+        """Return the velocity of each joint for this ``speed`` of the wheels."""
+        return {name: direction * speed for name, direction in self._directions}
 
 
 class DrivenRobot:
@@ -133,21 +176,33 @@ class DrivenRobot:
         ticks: control cycles done.
     """
 
-    def __init__(self, description: Description, config: ControlConfig, plant: Plant) -> None:
+    def __init__(
+        self,
+        description: Description,
+        config: ControlConfig,
+        plant: Plant,
+        held: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         """Stand still, with odometry at zero.
+
+        Args:
+            description: of the robot.
+            config: of its controller.
+            plant: what is driven.
+            held: joints that the plant has not, to the positions at which they are held still.
 
         Raises:
             OneBotError: config and description do not suit each other.
         """
-        self.description, self.plant = description, plant
-        self._check(config)
+        self.description, self.plant, self._held = description, plant, held
+        wheels = wheels_of(description, config)
         self.geometry = geometry_of(description, config)
         self.controller = DiffDriveController(config, config.kinematics(self.geometry))
         self.config = config
-        self.broadcaster = JointStateBroadcaster(config.broadcaster, plant.joints)
+        self.broadcaster = self.broadcasting(config)
         self.ticks = 0
-        self._left = [plant.joints.index(name) for name in config.left_wheel_names]
-        self._right = [plant.joints.index(name) for name in config.right_wheel_names]
+        directions = wheel_directions(description, [*wheels.left, *wheels.right])
+        self._left, self._right = (Side(names, directions, plant.joints) for names in wheels)
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
         self._read_state()
         self.place_odometry(PlanarPose())
@@ -159,16 +214,16 @@ class DrivenRobot:
         Raises:
             OneBotError: config and description do not suit each other, or cannot be simulated.
         """
-        sides = {"left_wheel_names": config.left_wheel_names}
-        check_wheel_names(description, **sides, right_wheel_names=config.right_wheel_names)
+        wheels = wheels_of(description, config)
         geometry_of(description, config)
-        names = (*config.left_wheel_names, *config.right_wheel_names)
+        names = (*wheels.left, *wheels.right)
         settings = Settings().fitted(config.update_rate)
+        simulated, held = drivable(description, names)
         plant = Simulation(
-            description, driven=names, x=config.x, y=config.y, yaw=config.yaw, settings=settings
+            simulated, driven=names, x=config.x, y=config.y, yaw=config.yaw, settings=settings
         )
         try:
-            return cls(description, config, plant)
+            return cls(description, config, plant, held)
         except OneBotError:
             plant.close()
             raise
@@ -190,11 +245,18 @@ class DrivenRobot:
         Raises:
             OneBotError: they do not suit the robot; then nothing has changed.
         """
-        self._check(config)
         geometry = geometry_of(self.description, config)
-        broadcaster = JointStateBroadcaster(config.broadcaster, self.plant.joints)
+        broadcaster = self.broadcasting(config)
         self.controller.configure(config, config.kinematics(geometry))
         self.config, self.geometry, self.broadcaster = config, geometry, broadcaster
+
+    def broadcasting(self, config: ControlConfig) -> JointStateBroadcaster:
+        """Return what chooses the joint states to publish by ``config``.
+
+        Raises:
+            ConfigError: a joint named is not among the robot's.
+        """
+        return JointStateBroadcaster(config.broadcaster, self.plant.joints, self._held)
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity; see ``DiffDriveController.accept``."""
@@ -219,10 +281,10 @@ class DrivenRobot:
         self._read_state()
         positions, velocities = self._joints.positions, self._joints.velocities
         wheels = WheelStates(
-            _mean(positions, self._left),
-            _mean(positions, self._right),
-            _mean(velocities, self._left),
-            _mean(velocities, self._right),
+            self._left.mean(positions),
+            self._right.mean(positions),
+            self._left.mean(velocities),
+            self._right.mean(velocities),
         )
         self._command = self.controller.update(wheels, self.period)
         return self.snapshot()
@@ -235,8 +297,8 @@ class DrivenRobot:
     @property
     def wheel_velocities(self) -> dict[str, float]:
         """The velocity of each driven joint, rad/s, as ``begin`` has decided."""
-        velocities = dict.fromkeys(self.config.left_wheel_names, self._command.left)
-        velocities.update(dict.fromkeys(self.config.right_wheel_names, self._command.right))
+        velocities = self._left.velocities(self._command.left)
+        velocities.update(self._right.velocities(self._command.right))
         return velocities
 
     def snapshot(self) -> Snapshot:
@@ -293,9 +355,18 @@ class DrivenRobot:
         self._joints = self.plant.joint_states()
         self._pose, self._twist = self.plant.base_pose(), self.plant.base_twist()
 
-    def _check(self, config: ControlConfig) -> None:
-        left, right = config.left_wheel_names, config.right_wheel_names
-        check_wheel_names(self.description, left_wheel_names=left, right_wheel_names=right)
+
+def wheels_of(description: Description, config: ControlConfig) -> DriveWheels:
+    """Return the driven wheels: those that the parameters name, or else those that are found.
+
+    Raises:
+        OneBotError: one is missing, or none are found.
+    """
+    left, right = config.left_wheel_names, config.right_wheel_names
+    if not left:
+        return find_wheels(description)
+    check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
+    return DriveWheels(left, right)
 
 
 def geometry_of(description: Description, config: ControlConfig) -> WheelGeometry:
@@ -306,15 +377,10 @@ def geometry_of(description: Description, config: ControlConfig) -> WheelGeometr
     """
     return wheel_geometry(
         description,
-        config.left_wheel_names,
-        config.right_wheel_names,
+        *wheels_of(description, config),
         separation=config.wheel_separation,
         radius=config.wheel_radius,
     )
-
-
-def _mean(values: Floats, rows: Sequence[int]) -> float:
-    return values.item(rows[0]) if len(rows) == 1 else float(values[list(rows)].mean())
 
 
 class Fleet:
@@ -338,13 +404,14 @@ class Fleet:
             OneBotError: config and description do not suit each other, cannot be simulated, or two
                 robots start in the same place.
         """
-        left, right = config.left_wheel_names, config.right_wheel_names
-        check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
-        spawns = [RobotSpawn(description, (*left, *right), *start) for start in starts]
+        wheels = wheels_of(description, config)
+        names = (*wheels.left, *wheels.right)
+        simulated, held = drivable(description, names)
+        spawns = [RobotSpawn(simulated, names, *start) for start in starts]
         self.world = World(spawns, settings.fitted(config.update_rate))
         try:
             self.robots = tuple(
-                DrivenRobot(description, config, plant) for plant in self.world.robots
+                DrivenRobot(description, config, plant, held) for plant in self.world.robots
             )
         except BaseException:
             self.world.close()

@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.control_loop import ControlLoop
-from onebot_control.driven_robot import DrivenRobot, JointStateBroadcaster, geometry_of
+from onebot_control.driven_robot import DrivenRobot, geometry_of
 from onebot_control.parameters import (
     ControlConfig,
     ControlParameters,
@@ -170,7 +170,7 @@ class Driving:
             if self._loop is not None:
                 robot = self._loop.robot
                 geometry_of(robot.description, config)
-                JointStateBroadcaster(config.broadcaster, robot.plant.joints)
+                robot.broadcasting(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -59,7 +59,7 @@ class BroadcasterConfig:
 
 
 def _wheels(side: str) -> Any:
-    description = f"joints of the wheels on the {side}, as many as on the other side"
+    description = f"joints of the wheels on the {side}; empty on both sides: found in the URDF"
     return parameter((), description, unique=True, read_only=True)
 
 
@@ -103,7 +103,9 @@ class ControlConfig:
     tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames")
     tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
     odom_frame_id: str = _frame("odom", "frame of the odometry")
-    base_frame_id: str = _frame("base_link", "frame of the base, child of odom_frame_id")
+    base_frame_id: str = parameter(
+        "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
+    )
     pose_covariance_diagonal: _Six = _variances(
         "the odometry's pose", "; zeros: it grows on the way"
     )
@@ -166,8 +168,8 @@ class ControlConfig:
     def check(self) -> Iterator[Problem]:
         """Report wheels that do not make two sides."""
         left, right = self.left_wheel_names, self.right_wheel_names
-        for side, names in (("left", left), ("right", right)):
-            if not names:
+        for side, names, others in (("left", left, right), ("right", right, left)):
+            if others and not names:
                 text = f"is empty; name joints: [{side}_wheel_joint]"
                 yield Problem(f"{side}_wheel_names", text)
         if left and right and len(left) != len(right):

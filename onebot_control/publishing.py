@@ -61,7 +61,7 @@ class Publishers:
         self._robot, config = robot, robot.config
         odom, base = (
             prefixed(frame, config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace)
-            for frame in (config.odom_frame_id, config.base_frame_id)
+            for frame in (config.odom_frame_id, config.base_frame_id or robot.description.root_link)
         )
         self.odom_frame, self._world = odom, config.world_frame_id
         self._stamp = Time()  # one for all messages of a cycle

@@ -48,8 +48,9 @@ Parameters: those of diff_drive_controller, and (* is read at the start only)
         empty gives the truth in the odometry's frame and leaves odom_frame_id without parent.
     joint_state_broadcaster.joints, .interfaces, .extra_joints (string[]), .frame_id (string,
         default base_link): joint_state_broadcaster's.
-left_wheel_names* and right_wheel_names* are required; wheel_separation and wheel_radius (double, m)
-are read from the URDF where they are 0.0, the default. A change of any parameter takes effect at
+left_wheel_names* and right_wheel_names* are found in the URDF where they are empty, the default;
+wheel_separation and wheel_radius (double, m) are read from it where they are 0.0, and base_frame_id
+is its root link where it is empty. A change of any parameter takes effect at
 once, or is refused with the reason.
 """
 

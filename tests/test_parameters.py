@@ -92,7 +92,7 @@ def test_velocity_controller(start_node: Callable[..., Node]) -> None:
     assert not found["linear.x.max_velocity"].floating_point_range
     assert "NaN: no limit" in found["linear.x.max_velocity"].additional_constraints
     assert "one of auto, Twist" in found["cmd_vel_type"].additional_constraints
-    assert node.get_parameter("left_wheel_names").value == ["left_wheel_joint"]
+    assert node.get_parameter("left_wheel_names").value == []
     assert node.get_parameter("x").value == 1
     assert 'wheel_raduis: no such parameter (did you mean "wheel_radius"?' in refused(
         node, "wheel_raduis"

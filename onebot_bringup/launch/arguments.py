@@ -233,6 +233,7 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _MAX_FREQUENCY = 1000  # Hz
 _CYCLES = 0.001, 1000.0  # of the controller, Hz
 _AS_IN_FILE = "empty: as params_file has it"
+_FOUND = "empty: as in params_file, or found in the URDF"
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 
@@ -308,6 +309,8 @@ def simulation_arguments(control: str) -> list[Argument]:
         port("port", "8080", "of that page; 0: any"),
         Argument("token", "", "asked for in its address, if host is not this computer"),
         Argument("params_file", control, "parameters of the controller, a YAML file"),
+        Argument("left_wheel", "", f"joints that drive it on the left, joined by commas; {_FOUND}"),
+        Argument("right_wheel", "", f"joints that drive it on the right; {_FOUND}"),
         number("x", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("y", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("yaw", "", f"where it faces at the start, radians; {_AS_IN_FILE}"),
@@ -330,6 +333,8 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
     prefix = values["frame_prefix"]
     if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
+    if bool(values.get("left_wheel")) != bool(values.get("right_wheel")):
+        raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:

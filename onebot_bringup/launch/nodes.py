@@ -23,6 +23,7 @@ NICE_VIEWER, NICE_WATCHER = 5, 10
 _SWINGING: Mapping[str, object] = {"rate": 30.0, "swing": 8.0}
 # Launch arguments that are parameters of the controller.
 _OF_CONTROLLER = {"x": "x", "y": "y", "yaw": "yaw", "rate": "update_rate"}
+_WHEELS = {"left_wheel": "left_wheel_names", "right_wheel": "right_wheel_names"}
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,9 @@ class NodeFactory:
         for argument, name in _OF_CONTROLLER.items():
             if self.values[argument]:  # else as params_file has it
                 parameters[name] = float(self.values[argument])
+        for argument, name in _WHEELS.items():
+            if self.values[argument]:
+                parameters[name] = [each.strip() for each in self.values[argument].split(",")]
         module = "onebot_control.velocity_controller"
         files = [Path(self.values["params_file"]).absolute()]
         return self._node("velocity_controller", module, parameters, files=files)
@@ -215,7 +219,7 @@ def write_parameters(
     Args:
         folder: an existing folder.
         node: name of the node.
-        parameters: names to values (bool, int, float, str), or to nested maps of such.
+        parameters: names to values (bool, int, float, str, list of str), or to nested maps of such.
         namespace: of the node, without outer slashes.
     """
     full_name = f"/{namespace}/{node}" if namespace else f"/{node}"
@@ -243,6 +247,8 @@ def _scalar(value: object) -> str:
         return str(value)
     if isinstance(value, float):
         return f"{value:.9f}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_scalar, value))}]"
     return _text(str(value))
 
 

@@ -258,16 +258,22 @@ def _joint(joint: Joint, pose: Floats) -> Element:
     return result
 
 
-def _origin(pose: Floats) -> Element:
-    """``<origin>`` of a transform (4, 4)."""
+def origin_of(pose: Floats) -> Origin:
+    """URDF origin of a transform (4, 4)."""
     turn = pose[:3, :3]
     flat = math.hypot(turn[0, 0], turn[1, 0])
     if flat > 1e-9:
         roll, yaw = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
     else:  # Gimbal lock: roll and yaw rotate about the same axis.
         roll, yaw = 0.0, math.atan2(-turn[0, 1], turn[1, 1])
-    rpy = (roll, math.atan2(-turn[2, 0], flat), yaw)
-    return Element("origin", xyz=_words(pose[:3, 3]), rpy=_words(rpy))
+    x, y, z = pose[:3, 3].tolist()
+    return Origin((x, y, z), (roll, math.atan2(-turn[2, 0], flat), yaw))
+
+
+def _origin(pose: Floats) -> Element:
+    """``<origin>`` of a transform (4, 4)."""
+    xyz, rpy = origin_of(pose)
+    return Element("origin", xyz=_words(xyz), rpy=_words(rpy))
 
 
 def _words(values: Sequence[float] | Floats) -> str:

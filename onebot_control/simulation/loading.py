@@ -197,8 +197,12 @@ def converted_meshes(bodies: Iterable[Body]) -> Iterator[Mapping[str, str]]:
         yield written
 
 
-def _as_obj(mesh: Mesh) -> str:
-    """The triangles of a mesh file, in metres, as Wavefront OBJ."""
+def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled.
+
+    Raises:
+        OneBotError: it cannot be read, or holds no triangles.
+    """
     import trimesh
 
     path = mesh.path
@@ -219,7 +223,12 @@ def _as_obj(mesh: Mesh) -> str:
         raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles")
-    corners = np.concatenate([part.vertices for part in parts])
+    return np.concatenate([np.asarray(part.vertices, float) for part in parts])
+
+
+def _as_obj(mesh: Mesh) -> str:
+    """The convex hull of a mesh file, in metres, as Wavefront OBJ."""
+    corners = mesh_corners(mesh)
     faces = _hull(corners)
     used, faces = np.unique(faces, return_inverse=True)
     lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]

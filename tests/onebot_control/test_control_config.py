@@ -35,7 +35,7 @@ def test_defaults_are_those_of_diff_drive_controller() -> None:
     assert config.velocity_rolling_window_size == 10
     assert config.enable_odom_tf and config.position_feedback and config.tf_frame_prefix_enable
     assert not (config.open_loop or config.publish_limited_velocity)
-    assert (config.odom_frame_id, config.base_frame_id) == ("odom", "base_link")
+    assert (config.odom_frame_id, config.base_frame_id) == ("odom", "")
     assert config.pose_covariance_diagonal == (0.0,) * 6
     assert math.isnan(config.linear.max_velocity)
     multipliers = (
@@ -66,13 +66,12 @@ def test_whole_numbers_are_numbers() -> None:
     assert (config.linear.max_velocity, config.wheel_radius) == (1.0, 1.0)
 
 
-def test_wheel_names_are_required() -> None:
-    """Without names, or with those of one side only, the error says which are missing."""
+def test_wheels_are_named_on_both_sides_or_on_none() -> None:
+    """The error says which side is missing; without names on either, they are found."""
     assert "left_wheel_names: is empty" in problem(left_wheel_names=[])
     assert "right_wheel_names: is empty" in problem(right_wheel_names=[])
-    with pytest.raises(ConfigError) as caught:
-        ControlConfig.from_parameters({})
-    assert str(caught.value).count("is empty; name joints") == 2
+    config = ControlConfig.from_parameters({})
+    assert config.left_wheel_names == config.right_wheel_names == ()
 
 
 def test_sides_must_have_as_many_wheels() -> None:
@@ -149,7 +148,6 @@ def test_a_wheel_is_on_one_side() -> None:
         ({"left_wheel_radius_multiplier": -1.0}, "left_wheel_radius_multiplier: -1 is not above 0"),
         ({"right_wheel_radius_multiplier": 0}, "right_wheel_radius_multiplier: 0 is not above 0"),
         ({"tf_frame_prefix": 1}, "tf_frame_prefix: 1 is a number; write a string"),
-        ({"base_frame_id": ""}, "base_frame_id: is empty; write the name of a frame, such as"),
         (
             {"velocity_rolling_window_size": True},
             "velocity_rolling_window_size: true is a bool",

@@ -75,7 +75,7 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
     """The file shipped has no problem, and counts in a namespace too."""
     for namespace in ("/", "/robot1"):
         config = read(default_control_file(), namespace)
-        assert config.left_wheel_names == ("left_wheel_joint",)
+        assert config.left_wheel_names == ()  # found in the URDF
         assert config.linear.max_acceleration == 0.5
         assert config.angular.max_acceleration == 1.0
         assert config.update_rate == 100

@@ -99,6 +99,15 @@
   window.addEventListener("keyup", stop, { capture: true });
   window.addEventListener("blur", () => tell("released"));
 
+  // An opaque origin has no storage, and Rerun shows an error where it cannot remember settings.
+  const items = new Map();
+  const localStorage = {
+    getItem: (name) => items.get(name) ?? null,
+    setItem: (name, value) => void items.set(name, value),
+    removeItem: (name) => void items.delete(name),
+  };
+  Object.defineProperty(window, "localStorage", { value: localStorage });
+
   // Rerun's page takes the focus as it starts, before anybody pointed at it.
   let pointed = false;
   window.addEventListener("pointerdown", () => (pointed = true), { capture: true });

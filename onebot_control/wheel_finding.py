@@ -1,0 +1,130 @@
+"""Which of a robot's joints drive it: the wheels of a differential drive, found by their geometry.
+
+A wheel turns about an axis that lies across the robot, reaches the ground with a round shape, is on
+the left or the right, and hangs on no joint that swivels it. Names decide only where that leaves
+several sets of wheels.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from onebot_control.wheel_geometry import Axle, axles
+from onebot_control.wheel_shapes import Tyres
+from onebot_description.description.description import Description, Joint
+from onebot_description.errors import OneBotError
+
+_MIDDLE = 0.005  # m from the middle line; a wheel there is on neither side
+_GROUND = 0.1  # of its radius that a wheel may end above the lowest one
+_ALIKE = 0.01  # m of radius and height by which the wheels of a set differ at most
+_VERTICAL = 0.9  # cosine of the angle to the vertical, of joints that swivel wheels
+_PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
+
+
+class DriveWheels(NamedTuple):
+    """The joints of a differential drive, the front ones first."""
+
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+
+
+class _Wheel(NamedTuple):
+    name: str  # of the joint
+    x: float  # of its middle, in the frame of the root link, m
+    y: float
+    bottom: float  # z where it touches the ground, m
+    radius: float  # m
+    link: str
+
+
+def find_wheels(description: Description) -> DriveWheels:
+    """Return the wheels that drive the robot.
+
+    Raises:
+        OneBotError: there are none, or several sets of them; with the joints that there are.
+    """
+    turning = axles(description)
+    rolling = _on_ground(_rolling(description, turning))
+    swivels = {wheel.name: _swivel(description, wheel.name, turning) for wheel in rolling}
+    wheels = [wheel for wheel in rolling if not swivels[wheel.name]]
+    for wheel in rolling:
+        swivel = swivels[wheel.name]
+        if swivel and swivel.kind == "revolute" and not _PASSIVE.search(swivel.name):
+            reason = f'joint "{swivel.name}" steers the wheel of "{wheel.name}"'
+            raise _not_driven(description, f"it is no differential drive: {reason}")
+    sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
+    if len(sets) > 1:
+        sets = [each for each in sets if not any(map(_is_passive, each))] or sets
+    if not sets:
+        reason = "no wheel on the left that has its like on the right"
+        raise _not_driven(description, f"{reason} was found among its joints")
+    if len(sets) > 1:
+        shown = " or ".join(", ".join(wheel.name for wheel in each) for each in sets)
+        raise _not_driven(description, f"it is not clear which of its wheels drive it: {shown}")
+    front_first = sorted(sets[0], key=lambda wheel: -wheel.x)
+    left = tuple(wheel.name for wheel in front_first if wheel.y > 0.0)
+    return DriveWheels(left, tuple(wheel.name for wheel in front_first if wheel.y < 0.0))
+
+
+def _not_driven(description: Description, reason: str) -> OneBotError:
+    listed = [f"{axle.joint.name} {_seen(axle)}" for axle in axles(description).values()]
+    return OneBotError(
+        f'robot "{description.robot_name}" cannot be driven: {reason}. Wheels are continuous '
+        "joints whose axes point to the left, (0 1 0), in the frame of "
+        f"{description.root_link}, with a round shape on the ground. Name them: "
+        "left_wheel:=JOINT right_wheel:=JOINT, or left_wheel_names and right_wheel_names in "
+        "params_file (or start without a simulation: sim:=false). "
+        f"Its joints that turn: {'; '.join(listed) or 'none'}"
+    )
+
+
+def _seen(axle: Axle) -> str:
+    x, y, z = (f"{value:.3g}" for value in np.round(axle.pose[:3, 3], 3) + 0.0)
+    pointing = " ".join(f"{value:.3g}" for value in np.round(axle.axis, 3) + 0.0)
+    return f"({axle.joint.kind}, at {x} {y} {z}, axis {pointing})"
+
+
+def _rolling(description: Description, turning: dict[str, Axle]) -> list[_Wheel]:
+    """Return all that rolls, wherever it is: what turns without end about an axis across."""
+    tyres, found = Tyres(description), []
+    for name, axle in turning.items():
+        if axle.joint.kind != "continuous" or not axle.across:
+            continue
+        if (tyre := tyres.of(name)) is not None:
+            x, y, z = axle.middle(tyre).tolist()
+            found.append(_Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
+    return found
+
+
+def _on_ground(wheels: Sequence[_Wheel]) -> list[_Wheel]:
+    ground = min((wheel.bottom for wheel in wheels), default=0.0)
+    return [w for w in wheels if w.bottom - ground <= max(_ALIKE, _GROUND * w.radius)]
+
+
+def _swivel(description: Description, name: str, turning: dict[str, Axle]) -> Joint | None:
+    """Return the joint about the vertical that carries this one."""
+    above = {joint.child: joint for joint in description.joints}
+    link = turning[name].joint.parent
+    while joint := above.get(link):
+        if joint.name in turning and abs(turning[joint.name].axis[2]) > _VERTICAL:
+            return joint
+        link = joint.parent
+    return None
+
+
+def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
+    """Return wheels of like radius together, where there are as many on either side."""
+    sized = sorted(wheels, key=lambda wheel: wheel.radius)
+    found: list[list[_Wheel]] = []
+    for wheel in sized:
+        if found and wheel.radius <= found[-1][0].radius * (1.0 + _ALIKE) + 1e-6:
+            found[-1].append(wheel)
+        else:
+            found.append([wheel])
+    return [each for each in found if sum(1 if wheel.y > 0.0 else -1 for wheel in each) == 0]
+
+
+def _is_passive(wheel: _Wheel) -> bool:
+    return bool(_PASSIVE.search(f"{wheel.name} {wheel.link}"))

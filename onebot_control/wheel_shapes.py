@@ -1,0 +1,93 @@
+"""The round shapes that wheels roll on, read from the robot's description."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.simulation.bodies import link_poses, matrix
+from onebot_control.simulation.loading import mesh_corners
+from onebot_description.description.description import (
+    Cylinder,
+    Description,
+    Geometry,
+    Mesh,
+    Sphere,
+)
+from onebot_description.errors import OneBotError
+
+Floats = NDArray[np.float64]
+
+_SAME = 1e-6  # m by which the radii of a wheel's shapes may differ
+# A mesh is round if it reaches as far from the axle in four directions, but for this share.
+_ROUND = 0.05
+
+
+class Tyre(NamedTuple):
+    """The round shape that a wheel rolls on."""
+
+    radius: float  # m
+    offset: float  # of its middle from the joint, along the joint's axis, m
+
+
+class Tyres:
+    """The round shapes of a robot's links, by the joint that turns them."""
+
+    def __init__(self, description: Description) -> None:
+        """Sort the links by the rigid body they belong to; meshes are read when asked for."""
+        self._joints = {joint.name: joint for joint in description.joints}
+        self._bodies: dict[str, list[tuple[Geometry, Floats, int]]] = {}
+        poses = link_poses(description)
+        for link in description.links:
+            first, pose = poses[link.name]
+            shapes = self._bodies.setdefault(first, [])
+            for rank, geometries in enumerate((link.collisions, link.visuals)):
+                shapes += [(each, pose @ matrix(each.origin), rank) for each in geometries]
+
+    def of(self, name: str) -> Tyre | None:
+        """Return the shape on which the link turned by this joint rolls; None if none is round.
+
+        Of the collisions, or if none of these is round of the visuals. A mesh counts only where
+        there is neither sphere nor cylinder.
+        """
+        joint = self._joints[name]
+        axis = np.array(joint.axis)
+        for rank in (0, 1):
+            shapes = [each for each in self._bodies[joint.child] if each[2] == rank]
+            for find in (_primitives, _meshes):
+                tyres = list(find(shapes, axis))
+                if tyres and max(tyres).radius - min(tyres).radius <= _SAME:
+                    return Tyre(tyres[0].radius, float(np.mean([tyre.offset for tyre in tyres])))
+        return None
+
+
+def _primitives(shapes: Sequence[tuple[Geometry, Floats, int]], axis: Floats) -> Iterator[Tyre]:
+    for geometry, pose, _ in shapes:
+        if isinstance(geometry.shape, Cylinder | Sphere):
+            yield Tyre(geometry.shape.radius, float(pose[:3, 3] @ axis))
+
+
+def _meshes(shapes: Sequence[tuple[Geometry, Floats, int]], axis: Floats) -> Iterator[Tyre]:
+    for geometry, pose, _ in shapes:
+        if isinstance(geometry.shape, Mesh) and (found := _round_mesh(geometry.shape, pose, axis)):
+            yield found
+
+
+def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
+    """Return the greatest circle of a mesh about ``axis``; None if it is not round."""
+    try:
+        corners = mesh_corners(mesh) * np.array(mesh.scale)
+    except OneBotError:  # reported by who needs the mesh
+        return None
+    corners = corners @ pose[:3, :3].T + pose[:3, 3]
+    along = corners @ axis
+    outward = corners - np.outer(along, axis)
+    side = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    extents = [outward @ turned for turned in (side, np.cross(axis, side))]
+    reaches = [reach for extent in extents for reach in (extent.max(), -extent.min())]
+    radius = float(np.linalg.norm(outward, axis=1).max())
+    if min(reaches) < radius * (1.0 - _ROUND):
+        return None
+    return Tyre(radius, float(along.max() + along.min()) / 2.0)

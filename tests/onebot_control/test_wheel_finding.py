@@ -1,0 +1,211 @@
+"""Finding the wheels that drive a robot, and driving it by them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from onebot_control.accuracy import PATHS, measure
+from onebot_control.driven_robot import DrivenRobot, wheels_of
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.simulation.drivable import drivable
+from onebot_control.wheel_finding import find_wheels
+from onebot_control.wheel_geometry import wheel_geometry
+from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description.packages import package_share
+from onebot_description.errors import OneBotError
+from tests.onebot_control.control_support import config, robot
+
+INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+WIDE = 'rpy="-1.5707963267948966 0 0"', '<cylinder radius="0.1" length="0.05"/>'
+
+
+def part(name: str, xyz: str, shape: str, **how: str) -> str:
+    """A link with one shape, and its joint: continuous about y, without a limit."""
+    origin, kind = how.get("origin", ""), how.get("kind", "continuous")
+    limit = '<limit lower="-1" upper="1" effort="9" velocity="9"/>' if kind == "revolute" else ""
+    return f"""
+  <link name="{name}">
+    <inertial><mass value="0.5"/>{INERTIA}</inertial>
+    <collision><origin {origin}/><geometry>{shape}</geometry></collision>
+  </link>
+  <joint name="{name}_joint" type="{kind}">
+    <parent link="{how.get("parent", "base_link")}"/><child link="{name}"/>
+    <origin xyz="{xyz}"/><axis xyz="{how.get("axis", "0 1 0")}"/>{limit}
+  </joint>"""
+
+
+def wheel(name: str, x: float, y: float, axis: str = "0 1 0", radius: float = 0.1) -> str:
+    """A wide wheel whose motor has no limit."""
+    shape = f'<cylinder radius="{radius}" length="0.05"/>'
+    return part(name, f"{x} {y} {radius - 0.1}", shape, origin=WIDE[0], axis=axis)
+
+
+def base(*parts: str) -> Description:
+    """A robot of 10 kg under whose root is nothing but the footprint."""
+    return parse_description(f"""<robot name="bot"><link name="footprint"/>
+  <joint name="base_joint" type="fixed"><parent link="footprint"/><child link="base_link"/></joint>
+  <link name="base_link"><inertial><mass value="10"/>
+    <inertia ixx="0.2" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  {"".join(parts)}</robot>""")
+
+
+TWO = wheel("l", 0.0, 0.2), wheel("r", 0.0, -0.2)
+FOUR = tuple(
+    wheel(f"{end}{side}", x, y)
+    for end, x in (("rear_", -0.15), ("front_", 0.15))
+    for side, y in (("l", 0.2), ("r", -0.2))
+)
+BALLS = tuple(
+    part(f"ball_{x:g}", f"{x} 0 -0.07", '<sphere radius="0.03"/>', kind="fixed")
+    for x in (-0.2, 0.2)
+)
+SWIVEL = part("fork", "-0.2 0 -0.05", '<box size="0.02 0.02 0.02"/>', axis="0 0 1") + part(
+    "roller", "-0.03 0.02 0", '<sphere radius="0.05"/>', parent="fork"
+)
+ROLLERS = tuple(
+    wheel(f"caster_{side}", -0.2, y, radius=0.05) for side, y in (("l", 0.1), ("r", -0.1))
+)
+ARM = part("arm", "0.1 0 0.3", '<box size="0.2 0.02 0.02"/>', kind="revolute") + part(
+    "hand", "0.2 0.1 0", '<cylinder radius="0.1" length="0.1"/>', parent="arm"
+)
+
+
+@pytest.mark.parametrize(
+    ("parts", "left", "right"),
+    [
+        (TWO, ["l"], ["r"]),
+        ((*TWO, *BALLS), ["l"], ["r"]),
+        ((*TWO, SWIVEL), ["l"], ["r"]),
+        ((*TWO, *ROLLERS), ["l"], ["r"]),
+        ((*TWO, ARM), ["l"], ["r"]),
+        (FOUR, ["front_l", "rear_l"], ["front_r", "rear_r"]),
+        ((wheel("a", 0.0, -0.2, "0 -1 0"), wheel("b", 0.0, 0.2)), ["b"], ["a"]),
+    ],
+)
+def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[str]) -> None:
+    """By their axes, shapes and places: not casters, arms, or what stands in the middle."""
+    found = find_wheels(base(*parts))
+    assert found == tuple(tuple(f"{name}_joint" for name in side) for side in (left, right))
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ((), "no wheel on the left that has its like on the right was found"),
+        ((TWO[0],), "no wheel on the left that has its like on the right was found"),
+        ((wheel("a", 0.2, 0.0, "1 0 0"), wheel("b", -0.2, 0.0, "1 0 0")), "at 0.2 0 0, axis 1 0 0"),
+        (
+            (*TWO, wheel("m", 0.2, 0.1, radius=0.05), wheel("n", 0.2, -0.1, radius=0.05)),
+            "it is not clear which of its wheels drive it: m_joint, n_joint or l_joint, r_joint",
+        ),
+        (
+            (
+                *TWO,
+                part(
+                    "hinge", "0.2 0.2 0", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", kind="revolute"
+                ),
+                part("tyre", "0 0 0", '<sphere radius="0.1"/>', parent="hinge"),
+            ),
+            'it is no differential drive: joint "hinge_joint" steers the wheel of "tyre_joint"',
+        ),
+    ],
+)
+def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
+    """One message names what is missing, how to name the wheels, and the joints that there are."""
+    with pytest.raises(OneBotError) as caught:
+        find_wheels(base(*parts))
+    message = str(caught.value)
+    assert 'robot "bot" cannot be driven: ' in message and said in message
+    assert "left_wheel:=JOINT right_wheel:=JOINT" in message
+    assert "Its joints that turn: " + ("" if parts else "none") in message
+
+
+def test_onebot_is_found_and_names_override() -> None:
+    """OneBot's wheels are found in its URDF; parameters name others."""
+    onebot = load_description(package_share("onebot_description") / "urdf/onebot.urdf.xacro")
+    assert find_wheels(onebot) == (("left_wheel_joint",), ("right_wheel_joint",))
+    named = config(left_wheel_names=["front_l_joint"], right_wheel_names=["front_r_joint"])
+    assert wheels_of(base(*FOUR), named) == (("front_l_joint",), ("front_r_joint",))
+
+
+def test_a_wheel_may_be_a_mesh(tmp_path: Path) -> None:
+    """Its greatest circle about the axle counts, and its middle."""
+    file = tmp_path / "wheel.stl"
+    trimesh.creation.cylinder(radius=0.1, height=0.04, sections=64).export(file)
+    mesh = f'<mesh filename="file://{file}"/>'
+    origin = 'xyz="0 0.03 0" rpy="1.5707963267948966 0 0"'
+    description = base(
+        part("l", "0 0.2 0", mesh, origin=origin),
+        part("r", "0 -0.2 0", mesh, origin=origin.replace("0.03", "-0.03")),
+    )
+    found = find_wheels(description)
+    assert wheel_geometry(description, *found) == pytest.approx((0.46, 0.1), abs=1e-6)
+
+
+def test_a_box_is_no_wheel() -> None:
+    """Neither a box nor a mesh that is none."""
+    box = '<box size="0.2 0.2 0.2"/>'
+    with pytest.raises(OneBotError, match="cannot be driven"):
+        find_wheels(base(part("l", "0 0.2 0", box), part("r", "0 -0.2 0", box)))
+
+
+def test_what_is_simulated() -> None:
+    """Wheels are thin and have motors, casters glide, an arm is held; a swivel follows."""
+    description = base(*TWO, *BALLS, SWIVEL, ARM)
+    simulated, held = drivable(description, ["l_joint", "r_joint"])
+    assert held == {"arm_joint": 0.0, "hand_joint": 0.0}
+    names = [joint.name for joint in simulated.moving_joints]
+    assert names == ["l_joint", "r_joint", "fork_joint", "roller_joint"]
+    assert simulated.moving_joints[0].effort == pytest.approx(9.81 * 14.0 * 0.1)
+    frictions = {link.name: link.friction for link in simulated.links}
+    assert frictions["base_link"] == frictions["ball_0.2"] == 0.01
+    assert frictions["l"] is frictions["roller"] is None
+    thin = next(link for link in simulated.links if link.name == "l").collisions[0]
+    assert (thin.shape.radius, thin.shape.length) == (0.1, 0.004)  # type: ignore[union-attr]
+    assert drivable(robot(), ["left_wheel_joint", "right_wheel_joint"]).description.joints == (
+        robot().joints
+    )
+
+
+def drive(description: Description) -> list[tuple[float, float]]:
+    """Drive 2 m straight and turn once; return odometry's and truth's distance and angle."""
+    parameters = read_control_files([default_control_file()], "/", "velocity_controller")
+    default = ControlConfig.from_parameters(parameters.values)
+    straight, turn = measure(description, default, PATHS[:2], rest=1.0).results
+    assert straight.odometry.x == pytest.approx(2.0, abs=1e-3)
+    assert abs(straight.truth.y) < 1e-3 and abs(straight.truth.yaw) < 1e-3
+    assert turn.odometry.yaw == pytest.approx(2.0 * math.pi, abs=1e-3)
+    return [(straight.odometry.x, straight.truth.x), (turn.odometry.yaw, turn.truth.yaw)]
+
+
+@pytest.mark.parametrize("axis", ["0 1 0", "0 -1 0"])
+def test_two_wheels_drive(axis: str) -> None:
+    """Without any parameter, on wide wheels without a limit, on balls; either way round."""
+    robot = base(wheel("l", 0.0, 0.2), wheel("r", 0.0, -0.2, axis), *BALLS, ARM)
+    for odometry, truth in drive(robot):
+        assert truth == pytest.approx(odometry, rel=1e-3)
+
+
+def test_four_wheels_skid() -> None:
+    """The truth follows the odometry, whose separation is the effective one."""
+    straight, turn = drive(base(*FOUR))
+    assert straight[1] == pytest.approx(straight[0], rel=1e-4)
+    assert turn[1] == pytest.approx(turn[0], rel=0.05)
+
+
+def test_joints_that_are_held_are_published() -> None:
+    """With those that move, at the position they are held at."""
+    drive = DrivenRobot.of(base(*TWO, *BALLS, ARM.replace('lower="-1"', 'lower="0.25"')), CONFIG)
+    try:
+        assert drive.broadcaster.names == ("l_joint", "r_joint", "arm_joint", "hand_joint")
+        positions, velocities, _ = drive.broadcaster.values(drive.begin().joints)
+        assert np.allclose(positions, [0.0, 0.0, 0.25, 0.0], atol=1e-6)
+        assert velocities[2:] == [0.0, 0.0]
+    finally:
+        drive.plant.close()
+
+
+CONFIG = ControlConfig.from_parameters({})
