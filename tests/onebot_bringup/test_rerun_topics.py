@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import curve, strips, while_written
-from tests.onebot_bringup.test_rerun_viewer import _uri
+from tests.onebot_bringup.test_rerun_viewer import viewer_uri
 from tests.onebot_bringup.viewer_support import ARM, BLUE
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -90,7 +90,7 @@ def test_late_viewers_and_the_file_show_trails_and_speeds(ros_domain, tmp_path):
             return driver.step()
 
         wait_for(drive, "the drive")
-        with headless_viewer(_uri(node), 960, 480) as client:
+        with headless_viewer(viewer_uri(peer), 960, 480) as client:
 
             def shown() -> bool:
                 image = pixels(still(client))

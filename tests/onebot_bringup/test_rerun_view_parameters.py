@@ -10,7 +10,7 @@ from std_srvs.srv import Trigger
 
 from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
-from tests.onebot_bringup.test_rerun_viewer import Robot, _uri
+from tests.onebot_bringup.test_rerun_viewer import Robot, viewer_uri
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
@@ -52,7 +52,7 @@ def test_a_switch_shows_at_once_and_is_saved_with_the_comments(ros_domain, tmp_p
         robot = Robot(peer)
         wait_for(lambda: 'showing "arm"' in node.output, "the robot")
         robot.move()
-        with headless_viewer(_uri(node), 640, 480) as client:
+        with headless_viewer(viewer_uri(peer), 640, 480) as client:
             wait_for(lambda: not colored(pixels(still(client)), BLUE).any(), "the base, hidden")
             [done] = peer.set_parameters(NODE, collision=False)
             assert done.successful

@@ -6,10 +6,10 @@ import os
 import re
 import resource
 import signal
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 import psutil
@@ -27,7 +27,7 @@ from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import PATIENCE, used_domain, wait_for
+from tests.support import used_domain, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 MODULE = "onebot_bringup.viewer.rerun_viewer"
@@ -77,11 +77,11 @@ class Robot:
         )
 
 
-def _uri(node: NodeProcess) -> str:
-    """Where viewers connect, found among what the node listens on."""
-    with urllib.request.urlopen(_page(node), timeout=PATIENCE) as response:
-        port = re.search(r"url=rerun%2Bhttp://127\.0\.0\.1:(\d+)/proxy", response.url)
-    return f"rerun+http://127.0.0.1:{port[1]}/proxy"
+def viewer_uri(peer: Peer) -> str:
+    """Where native viewers connect, as the node publishes it."""
+    pages = peer.hear(String, "/rerun_viewer/page", LATCHED)
+    page = wait_for(lambda: [page.data for page in pages if page.data], "the page's address")[-1]
+    return re.search(r"[?&]url=([^&]+)", unquote(page))[1]
 
 
 def _page(node: NodeProcess) -> str:
@@ -100,7 +100,7 @@ def test_late_viewers_and_the_file_show_the_robot(ros_domain, tmp_path):
         wait_for(lambda: 'showing "arm" (2 links)' in node.output, "the robot")
         robot.move(0.2)
         robot.move(1.0)
-        uri = _uri(node)
+        uri = viewer_uri(peer)
 
         with headless_viewer(uri, 640, 480) as client:
 

@@ -134,3 +134,11 @@ def test_one_that_does_not_read_its_response_makes_room_first(server, monkeypatc
         assert len(_rest(stuck)) < LARGE
     finally:
         server.close()
+
+
+def test_a_client_that_speaks_no_http_is_refused_without_a_word_in_the_log(server, caplog):
+    client = server.connect()
+    client.sendall(b"GET / HTTP/1.1\r\n\r\n")  # no Host
+    assert client.recv(1000).startswith(b"HTTP/1.0 400 ")
+    assert client.recv(1000) == b""
+    assert caplog.records == []

@@ -395,14 +395,14 @@ def test_the_command_key_lets_go(peer: Peer, page: Page) -> None:
 
 
 def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer: Peer, page: Page) -> None:
-    """Wherever the focus is; what is held has to be let go first."""
+    """Wherever the focus is, with Ctrl too; what is held has to be let go first."""
     heard = peer.hear(Twist, TOPIC, 1000)
     with steering(**LIMITS) as node:
         page.open(node.address)
         page.driver.execute_script("document.querySelector('#linear button').focus()")
         page.act().key_down("w").perform()
         wait_to_move(heard)
-        page.act().send_keys(" ").perform()
+        page.act().key_down(Keys.CONTROL).send_keys(" ").key_up(Keys.CONTROL).perform()
         wait_to_stop(page, heard)
         assert "stop" in [message["type"] for message in page.sent()]
         page.act().key_up("w").key_down("w").perform()
@@ -465,6 +465,19 @@ def test_limits_are_edited_by_the_user(peer: Peer, page: Page) -> None:
         assert page.limit("linear") == "0.2" and page.limit("angular") == "1"
         page.enter("#linear-limit", "")
         wait_for(lambda: page.limit("linear") == "0.5", "the robot's own")
+        page.driver.execute_script(ENTER_BOTH)
+        both = {"type": "limits", "linear": 0.3, "angular": 0.6}
+        wait_for(lambda: both in page.sent(), "both limits")
+
+
+# One after the other, before the server's state has the first.
+ENTER_BOTH = """
+for (const [axis, value] of Object.entries({ linear: "0.3", angular: "0.6" })) {
+  const field = document.getElementById(`${axis}-limit`);
+  field.value = value;
+  field.dispatchEvent(new Event("change"));
+}
+"""
 
 
 def _drive(page: Page, heard: list[Twist], wanted: tuple[float, float]) -> None:

@@ -2,6 +2,7 @@
 
 const UNITS = { linear: "m/s", angular: "rad/s" };
 const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
+const CONFIRM_MS = 1000; // after an entry; later the server's states have it
 const STORED = "limits"; // in the tab's storage, which outlives a reload
 
 export class Topic {
@@ -57,10 +58,20 @@ export class Limits {
     this.choose = choose;
     this.fields = {};
     for (const [axis, unit] of Object.entries(UNITS)) {
-      const enter = (value) => choose({ ...this.chosen, [axis]: value });
+      const enter = (value) => this.enter(axis, value);
       this.fields[axis] = new LimitField(groups[axis], unit, enter);
     }
+    this.entered = -Infinity;
     this.forget();
+  }
+
+  /** Send what was entered into one field, with the other limit as it is. */
+  enter(axis, value) {
+    // A state that was sent before the last entry arrived does not have it.
+    const confirmed = performance.now() - this.entered > CONFIRM_MS;
+    this.entry = { ...(confirmed ? this.chosen : this.entry), [axis]: value };
+    this.entered = performance.now();
+    this.choose(this.entry);
   }
 
   /** Show the server's state; a server that was restarted is sent what it has lost. */

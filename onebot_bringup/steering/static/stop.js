@@ -62,7 +62,7 @@ export class Stop {
 
   pressKey(event) {
     if (event.metaKey) this.releaseKeys(); // macOS reports no keyup while Cmd is down
-    if (event.ctrlKey || event.altKey || event.metaKey || !this.stops(event)) return;
+    if (event.metaKey || !this.stops(event)) return;
     event.preventDefault(); // it would also press the button that has the focus
     event.stopPropagation();
     this.press(event.code);
