@@ -218,6 +218,7 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
 def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
     """Its own parameters override those of the file, which it reads from anywhere."""
     given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
+    given |= {"left_wheel": "a, b", "right_wheel": "c,d"}
     nodes = make(**given)
     node = nodes.velocity_controller()
     assert parameters(node) == {
@@ -228,6 +229,8 @@ def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> No
         "tf_frame_prefix_enable": True,
         "tf_frame_prefix": "r/",
         "update_rate": 200,
+        "left_wheel_names": ["a", "b"],
+        "right_wheel_names": ["c", "d"],
         "use_sim_time": False,
     }
     files = [word for word in node.command[_MODULE + 1 :] if word.endswith(".yaml")]

@@ -176,6 +176,7 @@ def test_record_keeps_all_that_is_said(ros_domain, tmp_path):
         (["rate:=fast"], "rate:=fast"),
         (["params_file:=nowhere.yaml"], "nowhere.yaml"),
         (["sim:=maybe"], "sim:=maybe"),
+        (["left_wheel:=a"], "name both, or neither"),
         (["host:=0.0.0.0"], "add steer:=true"),
         (["steer:=true", "port:=70000"], "port:=70000"),
         (["steer:=true", "host:=1.2.3.4"], "1.2.3.4"),
