@@ -79,6 +79,8 @@ def _number(kind: str) -> st.SearchStrategy[Any]:
         return st.floats(width=32)
     if kind == "boolean":
         return st.booleans()
+    if kind == "octet":
+        return st.binary(min_size=1, max_size=1)
     sign, bits = _INTEGERS[kind]
     least = 0 if sign else -(2 ** (bits - 1))
     return st.integers(least, least + 2**bits - 1)

@@ -1,6 +1,7 @@
 """The steering page's server: the page, its WebSocket and the robot's view on one port."""
 
 import asyncio
+import mimetypes
 import secrets
 import time
 from collections import deque
@@ -85,9 +86,14 @@ class SteeringServer:
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
         self.app.on_shutdown.append(self._close_pages)
-        self.app.router.add_get("/", self._index)
+        self._files = {
+            str(file.relative_to(STATIC)): file.read_bytes()
+            for file in STATIC.rglob("*")
+            if file.is_file()
+        }
+        self.app.router.add_get("/", self._file)
         self.app.router.add_get("/ws", self._serve_page)
-        self.app.router.add_static("/static", STATIC)
+        self.app.router.add_get("/static/{path:.+}", self._file)
         context.view.add_to(self.app)
 
     def notify(self) -> None:
@@ -125,8 +131,14 @@ class SteeringServer:
             cookie = f"{access.cookie_name}={access.cookie}; Path=/; HttpOnly; SameSite=Strict"
             answer.headers.add("Set-Cookie", cookie)
 
-    async def _index(self, _: web.Request) -> web.FileResponse:
-        return web.FileResponse(STATIC / "index.html")
+    async def _file(self, request: web.Request) -> web.Response:
+        # Not a FileResponse: that logs a traceback where its connection is closed meanwhile.
+        name = request.match_info.get("path", "index.html")
+        if name not in self._files:
+            raise web.HTTPNotFound(text="There is no such page.\n")
+        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
+        charset = "utf-8" if kind.startswith("text/") else None
+        return web.Response(body=self._files[name], content_type=kind, charset=charset)
 
     async def _serve_page(self, request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse(heartbeat=_HEARTBEAT, max_msg_size=_MAX_MESSAGE)

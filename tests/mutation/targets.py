@@ -96,12 +96,6 @@ EQUIVALENT = (
         "an age below 0 counts as 0",
     ),
     Equivalent(
-        "onebot_control/driven_robot.py",
-        "_mean",
-        "return values.item(rows[0]) if len(rows) <= 1 else float(values[list(rows)].mean())",
-        "there is at least one wheel on each side",
-    ),
-    Equivalent(
         "onebot_control/odometry.py",
         "Odometry.__init__",
         "self._since = -1.0",
