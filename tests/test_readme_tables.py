@@ -124,7 +124,6 @@ def _full(name: str, node: str) -> str:
     return f"/{node}{name[1:]}" if name[0] == "~" else f"/{name.lstrip('/')}"
 
 
-WHEELS = {"left_wheel_names": ["left_wheel_joint"], "right_wheel_names": ["right_wheel_joint"]}
 NODES = (
     Documented(
         "onebot_description.robot_state_publisher",
@@ -164,8 +163,7 @@ NODES = (
     ),
     Documented(
         "onebot_control.velocity_controller",
-        least=WHEELS,
-        most={**WHEELS, "publish_limited_velocity": True, "real_time_factor": 2.0},
+        most={"publish_limited_velocity": True, "real_time_factor": 2.0},
         description=ONEBOT,
     ),
     Documented(

@@ -108,14 +108,14 @@ class ParameterClient:
         return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
 
 
-def frame_prefix(session: Session, nodes: Iterable[str]) -> str:
-    """Return the parameter frame_prefix of the first of these nodes that has one, or else ""."""
+def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:
+    """Return the parameter frame_prefix of the first of these nodes that has one."""
     for name in nodes:
         with suppress(OneBotError):  # it has no parameters
             [value] = ParameterClient(session, name).values(["frame_prefix"])
-            if value.string_value:
+            if value.type != NOT_SET:
                 return str(value.string_value)
-    return ""
+    return None
 
 
 _NODE = "such as /robot_state_publisher"

@@ -260,7 +260,11 @@ def _published_prefix(session: Session) -> str:
     """
     topic = session.full_name(_DESCRIPTION_TOPIC)
     nodes = _look_for_robot(session, lambda: publishers(session.node, topic))
-    return frame_prefix(session, nodes.values())
+    found = frame_prefix(session, nodes.values())
+    if found is None:  # a foreign node; the robot's own may not be discovered yet
+        session.discover()
+        found = frame_prefix(session, publishers(session.node, topic).values())
+    return found or ""
 
 
 def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:

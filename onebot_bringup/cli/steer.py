@@ -137,7 +137,9 @@ def _frame_prefix(session: Session, namespace: str) -> str:
 
     topic = session.full_name("robot_description")
     nodes = session.spin(lambda: publishers(session.node, topic), PATIENCE)
-    return frame_prefix(session, nodes.values()) if nodes else prefixed("", True, "", namespace)
+    if not nodes:
+        return prefixed("", True, "", namespace)
+    return frame_prefix(session, nodes.values()) or ""
 
 
 def _finds_viewer(session: Session) -> bool:
