@@ -101,10 +101,10 @@ def test_what_is_missing_is_named(arm, ros_domain):
     words = [*prefixed, "-r", "__ns:=/left"]
     with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *words) as node:
         wait_for(lambda: "robot" in node.output or node.process.poll() is None, "the publisher")
-        done = snapshot(arm / "a.png")
+        done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/right"))
         assert done.returncode == 1
         assert "-r __ns:=/left goes there" in done.stderr, done.stderr
-        done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/left"))
+        done = snapshot(arm / "a.png")
         assert done.returncode == 1 and "waiting for the frames of left/tip" in done.stderr
         assert "/tf and /tf_static" in done.stderr
         assert "or the simulation is paused" in done.stderr
