@@ -115,7 +115,9 @@ def test_the_picture_is_the_running_viewers(arm, ros_domain, monkeypatch):
     """With its trails, and as a dashboard with its curves: taken from the viewer that has them."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # as the bringups have it
     view = str(arm / "view.yaml")
-    trail = "trails: {way: {topic: odom, color: [0, 220, 60], width: 0.1, height: 0.6}}\n"
+    trail = (
+        "trails: {way: {topic: odom, color: [0, 220, 60], width: 0.1, height: 0.6, length: 0}}\n"
+    )
     (arm / "view.yaml").write_text(VIEW + trail)
     parameters = ros_args(view=view, open_browser=False, grpc_port=0, web_port=0)
     with (
