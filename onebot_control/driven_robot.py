@@ -28,8 +28,8 @@ from onebot_control.simulation import (
     World,
 )
 from onebot_control.simulation.drivable import drivable
-from onebot_control.wheel_finding import DriveWheels, find_wheels
-from onebot_control.wheel_geometry import (
+from onebot_control.wheels.finding import DriveWheels, find_wheels
+from onebot_control.wheels.geometry import (
     WheelGeometry,
     check_wheel_names,
     wheel_directions,

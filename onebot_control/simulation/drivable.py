@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import link_poses, matrix, origin_of
 from onebot_control.simulation.loading import mesh_corners
-from onebot_control.wheel_shapes import Tyre, Tyres
+from onebot_control.wheels.shapes import Tyre, Tyres
 from onebot_description.description.description import (
     Box,
     Cylinder,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.wheel_shapes import Tyre, Tyres
+from onebot_control.wheels.shapes import Tyre, Tyres
 from onebot_description.description.description import Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import RobotModel, quaternions

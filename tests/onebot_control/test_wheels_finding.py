@@ -11,8 +11,8 @@ from onebot_control.accuracy import PATHS, measure
 from onebot_control.driven_robot import DrivenRobot, wheels_of
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.simulation.drivable import drivable
-from onebot_control.wheel_finding import find_wheels
-from onebot_control.wheel_geometry import wheel_geometry
+from onebot_control.wheels.finding import find_wheels
+from onebot_control.wheels.geometry import wheel_geometry
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.wheel_geometry import Axle, axles
-from onebot_control.wheel_shapes import Tyres
+from onebot_control.wheels.geometry import Axle, axles
+from onebot_control.wheels.shapes import Tyres
 from onebot_description.description.description import Description, Joint
 from onebot_description.errors import OneBotError
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from onebot_control.driven_robot import geometry_of
-from onebot_control.wheel_geometry import (
+from onebot_control.wheels.geometry import (
     check_wheel_names,
     skid_separation,
     wheel_directions,
