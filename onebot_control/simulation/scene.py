@@ -93,6 +93,14 @@ class SceneBodies:
             place(self._client, part, pose)
         self.read()
 
+    def put_back(self, robots: Sequence[LoadedRobot]) -> None:
+        """Put what can be pushed to where it was at the start, at rest, unless a robot is there."""
+        for part, pose, start in zip(self._parts, self.poses, self._starts, strict=True):
+            place(self._client, part, start)
+            if any(self._overlaps(robot, part.body) for robot in robots):
+                place(self._client, part, pose)
+        self.read()
+
     def check(self) -> None:
         """Raise OneBotError if the last poses were not finite."""
         if not self.finite:

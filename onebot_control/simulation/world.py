@@ -81,7 +81,10 @@ class WorldRobot:
         return self._readable().base_twist()
 
     def reset(self) -> None:
-        """Move this robot back to its start, at rest; time continues."""
+        """Move this robot back to its start, at rest, and the scene's boxes; time continues.
+
+        A box stays where it is if another robot is in its place.
+        """
         self._world.stand(self._row)
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
@@ -215,11 +218,13 @@ class World:
         """
         self.check_usable()
         pose = self._start_poses[row] if where is None else self._pose_at(row, where)
-        if self._alone:
-            # With nothing else around, the contacts of the robot at rest can be restored.
+        if self._alone or (where is None and len(self.bodies) == 1):
+            # Without other robots the contacts of all that is at rest can be restored.
             engine.restoreState(self._saved, physicsClientId=self.client)
         self.bodies[row].stand(pose, start=where is None)
         self.bodies[row].check()
+        if self.scene is not None and where is None:
+            self.scene.put_back([body.parts for body in self.bodies])
 
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
