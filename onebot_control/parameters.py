@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.parameter import Parameter
 
-    from onebot_control.wheel_geometry import WheelGeometry
+    from onebot_control.wheels.geometry import WheelGeometry
     from onebot_description.node import RosArguments
 
 BROADCASTER = "joint_state_broadcaster"

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from onebot_bringup.introspection.shared_memory import remove_stale_in_background
 from onebot_bringup.launch.arguments import (
     Argument,
     Arguments,
@@ -121,6 +122,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         tempfile.TemporaryDirectory(prefix="onebot-") as folder,
         Launcher(command.program) as launcher,
     ):
+        remove_stale_in_background()
         make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
         return launcher.run(
             nodes_to_start(make),

@@ -9,7 +9,7 @@ is given. Arms, grippers and heads are held still: nobody controls them here.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import link_poses, matrix, origin_of
 from onebot_control.simulation.loading import mesh_corners
-from onebot_control.wheel_shapes import Tyre, Tyres
+from onebot_control.wheels.geometry import Wheels
+from onebot_control.wheels.shapes import Tyre
 from onebot_description.description.description import (
     Box,
     Cylinder,
@@ -54,15 +55,15 @@ class Drivable(NamedTuple):
     held: Mapping[str, float]  # joints that it has no longer, to the position they are held at
 
 
-def drivable(description: Description, wheels: Sequence[str]) -> Drivable:
-    """Return a robot as the simulation drives it by these joints."""
-    tyres = {name: Tyres(description).of(name) for name in wheels}
+def drivable(wheels: Wheels) -> Drivable:
+    """Return a robot as the simulation drives it by these wheels."""
+    description, tyres = wheels.description, {name: wheels.tyres.of(name) for name in wheels.names}
     weight = _GRAVITY * _mass(description)
-    free = _free(description, wheels)
+    free = _free(description, tyres)
     held = {
         joint.name: min(max(0.0, joint.lower or 0.0), _upper(joint))
         for joint in description.moving_joints
-        if joint.name not in (*wheels, *free)
+        if joint.name not in (*tyres, *free)
     }
     joints = []
     for joint in description.joints:
@@ -85,7 +86,7 @@ def _upper(joint: Joint) -> float:
     return math.inf if joint.upper is None else joint.upper
 
 
-def _free(description: Description, wheels: Sequence[str]) -> dict[str, Joint]:
+def _free(description: Description, wheels: Iterable[str]) -> dict[str, Joint]:
     """Return the joints of swivelling and rolling casters.
 
     They turn without end, as do all joints between them and the base, and all that they carry.

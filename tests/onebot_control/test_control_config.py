@@ -8,7 +8,7 @@ import pytest
 from onebot_control.odometry import DiffDriveKinematics
 from onebot_control.parameters import ControlConfig
 from onebot_control.speed_limiter import SpeedLimits
-from onebot_control.wheel_geometry import WheelGeometry
+from onebot_control.wheels.geometry import WheelGeometry
 from onebot_description.parameters.reader import ConfigError, defaults, descriptor
 from tests.onebot_control.control_support import WHEELS
 
