@@ -143,6 +143,11 @@ class ControlConfig:
     world_frame_id: str = parameter(
         "world", "frame of ~/ground_truth, parent of odom_frame_id; empty: the odometry's"
     )
+    world: str = parameter(
+        "",
+        "walls, ramps and boxes around it: maze, ramp, or the path of a URDF or xacro file",
+        read_only=True,
+    )
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
 
     # Of older diff_drive_controllers.

@@ -93,6 +93,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
+    from onebot_description.description.worlds import load_world
     from onebot_description.description.xacro import included_files
     from onebot_description.file_watch import file_states
 
@@ -115,6 +116,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     description.require_tree()
+    if values.get("world"):
+        values["world"] = load_world(values["world"]).source
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
@@ -355,6 +358,8 @@ def summary_text(description: "Description", values: Mapping[str, str]) -> str:
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
+    if values.get("world"):
+        lines.append(f"  world    {values['world']}")
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":

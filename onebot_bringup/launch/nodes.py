@@ -23,6 +23,7 @@ NICE_VIEWER, NICE_WATCHER = 5, 10
 _SWINGING: Mapping[str, object] = {"rate": 30.0, "swing": 8.0}
 # Launch arguments that are parameters of the controller.
 _OF_CONTROLLER = {"x": "x", "y": "y", "yaw": "yaw", "rate": "update_rate"}
+_WORLD = "world"  # the frame of a simulated world
 _WHEELS = {"left_wheel": "left_wheel_names", "right_wheel": "right_wheel_names"}
 
 
@@ -76,6 +77,8 @@ class NodeFactory:
         for argument, name in _WHEELS.items():
             if self.values[argument]:
                 parameters[name] = [each.strip() for each in self.values[argument].split(",")]
+        if self.values["world"]:
+            parameters["world"], parameters["world_frame_id"] = self.values["world"], _WORLD
         module = "onebot_control.velocity_controller"
         files = [Path(self.values["params_file"]).absolute()]
         return self._node("velocity_controller", module, parameters, files=files)
@@ -89,6 +92,7 @@ class NodeFactory:
             "fixed_frame": self._fixed_frame(),
             "frame_prefix": self.values["frame_prefix"],
             "open_browser": not self.steered,  # the steering page holds the view
+            **self._ground(),
         }
         module = "onebot_bringup.viewer.rerun_viewer"
         return self._node("rerun_viewer", module, parameters, on_exit="ignore", nice=NICE_VIEWER)
@@ -153,7 +157,13 @@ class NodeFactory:
         """The frame asked for; a robot that is not simulated, but could be, has no odom."""
         if not self.values["fixed_frame"] and self.values.get("sim") == "false":
             return self.values["frame_prefix"] + self.description.root_link
+        if self.values.get("world"):
+            return self.values["fixed_frame"] or _WORLD
         return self.values["fixed_frame"]
+
+    def _ground(self) -> dict[str, object]:
+        """Where the view has its grid: in a world at 0, while odom is as high as the axle."""
+        return {"grid": {"height": 0.0}} if self._fixed_frame() == _WORLD else {}
 
     def _flag(self, name: str) -> bool:
         return self.values[name] == "true"

@@ -25,7 +25,7 @@ from onebot_description.description.description import Description, Link
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy
 
-_DEPTH = 1e-4  # m; bodies that touch penetrate each other by less
+_DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
 
 
 class SceneBodies:
