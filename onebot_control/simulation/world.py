@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import load_robot, make_world
-from onebot_control.simulation.rest_pose import RestPose, place, settle
+from onebot_control.simulation.rest_pose import RestPose, link_pose, place, settle
 from onebot_control.simulation.robot import JointStates, Pose, RobotBody, Twist
 from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose, checked_spawn_pose
 from onebot_description.description import Description
@@ -205,6 +205,27 @@ class World:
         self.bodies[row].stand(self.rest_poses[row], there, start=where is None)
         self.bodies[row].check()
 
+    def replaced(self, row: int, spawn: RobotSpawn) -> "World":
+        """Return a world with ``spawn``, at rest, in place of the robot of ``row``.
+
+        The others move on as they do in this one, which stays as it is; starts do, too.
+
+        Raises:
+            OneBotError: the robot cannot be simulated, or another one is in the way.
+        """
+        start = self._spawns[row]._replace(description=spawn.description, driven=spawn.driven)
+        world = World([*self._spawns[:row], start, *self._spawns[row + 1 :]], self.settings)
+        try:
+            world.stand(row, (spawn.x, spawn.y, spawn.yaw))
+            for other, (body, old) in enumerate(zip(world.bodies, self.bodies, strict=True)):
+                if other != row:
+                    body.assume(old)
+            world.check_overlaps(row)
+        except BaseException:
+            world.close()
+            raise
+        return world
+
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
         self._disconnect()
@@ -250,7 +271,7 @@ class World:
             else:
                 # Away from the origin, where the next one is loaded.
                 place(client, parts, self.rest_poses[row].at(*self._starts[row]))
-        self._check_overlaps()
+        self.check_overlaps()
 
     def _restart(self) -> None:
         engine.restoreState(self._saved, physicsClientId=self.client)
@@ -259,7 +280,8 @@ class World:
             body.stand(rest_pose, start, start=True)
         self.check_usable()
 
-    def _check_overlaps(self) -> None:
+    def check_overlaps(self, robot: int | None = None) -> None:
+        """Raise OneBotError if two robots, or the one of row ``robot`` and another, overlap."""
         if self._alone:
             return
         engine.performCollisionDetection(physicsClientId=self.client)
@@ -267,11 +289,18 @@ class World:
         for point in engine.getContactPoints(physicsClientId=self.client):
             if point[1] != point[2] and point[1] in rows and point[2] in rows and point[8] < 0.0:
                 first, second = sorted((rows[point[1]], rows[point[2]]))
-                x, y, _ = self._starts[second]
-                raise OneBotError(
-                    f"robots {first + 1} and {second + 1} of the world stand in the same place, "
-                    f"x {x:g} m, y {y:g} m; move one of them"
-                )
+                if robot in (None, first, second):
+                    raise OneBotError(self._overlap(first, second))
+
+    def _overlap(self, first: int, second: int) -> str:
+        (x, y, _), _ = link_pose(self.client, self.bodies[second].parts)
+        return (
+            f"robots {self._name(first)} and {self._name(second)} of the world stand in the same "
+            f"place, x {round(x, 6) + 0.0:g} m, y {round(y, 6) + 0.0:g} m; move one of them"
+        )
+
+    def _name(self, row: int) -> str:
+        return self._spawns[row].name or str(row + 1)
 
 
 def _rest_poses(spawns: Sequence[RobotSpawn], settings: Settings) -> list[RestPose]:
