@@ -4,7 +4,7 @@ The messages are made once and filled anew each cycle: rclpy has read them when 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -21,8 +21,9 @@ from std_msgs.msg import String
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.odometry import PoseCovariance
-from onebot_control.poses import PlanarPose, compose, inverse, prefixed
+from onebot_control.poses import PlanarPose, about_z, compose, inverse, prefixed
 from onebot_control.simulation import SceneBodies, Twist
+from onebot_description.errors import OneBotError
 from onebot_description.model import quaternions
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED, OnlyPublisher
@@ -44,8 +45,8 @@ _TWO_CLOCKS = (
 class Publishers:
     """Turns a robot's snapshots into messages. Used by the control thread only."""
 
-    def __init__(self, node: Node, simulated: bool) -> None:
-        """Announce the topics; with /clock if ``simulated``."""
+    def __init__(self, node: Node, *, clock: bool) -> None:
+        """Announce the topics; with ``clock`` /clock, too."""
         self._node, self._namespace = node, node.get_namespace()
         self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
@@ -54,7 +55,7 @@ class Publishers:
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._limited: Publisher | None = None
         self._clock: Publisher | None = None
-        if simulated:
+        if clock:
             self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
@@ -66,6 +67,7 @@ class Publishers:
             for frame in (config.odom_frame_id, config.base_frame_id or robot.description.root_link)
         )
         self.odom_frame, self._world = odom, robot.world_frame
+        self._among = robot.plant.scene is not None  # what stops and tilts it
         self._stamp = Time()  # one for all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
         self._constant = any(config.pose_covariance_diagonal)
@@ -88,6 +90,13 @@ class Publishers:
         self._advertise(config.publish_limited_velocity)
         self._due = Divider(config.publish_rate, config.update_rate)
         self._origin: PlanarPose | None = None
+
+    @property
+    def frames(self) -> set[str]:
+        """All frames of the robot."""
+        config, names = self._robot.config, self._robot.description.link_names
+        prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace
+        return {self.odom_frame, *(prefixed(name, *prefix) for name in names)}
 
     def _advertise(self, limited: bool) -> None:
         """Have a topic for the limited command, or none."""
@@ -126,7 +135,7 @@ class Publishers:
             self._limited.publish(self._limited_message)
         if self._due.due():
             self._publish_odometry(snapshot)
-        if robot.plant.scene is None and robot.odom_in_world != self._origin:
+        if not self._among and robot.odom_in_world != self._origin:
             self._publish_origin(stamp_ns)
 
     def _publish_odometry(self, snapshot: Snapshot) -> None:
@@ -134,7 +143,7 @@ class Publishers:
         if self._robot.config.enable_odom_tf:
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
-        if self._robot.plant.scene is not None:
+        if self._among:
             self._publish_true_origin(snapshot)
         _fill_pose(self._odom_message.pose.pose, pose)
         if not self._constant:
@@ -170,10 +179,13 @@ class Publishers:
 
         At a wall wheels slip, and a ramp tilts the robot: neither is in its odometry.
         """
-        translation, rotation = (array.tolist() for array in snapshot.pose)
-        *shift, a, b, c, d = _transform_values(snapshot.odometry)
-        back = inverse((tuple(shift), (a, b, c, d)))
-        at, turn = compose((tuple(translation), tuple(rotation)), back)
+        (x, y, z), (a, b, c, d) = (
+            snapshot.pose.translation.tolist(),
+            snapshot.pose.rotation.tolist(),
+        )
+        odometry = snapshot.odometry
+        back = inverse(((odometry.x, odometry.y, 0.0), about_z(odometry.yaw)))
+        at, turn = compose(((x, y, z), (a, b, c, d)), back)
         _fill_transform(self._origin_transform.transform, (*at, *turn))
         self._tf.publish(self._origin_message)
 
@@ -184,15 +196,33 @@ class ScenePublisher:
     The frames of its links are their names; the root link's may be the world's frame itself.
     """
 
-    def __init__(self, node: Node, scene: SceneBodies, world_frame: str, rate: Divider) -> None:
+    def __init__(
+        self,
+        node: Node,
+        scene: SceneBodies,
+        world_frame: str,
+        others: Collection[str],
+        rate: Divider,
+    ) -> None:
         """Announce the topics, and publish the description.
 
         Args:
             node: publishes.
             scene: the bodies.
             world_frame: in which their poses are.
+            others: the frames of the robots.
             rate: of the poses of what can be pushed.
+
+        Raises:
+            OneBotError: a link has the name of another frame.
         """
+        for link in scene.description.links:
+            is_root = link.name == scene.description.root_link
+            if link.name in others or (link.name == world_frame and not is_root):
+                raise OneBotError(
+                    f'{link.where}: link "{link.name}": a frame of the robot, or of the world, has '
+                    "this name; rename the link"
+                )
         self._scene, self._world, self._rate = scene, world_frame, rate
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
+from onebot_control.poses import WORLD_FRAME
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.description_watcher import Known
@@ -23,7 +24,6 @@ NICE_VIEWER, NICE_WATCHER = 5, 10
 _SWINGING: Mapping[str, object] = {"rate": 30.0, "swing": 8.0}
 # Launch arguments that are parameters of the controller.
 _OF_CONTROLLER = {"x": "x", "y": "y", "yaw": "yaw", "rate": "update_rate"}
-_WORLD = "world"  # the frame of a simulated world
 _WHEELS = {"left_wheel": "left_wheel_names", "right_wheel": "right_wheel_names"}
 
 
@@ -78,7 +78,7 @@ class NodeFactory:
             if self.values[argument]:
                 parameters[name] = [each.strip() for each in self.values[argument].split(",")]
         if self.values["world"]:
-            parameters["world"], parameters["world_frame_id"] = self.values["world"], _WORLD
+            parameters["world"], parameters["world_frame_id"] = self.values["world"], WORLD_FRAME
         module = "onebot_control.velocity_controller"
         files = [Path(self.values["params_file"]).absolute()]
         return self._node("velocity_controller", module, parameters, files=files)
@@ -158,12 +158,12 @@ class NodeFactory:
         if not self.values["fixed_frame"] and self.values.get("sim") == "false":
             return self.values["frame_prefix"] + self.description.root_link
         if self.values.get("world"):
-            return self.values["fixed_frame"] or _WORLD
+            return self.values["fixed_frame"] or WORLD_FRAME
         return self.values["fixed_frame"]
 
     def _ground(self) -> dict[str, object]:
         """Where the view has its grid: in a world at 0, while odom is as high as the axle."""
-        return {"grid": {"height": 0.0}} if self._fixed_frame() == _WORLD else {}
+        return {"grid": {"height": 0.0}} if self._fixed_frame() == WORLD_FRAME else {}
 
     def _flag(self, name: str) -> bool:
         return self.values[name] == "true"
