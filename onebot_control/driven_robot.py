@@ -173,7 +173,6 @@ class DrivenRobot:
         description: of the robot.
         broadcaster: chooses what joint_states holds.
         plant: what is driven.
-        odom_height: of that frame above the ground, m: that of the root link.
         ticks: control cycles done.
     """
 
@@ -349,7 +348,6 @@ class DrivenRobot:
         """Set the odometry to ``pose`` here and now; its covariance is zero."""
         self.controller.odometry.set_pose(*pose)
         self._odom_placed = self.true_pose.compose(pose.inverse())
-        self.odom_height = self._pose.translation.item(2)
 
     @property
     def odom_in_world(self) -> PlanarPose:

@@ -159,7 +159,6 @@ class Publishers:
         if not self._world:
             back = np.array(_transform_values(self._robot.odom_in_world.inverse()))
             translation = back[:3] + quaternions.rotate(back[3:], translation)
-            translation[2] -= self._robot.odom_height
             rotation = quaternions.multiply(back[3:], rotation)
         return (*translation.tolist(), *rotation.tolist())
 
@@ -170,8 +169,7 @@ class Publishers:
             message = TransformStamped(child_frame_id=self.odom_frame)
             message.header.frame_id = self._world
             message.header.stamp = time_message(stamp_ns)
-            values = _transform_values(self._origin, self._robot.odom_height)
-            _fill_transform(message.transform, values)
+            _fill_transform(message.transform, _transform_values(self._origin))
             self._tf_static.publish(TFMessage(transforms=[message]))
 
     def _publish_true_origin(self, snapshot: Snapshot) -> None:
@@ -258,10 +256,10 @@ class ScenePublisher:
         return transforms_message(time_message(stamp_ns), parents, children, values)
 
 
-def _transform_values(pose: PlanarPose, height: float = 0.0) -> tuple[float, ...]:
-    """Return a planar pose at this z as translation x y z, rotation x y z w."""
+def _transform_values(pose: PlanarPose) -> tuple[float, ...]:
+    """Return a planar pose as translation x y z, rotation x y z w."""
     half = pose.yaw / 2.0
-    return (pose.x, pose.y, height, 0.0, 0.0, math.sin(half), math.cos(half))
+    return (pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
 
 
 def _fill_transform(message: Transform, values: Sequence[float]) -> None:

@@ -56,6 +56,7 @@ class Bringup(NamedTuple):
     model: str = ""  # URDF or xacro file of the robot
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
+    world_view: str = ""  # likewise, for a robot in a world
     control: str = ""  # parameters of the controller; empty: the robot cannot be simulated
     takes_file: bool = False  # the model is the command's first word instead
 
@@ -117,7 +118,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     description = load_description(model, for_xacro)
     description.require_tree()
     if values.get("world"):
-        values["world"] = load_world(values["world"]).source
+        values["world"] = load_world(values["world"]).source  # checked
+        values["view"] = own.get("view", command.world_view)
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (

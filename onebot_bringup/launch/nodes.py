@@ -92,7 +92,6 @@ class NodeFactory:
             "fixed_frame": self._fixed_frame(),
             "frame_prefix": self.values["frame_prefix"],
             "open_browser": not self.steered,  # the steering page holds the view
-            **self._ground(),
         }
         module = "onebot_bringup.viewer.rerun_viewer"
         return self._node("rerun_viewer", module, parameters, on_exit="ignore", nice=NICE_VIEWER)
@@ -157,13 +156,7 @@ class NodeFactory:
         """The frame asked for; a robot that is not simulated, but could be, has no odom."""
         if not self.values["fixed_frame"] and self.values.get("sim") == "false":
             return self.values["frame_prefix"] + self.description.root_link
-        if self.values.get("world"):
-            return self.values["fixed_frame"] or WORLD_FRAME
         return self.values["fixed_frame"]
-
-    def _ground(self) -> dict[str, object]:
-        """Where the view has its grid: in a world at 0, while odom is as high as the axle."""
-        return {"grid": {"height": 0.0}} if self._fixed_frame() == WORLD_FRAME else {}
 
     def _flag(self, name: str) -> bool:
         return self.values[name] == "true"
