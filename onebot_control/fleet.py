@@ -53,8 +53,14 @@ class Fleet:
         cls,
         members: Sequence[Member],
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
+        scene: Description | None = None,
     ) -> "Fleet":
-        """Return robots in a world of their own; the rate of ``settings`` is fitted to theirs.
+        """Return robots in a world of their own.
+
+        Args:
+            members: the robots.
+            settings: of the simulation; their rate is fitted to the robots' update_rate.
+            scene: what stands around them; see ``World``.
 
         Raises:
             OneBotError: config and description of a robot do not suit each other, it cannot be
@@ -62,7 +68,7 @@ class Fleet:
         """
         parts = [_part(member) for member in members]
         fitted = settings.fitted(members[0].config.update_rate)
-        world = World([part.spawn for part in parts], fitted)
+        world = World([part.spawn for part in parts], fitted, scene)
         try:
             robots = map(_driven, members, parts, world.robots)
             return cls(list(robots), world)

@@ -78,7 +78,7 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     Raises:
         OneBotError: what of the robot cannot be simulated, a line each.
     """
-    if unfit := [*_unfit_joints(description), *_unfit_links(description)]:
+    if unfit := [*_unfit_joints(description), *unfit_links(description)]:
         raise OneBotError("\n".join(unfit))
     firsts = [description.root_link, *(joint.child for joint in description.moving_joints)]
     bodies = {link: Body(link) for link in firsts}
@@ -103,8 +103,8 @@ def _unfit_joints(description: Description) -> Iterator[str]:
                 yield f"{where} <dynamics> {name}: {value:g} must be 0 or more"
 
 
-def _unfit_links(description: Description) -> Iterator[str]:
-    """What is wrong with links that can be published, but not simulated."""
+def unfit_links(description: Description) -> Iterator[str]:
+    """Report what is wrong with links that can be published, but not simulated."""
     loose = frozenset(description.roots[1:])
     for link in description.links:
         where = f'{link.where}: link "{link.name}"'
@@ -141,7 +141,11 @@ def matrix(origin: Origin) -> Floats:
 
 
 def physics_urdf(
-    description: Description, bodies: Mapping[str, Body], meshes: Mapping[str, str]
+    description: Description,
+    bodies: Mapping[str, Body],
+    meshes: Mapping[str, str],
+    *,
+    fixed: bool = False,
 ) -> str:
     """Return URDF text of the rigid bodies, which moves like ``description``.
 
@@ -153,6 +157,7 @@ def physics_urdf(
         description: the robot.
         bodies: its rigid bodies.
         meshes: the converted file for each URI of a collision mesh.
+        fixed: the bodies stand still, whatever their masses; their meshes need not be convex.
 
     Raises:
         OneBotError: the bodies that cannot be simulated, a line each with the remedy.
@@ -162,7 +167,8 @@ def physics_urdf(
     unfit = []
     for body in bodies.values():
         try:
-            robot.append(_link(description, body, numbers[body.link], meshes))
+            inertial = _immovable() if fixed else _inertial(description, body)
+            robot.append(_link(body, numbers[body.link], inertial, meshes, concave=fixed))
         except OneBotError as error:
             unfit.append(str(error))
     if unfit:
@@ -178,22 +184,42 @@ def physics_urdf(
     return to_text(robot)
 
 
-def _link(description: Description, body: Body, name: str, meshes: Mapping[str, str]) -> Element:
+def _link(
+    body: Body, name: str, inertial: Element, meshes: Mapping[str, str], *, concave: bool
+) -> Element:
     link = Element("link", name=name)
-    moments, turn = _principal(description, body)
-    inertial = SubElement(link, "inertial")
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn, body.center
-    inertial.append(_origin(pose))
-    SubElement(inertial, "mass", value=repr(body.mass))
-    values = {"ixy": "0", "ixz": "0", "iyz": "0"}
-    values |= {name: repr(float(m)) for name, m in zip(("ixx", "iyy", "izz"), moments, strict=True)}
-    SubElement(inertial, "inertia", values)
+    link.append(inertial)
     for shape, where in body.collisions:
         part = SubElement(link, "collision")
+        if concave and isinstance(shape, Mesh):
+            part.set("concave", "yes")
         part.append(_origin(where))
         SubElement(part, "geometry").append(_shape(shape, meshes))
     return link
+
+
+def _inertial(description: Description, body: Body) -> Element:
+    moments, turn = _principal(description, body)
+    inertial = Element("inertial")
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, body.center
+    inertial.append(_origin(pose))
+    _add_mass(inertial, body.mass, moments)
+    return inertial
+
+
+def _immovable() -> Element:
+    """``<inertial>`` of what PyBullet is to leave where it is."""
+    inertial = Element("inertial")
+    _add_mass(inertial, 0.0, np.zeros(3))
+    return inertial
+
+
+def _add_mass(inertial: Element, mass: float, moments: Floats) -> None:
+    SubElement(inertial, "mass", value=repr(mass))
+    values = {"ixy": "0", "ixz": "0", "iyz": "0"}
+    values |= {name: repr(float(m)) for name, m in zip(("ixx", "iyy", "izz"), moments, strict=True)}
+    SubElement(inertial, "inertia", values)
 
 
 def _shape(shape: Shape, meshes: Mapping[str, str]) -> Element:

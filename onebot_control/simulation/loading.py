@@ -106,19 +106,34 @@ def load_robot(
     return LoadedRobot(body, joints, ground, mass_frame, inverse(mass_frame))
 
 
-def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
+def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
+    """Load a body of a scene that stands still, at the origin; return its index.
+
+    Raises:
+        OneBotError: it cannot be loaded.
+    """
+    index = _load(client, description, {body.link: body}, fixed=True)
+    _set_contact(client, index, -1, body, description, settings)
+    return index
+
+
+def _load(
+    client: int, description: Description, bodies: Mapping[str, Body], *, fixed: bool = False
+) -> int:
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
     with (
-        converted_meshes(bodies.values()) as meshes,
-        _file(physics_urdf(description, bodies, meshes)) as path,
+        converted_meshes(bodies.values(), convex=not fixed) as meshes,
+        _file(physics_urdf(description, bodies, meshes, fixed=fixed)) as path,
     ):
         try:
             with captured() as lines:
-                body: int = engine.loadURDF(path, flags=flags, physicsClientId=client)
+                body: int = engine.loadURDF(
+                    path, useFixedBase=fixed, flags=flags, physicsClientId=client
+                )
         except engine.error:
             reason = "; ".join(lines) or "it gives no reason"
             raise OneBotError(
-                f"{description.source}: PyBullet cannot load this robot: {reason}"
+                f"{description.source}: PyBullet cannot load this: {reason}"
             ) from None
     log(lines)
     return body
@@ -154,8 +169,12 @@ def _set_contact(
 
 
 @contextmanager
-def converted_meshes(bodies: Iterable[Body]) -> Iterator[Mapping[str, str]]:
+def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
     """Convert the collision meshes of ``bodies`` to files that exist within the block.
+
+    Args:
+        bodies: have the meshes.
+        convex: write their convex hulls, of which moving bodies consist.
 
     Yields:
         The file of each mesh by URI.
@@ -180,7 +199,7 @@ def converted_meshes(bodies: Iterable[Body]) -> Iterator[Mapping[str, str]]:
     with TemporaryDirectory() as folder:
         for uri, (mesh, link) in meshes.items():
             try:
-                text = _as_obj(mesh)
+                text = _as_obj(mesh, convex)
             except OneBotError as error:
                 failures.setdefault(str(error), []).append(link)
                 continue
@@ -203,6 +222,11 @@ def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
     Raises:
         OneBotError: it cannot be read, or holds no triangles.
     """
+    return _triangles(mesh)[0]
+
+
+def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """The corners (N, 3) of a mesh file, and the triangles (M, 3) of which they are."""
     import trimesh
 
     path = mesh.path
@@ -223,13 +247,17 @@ def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
         raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles")
-    return np.concatenate([np.asarray(part.vertices, float) for part in parts])
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
+    faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]
+    return corners, np.concatenate(faces)
 
 
-def _as_obj(mesh: Mesh) -> str:
-    """The convex hull of a mesh file, in metres, as Wavefront OBJ."""
-    corners = mesh_corners(mesh)
-    faces = _hull(corners)
+def _as_obj(mesh: Mesh, convex: bool) -> str:
+    """A mesh file, or its convex hull, in metres, as Wavefront OBJ."""
+    corners, faces = _triangles(mesh)
+    if convex:
+        faces = _hull(corners)
     used, faces = np.unique(faces, return_inverse=True)
     lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
     lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
