@@ -55,7 +55,12 @@ class Fleet:
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
         scene: Description | None = None,
     ) -> "Fleet":
-        """Return robots in a world of their own; the rate of ``settings`` is fitted to theirs.
+        """Return robots in a world of their own.
+
+        Args:
+            members: the robots.
+            settings: of the simulation; their rate is fitted to the robots' update_rate.
+            scene: what stands around them; see ``World``.
 
         Args:
             members: the robots.

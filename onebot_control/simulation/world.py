@@ -150,7 +150,7 @@ class World:
                 stand where it is to start.
         """
         self.settings = settings
-        self._scene, self.scene = scene, None if scene is None else SceneBodies(scene)
+        self.scene = None if scene is None else SceneBodies(scene)
         self._spawns = tuple(spawns)
         self._starts = [checked_spawn_pose(item.x, item.y, item.yaw) for item in self._spawns]
         self.bodies = tuple(RobotBody(item.description, item.driven) for item in self._spawns)
@@ -237,10 +237,11 @@ class World:
         """
         start = self._spawns[row]._replace(description=spawn.description, driven=spawn.driven)
         spawns = [*self._spawns[:row], start, *self._spawns[row + 1 :]]
-        world = World(spawns, self.settings, self._scene)
+        scene = self.scene
+        world = World(spawns, self.settings, scene.description if scene else None)
         try:
-            if self.scene is not None and world.scene is not None:
-                world.scene.put(self.scene.poses)
+            if scene is not None and world.scene is not None:
+                world.scene.put(scene.poses)
             world.stand(row, (spawn.x, spawn.y, spawn.yaw))
             for other, (body, old) in enumerate(zip(world.bodies, self.bodies, strict=True)):
                 if other != row:
