@@ -62,14 +62,9 @@ class Fleet:
             settings: of the simulation; their rate is fitted to the robots' update_rate.
             scene: what stands around them; see ``World``.
 
-        Args:
-            members: the robots.
-            settings: of the simulation.
-            scene: what stands around them; see ``World``.
-
         Raises:
-            OneBotError: config and description of a robot do not suit each other, it or the scene
-                cannot be simulated, or one cannot stand where it is to start.
+            OneBotError: config and description of a robot do not suit each other, it cannot be
+                simulated, or two robots start in the same place.
         """
         parts = [_part(member) for member in members]
         fitted = settings.fitted(members[0].config.update_rate)
