@@ -28,13 +28,7 @@ from onebot_control.simulation import (
     World,
 )
 from onebot_control.simulation.drivable import drivable
-from onebot_control.wheels.finding import DriveWheels, find_wheels
-from onebot_control.wheels.geometry import (
-    WheelGeometry,
-    check_wheel_names,
-    wheel_directions,
-    wheel_geometry,
-)
+from onebot_control.wheels.geometry import WheelGeometry, Wheels
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -146,7 +140,7 @@ class Side:
     def __init__(
         self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
     ) -> None:
-        """Find the wheels called ``names`` in ``joints``; see ``wheel_directions``."""
+        """Find the wheels called ``names`` in ``joints``; see ``Wheels.directions``."""
         self._directions = [(name, directions[name]) for name in names]
         self._rows = [(joints.index(name), directions[name]) for name in names]
 
@@ -167,6 +161,7 @@ class DrivenRobot:
     """A robot and its controller.
 
     Attributes:
+        wheels: those that drive it.
         config: the parameters in force.
         geometry: of the wheels, before multipliers.
         description: of the robot.
@@ -178,7 +173,7 @@ class DrivenRobot:
 
     def __init__(
         self,
-        description: Description,
+        wheels: Wheels,
         config: ControlConfig,
         plant: Plant,
         held: Mapping[str, float] = MappingProxyType({}),
@@ -186,7 +181,7 @@ class DrivenRobot:
         """Stand still, with odometry at zero.
 
         Args:
-            description: of the robot.
+            wheels: of the robot.
             config: of its controller.
             plant: what is driven.
             held: joints that the plant has not, to the positions at which they are held still.
@@ -194,15 +189,16 @@ class DrivenRobot:
         Raises:
             OneBotError: config and description do not suit each other.
         """
-        self.description, self.plant, self._held = description, plant, held
-        wheels = wheels_of(description, config)
-        self.geometry = geometry_of(description, config)
+        self.wheels, self.plant, self._held = wheels, plant, held
+        self.description = wheels.description
+        self.geometry = self.measured(config)
         self.controller = DiffDriveController(config, config.kinematics(self.geometry))
         self.config = config
         self.broadcaster = self.broadcasting(config)
         self.ticks = 0
-        directions = wheel_directions(description, [*wheels.left, *wheels.right])
-        self._left, self._right = (Side(names, directions, plant.joints) for names in wheels)
+        self._left, self._right = (
+            Side(names, wheels.directions, plant.joints) for names in (wheels.left, wheels.right)
+        )
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
         self._read_state()
         self.place_odometry(PlanarPose())
@@ -215,15 +211,13 @@ class DrivenRobot:
             OneBotError: config and description do not suit each other, or cannot be simulated.
         """
         wheels = wheels_of(description, config)
-        geometry_of(description, config)
-        names = (*wheels.left, *wheels.right)
+        wheels.geometry(config.wheel_separation, config.wheel_radius)
         settings = Settings().fitted(config.update_rate)
-        simulated, held = drivable(description, names)
-        plant = Simulation(
-            simulated, driven=names, x=config.x, y=config.y, yaw=config.yaw, settings=settings
-        )
+        simulated, held = drivable(wheels)
+        driven, x, y, yaw = wheels.names, config.x, config.y, config.yaw
+        plant = Simulation(simulated, driven=driven, x=x, y=y, yaw=yaw, settings=settings)
         try:
-            return cls(description, config, plant, held)
+            return cls(wheels, config, plant, held)
         except OneBotError:
             plant.close()
             raise
@@ -245,10 +239,18 @@ class DrivenRobot:
         Raises:
             OneBotError: they do not suit the robot; then nothing has changed.
         """
-        geometry = geometry_of(self.description, config)
+        geometry = self.measured(config)
         broadcaster = self.broadcasting(config)
         self.controller.configure(config, config.kinematics(geometry))
         self.config, self.geometry, self.broadcaster = config, geometry, broadcaster
+
+    def measured(self, config: ControlConfig) -> WheelGeometry:
+        """Return the wheels' geometry: that of ``config``, or where it is 0 the description's.
+
+        Raises:
+            OneBotError: the description does not determine it.
+        """
+        return self.wheels.geometry(config.wheel_separation, config.wheel_radius)
 
     def broadcasting(self, config: ControlConfig) -> JointStateBroadcaster:
         """Return what chooses the joint states to publish by ``config``.
@@ -356,31 +358,13 @@ class DrivenRobot:
         self._pose, self._twist = self.plant.base_pose(), self.plant.base_twist()
 
 
-def wheels_of(description: Description, config: ControlConfig) -> DriveWheels:
+def wheels_of(description: Description, config: ControlConfig) -> Wheels:
     """Return the driven wheels: those that the parameters name, or else those that are found.
 
     Raises:
         OneBotError: one is missing, or none are found.
     """
-    left, right = config.left_wheel_names, config.right_wheel_names
-    if not left:
-        return find_wheels(description)
-    check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
-    return DriveWheels(left, right)
-
-
-def geometry_of(description: Description, config: ControlConfig) -> WheelGeometry:
-    """Return the wheels' geometry: the parameters', or where they are 0 the description's.
-
-    Raises:
-        OneBotError: a wheel joint is missing, or the description does not determine it.
-    """
-    return wheel_geometry(
-        description,
-        *wheels_of(description, config),
-        separation=config.wheel_separation,
-        radius=config.wheel_radius,
-    )
+    return Wheels(description, config.left_wheel_names, config.right_wheel_names)
 
 
 class Fleet:
@@ -405,13 +389,12 @@ class Fleet:
                 robots start in the same place.
         """
         wheels = wheels_of(description, config)
-        names = (*wheels.left, *wheels.right)
-        simulated, held = drivable(description, names)
-        spawns = [RobotSpawn(simulated, names, *start) for start in starts]
+        simulated, held = drivable(wheels)
+        spawns = [RobotSpawn(simulated, wheels.names, *start) for start in starts]
         self.world = World(spawns, settings.fitted(config.update_rate))
         try:
             self.robots = tuple(
-                DrivenRobot(description, config, plant, held) for plant in self.world.robots
+                DrivenRobot(wheels, config, plant, held) for plant in self.world.robots
             )
         except BaseException:
             self.world.close()

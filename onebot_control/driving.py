@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.control_loop import ControlLoop
-from onebot_control.driven_robot import DrivenRobot, geometry_of
+from onebot_control.driven_robot import DrivenRobot
 from onebot_control.parameters import (
     ControlConfig,
     ControlParameters,
@@ -169,7 +169,7 @@ class Driving:
             config = self._settings.changed(parameters, self._simulated)
             if self._loop is not None:
                 robot = self._loop.robot
-                geometry_of(robot.description, config)
+                robot.measured(config)
                 robot.broadcasting(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))

@@ -26,11 +26,8 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.packages import (
-    cache_folder,
-    package_share,
-    use_environment_prefix,
-)
+from onebot_description.description.packages import cache_folder, use_environment_prefix
+from onebot_description.discovery import configure_discovery, question, server
 from onebot_description.errors import OneBotError, shortened
 from onebot_description.signals import StopSignals
 
@@ -41,7 +38,6 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600  # seconds
-_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
@@ -52,7 +48,11 @@ _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def run_node(
-    make_node: Callable[[], Node], args: Sequence[str] | None = None, *, events: bool = False
+    make_node: Callable[[], Node],
+    args: Sequence[str] | None = None,
+    *,
+    events: bool = False,
+    whole_graph: bool = False,
 ) -> int:
     """Run one node until Ctrl-C, SIGTERM or its own error.
 
@@ -62,13 +62,14 @@ def run_node(
             process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
+        whole_graph: the node looks at others' topics (see ``configure_discovery``).
 
     Returns:
         The exit code: 0 when stopped by a signal, 1 for a user's mistake.
     """
     use_environment_prefix()
     use_writable_log_folder()
-    use_quick_discovery()
+    configure_discovery(whole_graph=whole_graph)
     ignore_impossible_times()
     stop: Future = Future()
     with StopSignals(lambda: _finish(stop)) as signals:
@@ -236,20 +237,6 @@ def use_writable_log_folder() -> None:
     os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
 
 
-def use_quick_discovery() -> None:
-    """Announce this process often; call it before rclpy is initialised.
-
-    Fast DDS 2.14 announces a participant before it listens, so that about every other first answer
-    is lost, and the next announcement is 3 s away. On this host alone, five small packets a second
-    cost nothing. A wider discovery range, and a profile of the user's own, are left as they are.
-    """
-    if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") != "LOCALHOST":
-        return
-    if not any(os.environ.get(name) for name in _PROFILES):
-        profile = package_share("onebot_description") / "config/quick_discovery.xml"
-        os.environ[_PROFILES[0]] = str(profile)
-
-
 @functools.cache
 def ignore_impossible_times() -> None:
     """Have nodes ignore a /clock that no clock can show, such as one before 1970.
@@ -338,6 +325,27 @@ class DescriptionTopic:
             self._node.get_logger().warning(
                 f"waiting for the robot description on {topic}; is robot_state_publisher running?"
             )
+
+
+class DiscoveryServerCheck:
+    """Warns when no other node is discovered by the discovery server, and logs when one is."""
+
+    def __init__(self, node: Node) -> None:
+        """Watch, if there is a discovery server."""
+        self._node, self._warned = node, False
+        if server():
+            steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
+            self._timer = node.create_timer(_PATIENCE, self._poll, clock=steady)
+
+    def _poll(self) -> None:
+        alone = len(self._node.get_node_names()) < 2
+        if alone and not self._warned:
+            self._warned = True
+            self._node.get_logger().warning(f"no other node is discovered: {question()}")
+        elif not alone:
+            self._timer.cancel()
+            if self._warned:
+                self._node.get_logger().info("other nodes are discovered now")
 
 
 def warn_of_two_robots(node: Node, *, own: bool) -> None:

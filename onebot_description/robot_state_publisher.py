@@ -42,6 +42,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import (
     LATCHED,
+    DiscoveryServerCheck,
     Throttled,
     ros_arguments,
     run_node,
@@ -102,6 +103,7 @@ class RobotStatePublisher(Node):
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
         warn_of_two_robots(self, own=True)
+        DiscoveryServerCheck(self)  # in every bringup there is this node, and only one
 
     def _apply(self) -> None:
         """Convert with the parameters as they are now."""

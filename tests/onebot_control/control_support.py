@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.driven_robot import DrivenRobot, wheels_of
 from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
 from onebot_control.simulation import JointStates, Pose, Twist
@@ -114,4 +114,5 @@ class IdealPlant:
 
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
     """A drive of the ideal plant."""
-    return DrivenRobot(robot(), config(**values), plant or IdealPlant())
+    chosen = config(**values)
+    return DrivenRobot(wheels_of(robot(), chosen), chosen, plant or IdealPlant())

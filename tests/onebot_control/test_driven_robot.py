@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_control.simulation import JointStates
@@ -88,15 +88,20 @@ SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description
     ],
 )
 def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: str) -> None:
-    """At the start it is an error; of a robot that drives, all stays as it was."""
+    """However it is started."""
     wrong = {"linear_x_max_velocity": 0.1, **values}
     with pytest.raises(OneBotError, match=said):
-        DrivenRobot(robot(), config(**wrong), IdealPlant())
+        ideal_drive(**wrong)
     with pytest.raises(OneBotError, match=said):
         DrivenRobot.of(robot(), config(**wrong))
+
+
+def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:
+    """All stays as it was."""
+    wrong = {"linear_x_max_velocity": 0.1, "joint_state_broadcaster.joints": ["arm"]}
     drive = ideal_drive()
     before = drive.config, drive.geometry, drive.broadcaster
-    with pytest.raises(OneBotError, match=said):
+    with pytest.raises(OneBotError, match='no joint "arm"'):
         drive.configure(config(**wrong))
     assert (drive.config, drive.geometry, drive.broadcaster) == before
     assert run(drive, 0.5, 0.0, 1).command.linear == 0.5
@@ -285,7 +290,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
         "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
     }
     chosen = config(position_feedback=by_position, **names)
-    drive = DrivenRobot(robot(*wheels), chosen, FourWheels())
+    drive = DrivenRobot(wheels_of(robot(*wheels), chosen), chosen, FourWheels())
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 
