@@ -32,6 +32,7 @@ from onebot_description.errors import OneBotError, shortened
 from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")
+MakeNode = Callable[[], Node | Sequence[Node]]
 
 # For those who subscribe later than it was published: the description, a page's address.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -48,18 +49,18 @@ _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def run_node(
-    make_node: Callable[[], Node],
+    make_node: MakeNode,
     args: Sequence[str] | None = None,
     *,
     events: bool = False,
     whole_graph: bool = False,
 ) -> int:
-    """Run one node until Ctrl-C, SIGTERM or its own error.
+    """Run a node, or several in one process, until Ctrl-C, SIGTERM or an error of one.
 
     Args:
-        make_node: builds the node; rclpy is initialised by then. It, any callback of the node
-            (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends the
-            process with one line on stderr.
+        make_node: builds the node or nodes; rclpy is initialised by then. It, any callback of a
+            node (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends
+            the process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
         whole_graph: the node looks at others' topics (see ``configure_discovery``).
@@ -85,7 +86,7 @@ def run_node(
             rclpy.try_shutdown()
 
 
-def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
+def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> int:
     try:
         _spin_node(make_node, stop, signals, events)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -97,21 +98,21 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
     return 0
 
 
-def _spin_node(
-    make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool
-) -> None:
-    node: Node | None = None
+def _spin_node(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> None:
+    nodes: Sequence[Node] = ()
     executor: Executor | None = None
     try:
         with signals.interrupting():
-            node = make_node()
+            made = make_node()
+        nodes = [made] if isinstance(made, Node) else made
         executor = _make_executor(events)
-        executor.add_node(node)
+        for node in nodes:
+            executor.add_node(node)
         _spin_until(stop, executor)
     finally:
-        if executor is not None and node is not None:
-            executor.remove_node(node)
-        if node is not None:
+        for node in nodes:
+            if executor is not None:
+                executor.remove_node(node)
             node.destroy_node()
         if executor is not None:
             executor.shutdown()
@@ -171,7 +172,7 @@ def _first_line(error: BaseException) -> str:
 def run_described_node(
     name: str,
     explanation: str | None,
-    make_node: Callable[[str | None, RosArguments], Node],
+    make_node: Callable[[str | None, RosArguments], Node | Sequence[Node]],
     check_files: Callable[[Sequence[Path]], object],
     args: Sequence[str] | None,
     *,
@@ -259,6 +260,11 @@ class RosArguments(NamedTuple):
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 
+    def joined(self, own: Sequence[str]) -> RosArguments:
+        """Return these with a node's ``own`` ROS arguments, which override."""
+        more = ros_arguments(["", *(ros_args(own) or ())])
+        return self._replace(files=self.files + more.files, names=self.names + more.names)
+
 
 def ros_arguments(arguments: Sequence[str]) -> RosArguments:
     """Find the parameter files and names in ``arguments``, which are as in sys.argv."""
@@ -281,6 +287,32 @@ def ros_arguments(arguments: Sequence[str]) -> RosArguments:
         elif not inside:
             others.append(word)
     return RosArguments(tuple(files), tuple(names), tuple(others))
+
+
+def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+    """Split the command line of nodes of several robots, which is as in sys.argv.
+
+    Returns:
+        The arguments of the process, and those of each robot's node: what follows each --robot,
+        until --ros-args or the end. They are ROS arguments.
+    """
+    own: list[str] = []
+    robots: list[list[str]] = []
+    target, inside = own, False
+    for word in arguments:
+        if word == "--ros-args":
+            target, inside = own, True
+        elif word == "--robot" and not inside:
+            target = []
+            robots.append(target)
+            continue
+        target.append(word)
+    return own, robots
+
+
+def ros_args(own: Sequence[str] | None) -> list[str] | None:
+    """Return a node's ``own`` ROS arguments as rclpy takes them."""
+    return None if own is None else ["--ros-args", *own]
 
 
 def is_path(text: str) -> bool:
