@@ -42,8 +42,8 @@ _TWO_CLOCKS = (
 class Publishers:
     """Turns a robot's snapshots into messages. Used by the control thread only."""
 
-    def __init__(self, node: Node, simulated: bool) -> None:
-        """Announce the topics; with /clock if ``simulated``."""
+    def __init__(self, node: Node, *, clock: bool) -> None:
+        """Announce the topics; with ``clock`` /clock, too."""
         self._node, self._namespace = node, node.get_namespace()
         self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)
@@ -52,7 +52,7 @@ class Publishers:
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._limited: Publisher | None = None
         self._clock: Publisher | None = None
-        if simulated:
+        if clock:
             self._clock = node.create_publisher(Clock, "/clock", _DEPTH)
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 

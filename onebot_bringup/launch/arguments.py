@@ -12,6 +12,7 @@ from typing import Any
 
 from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
+from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
 from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
@@ -258,12 +259,20 @@ def ros_settings() -> list[Argument]:
             "the namespace of all nodes",
             type=ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}")),
         ),
+        *discovery_settings(),
+    ]
+
+
+def discovery_settings() -> list[Argument]:
+    """Return the arguments about which nodes are discovered."""
+    return [
         whole("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's", 0, _MAX_DOMAIN),
         Argument(
             "discovery",
-            "localhost",
-            "who sees the nodes; ROS_AUTOMATIC_DISCOVERY_RANGE goes before this default",
-            ("localhost", "subnet"),
+            LOCALHOST,
+            "which nodes are discovered; not given: as the environment has it; "
+            "HOST:PORT of a discovery server, or (localhost, subnet)",
+            type=ValueType(str, Rule(pattern=ARGUMENT, write=WANTED)),
         ),
     ]
 

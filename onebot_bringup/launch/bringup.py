@@ -28,6 +28,7 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.process import NodeProcess
 from onebot_control.poses import prefixed
+from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
@@ -310,12 +311,11 @@ def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
     Args:
         values: of the launch arguments.
         forced: ``discovery`` was given, and so overrides the environment's setting.
+
+    Raises:
+        OneBotError: ``discovery`` names a host or a port that does not exist.
     """
-    variables = {}
-    if forced or not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
-        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = values["discovery"].upper()
-    if values["domain_id"]:
-        variables["ROS_DOMAIN_ID"] = values["domain_id"]
+    variables = discovery_variables(values, forced=forced)
     if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
         # The launcher puts the node's name in front of each line.
         variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"

@@ -2,9 +2,8 @@
 
 URDF does not say what a simulation needs. Motors without a limit get the torque at which the wheels
 slip. A wide or faceted wheel touches the ground at changing places, so that driven wheels roll on a
-thin cylinder instead. Wheels that skid get the inertia of a geared motor: PyBullet's friction
-counters the sliding of a contact in each direction as far as the bodies resist there, and a light
-wheel would resist sideways only. What else touches the ground glides, unless its <lateral_friction>
+thin cylinder instead. Wheels that skid give way sideways as much as they do where they roll; see
+``SkidAxle``. What else touches the ground glides, unless its <lateral_friction>
 is given. Arms, grippers and heads are held still: nobody controls them here.
 """
 
@@ -16,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.simulation.bodies import link_poses, matrix, origin_of
+from onebot_control.simulation.bodies import Body, SkidAxle, link_poses, matrix, origin_of
 from onebot_control.simulation.loading import mesh_corners
 from onebot_control.wheels.geometry import Wheels
 from onebot_control.wheels.shapes import Tyre
@@ -25,6 +24,7 @@ from onebot_description.description.description import (
     Cylinder,
     Description,
     Geometry,
+    Inertial,
     Joint,
     Link,
     Mesh,
@@ -44,8 +44,7 @@ _GLIDING = 0.01  # coefficient of friction
 _LEVEL, _LIFT = 0.005, 0.0002
 _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
 _GRAVITY = 9.81  # m/s^2
-# Inertia of a wheel that skids, in masses of the robot at its rim: with less it turns too little.
-_GEARED = 2.0
+_LEAST = 0.2  # of the mobility of a wheel that skids, due to its own turning
 
 
 class Drivable(NamedTuple):
@@ -58,7 +57,7 @@ class Drivable(NamedTuple):
 def drivable(wheels: Wheels) -> Drivable:
     """Return a robot as the simulation drives it by these wheels."""
     description, tyres = wheels.description, {name: wheels.tyres.of(name) for name in wheels.names}
-    weight = _GRAVITY * _mass(description)
+    weight = _GRAVITY * wheels.robot.mass
     free = _free(description, tyres)
     held = {
         joint.name: min(max(0.0, joint.lower or 0.0), _upper(joint))
@@ -70,16 +69,13 @@ def drivable(wheels: Wheels) -> Drivable:
         if joint.name in held:
             joints.append(_fixed(joint, held[joint.name]))
         elif joint.name in tyres:
-            joints.append(_motor(joint, weight, tyres[joint.name]))
+            motor = _motor(joint, weight, tyres[joint.name])
+            joints.append(SkidAxle(**vars(motor)) if len(tyres) > 2 else motor)
         else:
             joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
-    links = tuple(_links(rigid, tyres, free))
+    links = tuple(_skidding(wheels, _links(rigid, tyres, free)))
     return Drivable(replace(rigid, links=links), held)
-
-
-def _mass(description: Description) -> float:
-    return sum(link.inertial.mass for link in description.links if link.inertial is not None)
 
 
 def _upper(joint: Joint) -> float:
@@ -139,7 +135,6 @@ def _links(
     """Return the links, with what the ground touches changed."""
     joints = {joint.child: joint for joint in description.joints}
     bodies = {link: first for link, (first, _) in link_poses(description).items()}
-    mass, skids = _mass(description), len(tyres) > 2
     # Of one caster the load is determined by the mass.
     several = sum(_swivels(joint, free, bodies, joints) for joint in joints.values()) > 1
     ground, poses = _ground(description, tyres), link_poses(description)
@@ -147,8 +142,6 @@ def _links(
         first = joints.get(bodies[link.name])
         if first is not None and first.name in tyres:
             tyre = tyres[first.name]
-            if tyre and skids:
-                link = _inert(link, first, _GEARED * mass * tyre.radius**2)
             if tyre and not _is_thin(description, bodies, first.child):
                 rolls = [_thin(first, tyre)] if link.name == first.child else []
                 link = replace(link, collisions=tuple(rolls))
@@ -210,17 +203,47 @@ def _bottom(shape: Shape, pose: Floats) -> float:
     return height - abs(float(up[2])) * shape.length / 2.0 - around
 
 
-def _inert(link: Link, joint: Joint, moment: float) -> Link:
-    """Return a wheel with a further ``moment`` of inertia about its axle, as of a geared motor."""
-    if link.name != joint.child or link.inertial is None:
-        return link
-    along = matrix(link.inertial.origin)[:3, :3].T @ np.array(joint.axis)
-    # Half of it across: a thin disc.
-    added = moment / 2.0 * (np.outer(along, along) + np.eye(3))
-    rows, columns = np.triu_indices(3)
-    inertia = np.array(link.inertial.inertia) + added[rows, columns]
-    moments = tuple(inertia.tolist())
-    return replace(link, inertial=replace(link.inertial, inertia=moments))
+def _skidding(wheels: Wheels, links: Iterable[Link]) -> Iterator[Link]:
+    """Return the links, of wheels that skid with the inertia that ``_moment`` returns."""
+    turned = {wheels.axles[name].joint.child: name for name in wheels.names}
+    poses = link_poses(wheels.description)
+    for link in links:
+        first, _ = poses[link.name]
+        name = turned.get(first, "")
+        if len(turned) > 2 and name and (tyre := wheels.tyres.of(name)):
+            ring = _ring(wheels, name, tyre) if link.name == first else None
+            yield replace(link, inertial=ring)
+        else:
+            yield link
+
+
+def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
+    """Return the mass of a wheel, all of it on the wheel's own link; None if it has none."""
+    joint, body = wheels.axles[name].joint, Body(name)
+    poses = link_poses(wheels.description)
+    for link in wheels.description.links:
+        if poses[link.name][0] == joint.child:
+            body.add(link, poses[link.name][1])
+    if body.mass <= 0.0:
+        return None
+    axis = np.array(joint.axis)
+    tensor = _moment(wheels, name, tyre, body.mass) / 2.0 * (np.outer(axis, axis) + np.eye(3))
+    x, y, z = body.center.tolist()
+    return Inertial(Origin((x, y, z)), body.mass, tuple(tensor[np.triu_indices(3)].tolist()))
+
+
+def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
+    """Return the moment of inertia of a wheel about its axle with which it skids rightly.
+
+    An impulse at its contact moves that as much along the robot, where the wheel turns, as across,
+    where it slides on its axle; see ``SkidAxle``.
+    """
+    whole = wheels.robot
+    _, y, z = wheels.axles[name].middle(tyre) - whole.center
+    roll, pitch, yaw = np.diag(whole.inertia)
+    sideways = 1.0 / mass + tyre.radius**2 / roll
+    base = 1.0 / whole.mass + y**2 / yaw + z**2 / pitch
+    return float(tyre.radius**2 / max(sideways - base, _LEAST * sideways))
 
 
 def _is_thin(description: Description, bodies: Mapping[str, str], body: str) -> bool:

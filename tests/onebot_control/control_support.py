@@ -1,7 +1,7 @@
 """A small robot, an ideal plant and a configuration, for tests of the controller."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,9 @@ class IdealPlant:
         self.closed = False
         self.reset()
 
+    def turn(self, velocities: Mapping[str, float]) -> None:
+        self.targets = velocities
+
     def step(self, velocities: Mapping[str, float], duration: float) -> None:
         left, right = (velocities[name] for name in self.joints)
         assert math.isfinite(left) and math.isfinite(right)
@@ -110,6 +113,21 @@ class IdealPlant:
 
     def close(self) -> None:
         self.closed = True
+
+
+class IdealWorld:
+    """Moves ideal plants together."""
+
+    def __init__(self, plants: Sequence[IdealPlant]) -> None:
+        self.plants = plants
+
+    def step(self, duration: float) -> None:
+        for plant in self.plants:
+            plant.step(plant.targets, duration)
+
+    def close(self) -> None:
+        for plant in self.plants:
+            plant.close()
 
 
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:

@@ -228,11 +228,38 @@ def test_two_wheels_drive(axis: str, casters: tuple[str, ...]) -> None:
         assert truth == pytest.approx(odometry, rel=1e-3)
 
 
-def test_four_wheels_skid() -> None:
-    """The truth follows the odometry, whose separation is the effective one."""
-    straight, turn = drive(base(*FOUR))
+BALLAST = part("ballast", "-0.1 0 0.1", '<box size="0.1 0.1 0.1"/>', kind="fixed").replace(
+    'mass value="0.5"', 'mass value="10"'
+)
+MIDDLE = wheel("middle_l", 0.0, 0.2), wheel("middle_r", 0.0, -0.2)
+
+
+@pytest.mark.parametrize(
+    "parts", [FOUR, (*FOUR, BALLAST), (*FOUR, *MIDDLE), (*FOUR, *MIDDLE, BALLAST)]
+)
+def test_several_wheels_a_side_skid(parts: tuple[str, ...]) -> None:
+    """The truth follows the odometry, whose separation is the effective one, wherever the mass is.
+
+    Friction opposes the sliding, and each wheel carries its share, as the separation assumes.
+    """
+    straight, turn = drive(base(*parts))
     assert straight[1] == pytest.approx(straight[0], rel=1e-4)
-    assert turn[1] == pytest.approx(turn[0], rel=0.05)
+    assert turn[1] == pytest.approx(turn[0], rel=0.01)
+
+
+def test_a_hub_is_no_joint_of_the_robot() -> None:
+    """The wheels' inertia follows from their mass, and what holds them is not published."""
+    drive = DrivenRobot.of(base(*FOUR), CONFIG)
+    try:
+        assert sorted(drive.plant.joints) == sorted(drive.broadcaster.names)
+        assert sorted(drive.plant.joints) == sorted(Wheels(base(*FOUR)).names)
+        for _ in range(100):
+            drive.accept(0.2, 0.5)
+            drive.cycle()
+        drive.reset()
+        assert (drive.snapshot().joints.velocities == 0.0).all()
+    finally:
+        drive.plant.close()
 
 
 def test_joints_that_are_held_are_published() -> None:
