@@ -23,6 +23,7 @@ from onebot_control.parameters import (
 )
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Publishers
+from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError, printable
 from onebot_description.node import (
@@ -354,6 +355,7 @@ class CommandSubscription:
         self._node, self._received, self._warn = node, received, warn
         self._topic = node.resolve_topic_name(_COMMAND_TOPIC)
         self._choice = choice
+        self._check = StampCheck.of(node, _COMMAND_TOPIC)
         self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
         self._subscription = TopicSubscription(
             node, _COMMAND_TOPIC, self._on_message, _COMMAND_TYPES.__getitem__, raw=False
@@ -400,8 +402,9 @@ class CommandSubscription:
         if kind == _TWIST:
             self._received(message.linear.x, message.angular.z, None)
         else:
-            twist = message.twist
-            self._received(twist.linear.x, twist.angular.z, nanoseconds(message.header.stamp))
+            twist, stamp = message.twist, nanoseconds(message.header.stamp)
+            self._check.take(stamp, time.time_ns())
+            self._received(twist.linear.x, twist.angular.z, stamp)
 
 
 class PoseTopics:
