@@ -17,9 +17,11 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -32,12 +34,15 @@ from onebot_description.errors import OneBotError, shortened
 from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")
+MakeNode = Callable[[], Node | Sequence[Node]]
+InvalidHandle = rclpy_implementation.InvalidHandle
 
 # For those who subscribe later than it was published: the description, a page's address.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600  # seconds
+_TAKE_MISSED = 1.0  # seconds between looking for new subscriptions
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
@@ -48,18 +53,18 @@ _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def run_node(
-    make_node: Callable[[], Node],
+    make_node: MakeNode,
     args: Sequence[str] | None = None,
     *,
     events: bool = False,
     whole_graph: bool = False,
 ) -> int:
-    """Run one node until Ctrl-C, SIGTERM or its own error.
+    """Run a node, or several in one process, until Ctrl-C, SIGTERM or an error of one.
 
     Args:
-        make_node: builds the node; rclpy is initialised by then. It, any callback of the node
-            (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends the
-            process with one line on stderr.
+        make_node: builds the node or nodes; rclpy is initialised by then. It, any callback of a
+            node (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends
+            the process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
         whole_graph: the node looks at others' topics (see ``configure_discovery``).
@@ -85,7 +90,7 @@ def run_node(
             rclpy.try_shutdown()
 
 
-def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
+def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> int:
     try:
         _spin_node(make_node, stop, signals, events)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -97,21 +102,23 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
     return 0
 
 
-def _spin_node(
-    make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool
-) -> None:
-    node: Node | None = None
+def _spin_node(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> None:
+    nodes: Sequence[Node] = ()
     executor: Executor | None = None
     try:
         with signals.interrupting():
-            node = make_node()
+            made = make_node()
+        nodes = [made] if isinstance(made, Node) else made
         executor = _make_executor(events)
-        executor.add_node(node)
+        for node in nodes:
+            executor.add_node(node)
+            if events:
+                MissedMessages(node)
         _spin_until(stop, executor)
     finally:
-        if executor is not None and node is not None:
-            executor.remove_node(node)
-        if node is not None:
+        for node in nodes:
+            if executor is not None:
+                executor.remove_node(node)
             node.destroy_node()
         if executor is not None:
             executor.shutdown()
@@ -123,6 +130,42 @@ def _make_executor(events: bool) -> Executor:
 
         return EventsExecutor()
     return SingleThreadedExecutor()
+
+
+class MissedMessages:
+    """Takes what was received while a latched subscription was added to the events executor.
+
+    rmw_fastrtps first counts what has been received and then asks to be notified of more. What
+    comes in between stays until the next message, and of a latched topic there may be no other.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Look after each new subscription of ``node`` once, when it has been there for a while."""
+        self._node = node
+        self._new: set[Subscription] = set()
+        self._done: set[Subscription] = set()
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_TAKE_MISSED, self._take_missed, clock=steady)
+
+    def _take_missed(self) -> None:
+        subscriptions = {each for each in self._node.subscriptions if _is_latched(each)}
+        due = self._new & subscriptions
+        self._done = self._done & subscriptions | due
+        self._new = subscriptions - self._done
+        for subscription in due:
+            _take_all(subscription)
+
+
+def _is_latched(subscription: Subscription) -> bool:
+    return bool(subscription.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def _take_all(subscription: Subscription) -> None:
+    """Call the subscription's callback with all that it has received."""
+    with suppress(InvalidHandle), subscription.handle:
+        while taken := subscription.handle.take_message(subscription.msg_type, subscription.raw):
+            subscription.callback(taken[0])
 
 
 def _spin_until(stop: Future, executor: Executor) -> None:
@@ -171,7 +214,7 @@ def _first_line(error: BaseException) -> str:
 def run_described_node(
     name: str,
     explanation: str | None,
-    make_node: Callable[[str | None, RosArguments], Node],
+    make_node: Callable[[str | None, RosArguments], Node | Sequence[Node]],
     check_files: Callable[[Sequence[Path]], object],
     args: Sequence[str] | None,
     *,
@@ -259,6 +302,11 @@ class RosArguments(NamedTuple):
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
 
+    def joined(self, own: Sequence[str]) -> RosArguments:
+        """Return these with a node's ``own`` ROS arguments, which override."""
+        more = ros_arguments(["", *(ros_args(own) or ())])
+        return self._replace(files=self.files + more.files, names=self.names + more.names)
+
 
 def ros_arguments(arguments: Sequence[str]) -> RosArguments:
     """Find the parameter files and names in ``arguments``, which are as in sys.argv."""
@@ -281,6 +329,32 @@ def ros_arguments(arguments: Sequence[str]) -> RosArguments:
         elif not inside:
             others.append(word)
     return RosArguments(tuple(files), tuple(names), tuple(others))
+
+
+def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+    """Split the command line of nodes of several robots, which is as in sys.argv.
+
+    Returns:
+        The arguments of the process, and those of each robot's node: what follows each --robot,
+        until --ros-args or the end. They are ROS arguments.
+    """
+    own: list[str] = []
+    robots: list[list[str]] = []
+    target, inside = own, False
+    for word in arguments:
+        if word == "--ros-args":
+            target, inside = own, True
+        elif word == "--robot" and not inside:
+            target = []
+            robots.append(target)
+            continue
+        target.append(word)
+    return own, robots
+
+
+def ros_args(own: Sequence[str] | None) -> list[str] | None:
+    """Return a node's ``own`` ROS arguments as rclpy takes them."""
+    return None if own is None else ["--ros-args", *own]
 
 
 def is_path(text: str) -> bool:
