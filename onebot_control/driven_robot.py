@@ -17,24 +17,17 @@ from numpy.typing import NDArray
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
-from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.poses import WORLD_FRAME, PlanarPose, yaw_of
 from onebot_control.simulation import (
     JointStates,
     Pose,
-    RobotSpawn,
+    SceneBodies,
     Settings,
     Simulation,
     Twist,
-    World,
 )
 from onebot_control.simulation.drivable import drivable
-from onebot_control.wheels.finding import DriveWheels, find_wheels
-from onebot_control.wheels.geometry import (
-    WheelGeometry,
-    check_wheel_names,
-    wheel_directions,
-    wheel_geometry,
-)
+from onebot_control.wheels.geometry import WheelGeometry, Wheels
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -49,8 +42,15 @@ class Plant(Protocol):
     def joints(self) -> tuple[str, ...]:
         """All joints that move."""
 
+    @property
+    def scene(self) -> SceneBodies | None:
+        """What stands around it."""
+
+    def turn(self, velocities: Mapping[str, float]) -> None:
+        """Have the wheels turn with these velocities, rad/s, from the next step on."""
+
     def step(self, velocities: Mapping[str, float], duration: float) -> None:
-        """Turn the wheels with these velocities, rad/s, for ``duration`` seconds."""
+        """Turn the wheels with these velocities for ``duration`` seconds."""
 
     def joint_states(self) -> JointStates:
         """State of ``joints``, in that order."""
@@ -146,7 +146,7 @@ class Side:
     def __init__(
         self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
     ) -> None:
-        """Find the wheels called ``names`` in ``joints``; see ``wheel_directions``."""
+        """Find the wheels called ``names`` in ``joints``; see ``Wheels.directions``."""
         self._directions = [(name, directions[name]) for name in names]
         self._rows = [(joints.index(name), directions[name]) for name in names]
 
@@ -167,18 +167,18 @@ class DrivenRobot:
     """A robot and its controller.
 
     Attributes:
+        wheels: those that drive it.
         config: the parameters in force.
         geometry: of the wheels, before multipliers.
         description: of the robot.
         broadcaster: chooses what joint_states holds.
         plant: what is driven.
-        odom_in_world: pose of the odometry frame in the world; changed by what sets the odometry.
         ticks: control cycles done.
     """
 
     def __init__(
         self,
-        description: Description,
+        wheels: Wheels,
         config: ControlConfig,
         plant: Plant,
         held: Mapping[str, float] = MappingProxyType({}),
@@ -186,7 +186,7 @@ class DrivenRobot:
         """Stand still, with odometry at zero.
 
         Args:
-            description: of the robot.
+            wheels: of the robot.
             config: of its controller.
             plant: what is driven.
             held: joints that the plant has not, to the positions at which they are held still.
@@ -194,15 +194,16 @@ class DrivenRobot:
         Raises:
             OneBotError: config and description do not suit each other.
         """
-        self.description, self.plant, self._held = description, plant, held
-        wheels = wheels_of(description, config)
-        self.geometry = geometry_of(description, config)
+        self.wheels, self.plant, self._held = wheels, plant, held
+        self.description = wheels.description
+        self.geometry = self.measured(config)
         self.controller = DiffDriveController(config, config.kinematics(self.geometry))
         self.config = config
         self.broadcaster = self.broadcasting(config)
         self.ticks = 0
-        directions = wheel_directions(description, [*wheels.left, *wheels.right])
-        self._left, self._right = (Side(names, directions, plant.joints) for names in wheels)
+        self._left, self._right = (
+            Side(names, wheels.directions, plant.joints) for names in (wheels.left, wheels.right)
+        )
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
         self._read_state()
         self.place_odometry(PlanarPose())
@@ -215,15 +216,13 @@ class DrivenRobot:
             OneBotError: config and description do not suit each other, or cannot be simulated.
         """
         wheels = wheels_of(description, config)
-        geometry_of(description, config)
-        names = (*wheels.left, *wheels.right)
+        wheels.geometry(config.wheel_separation, config.wheel_radius)
         settings = Settings().fitted(config.update_rate)
-        simulated, held = drivable(description, names)
-        plant = Simulation(
-            simulated, driven=names, x=config.x, y=config.y, yaw=config.yaw, settings=settings
-        )
+        simulated, held = drivable(wheels)
+        driven, x, y, yaw = wheels.names, config.x, config.y, config.yaw
+        plant = Simulation(simulated, driven=driven, x=x, y=y, yaw=yaw, settings=settings)
         try:
-            return cls(description, config, plant, held)
+            return cls(wheels, config, plant, held)
         except OneBotError:
             plant.close()
             raise
@@ -245,10 +244,18 @@ class DrivenRobot:
         Raises:
             OneBotError: they do not suit the robot; then nothing has changed.
         """
-        geometry = geometry_of(self.description, config)
+        geometry = self.measured(config)
         broadcaster = self.broadcasting(config)
         self.controller.configure(config, config.kinematics(geometry))
         self.config, self.geometry, self.broadcaster = config, geometry, broadcaster
+
+    def measured(self, config: ControlConfig) -> WheelGeometry:
+        """Return the wheels' geometry: that of ``config``, or where it is 0 the description's.
+
+        Raises:
+            OneBotError: the description does not determine it.
+        """
+        return self.wheels.geometry(config.wheel_separation, config.wheel_radius)
 
     def broadcasting(self, config: ControlConfig) -> JointStateBroadcaster:
         """Return what chooses the joint states to publish by ``config``.
@@ -291,11 +298,15 @@ class DrivenRobot:
 
     def finish(self) -> None:
         """Turn the wheels for a control period."""
-        self.plant.step(self.wheel_velocities, self.period)
+        self.plant.step(self._wheel_velocities(), self.period)
         self.ticks += 1
 
-    @property
-    def wheel_velocities(self) -> dict[str, float]:
+    def turn(self) -> None:
+        """Set the velocities of the wheels for a control period of the world."""
+        self.plant.turn(self._wheel_velocities())
+        self.ticks += 1
+
+    def _wheel_velocities(self) -> dict[str, float]:
         """The velocity of each driven joint, rad/s, as ``begin`` has decided."""
         velocities = self._left.velocities(self._command.left)
         velocities.update(self._right.velocities(self._command.right))
@@ -336,104 +347,38 @@ class DrivenRobot:
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry to ``pose`` here and now; its covariance is zero."""
         self.controller.odometry.set_pose(*pose)
-        self.odom_in_world = self.true_pose.compose(pose.inverse())
+        self._odom_placed = self.true_pose.compose(pose.inverse())
 
-    def replaced(self, description: Description) -> "DrivenRobot":
-        """Return the same robot by another description, where this one is.
+    @property
+    def odom_in_world(self) -> PlanarPose:
+        """Pose of the odometry frame in the world.
 
-        Raises:
-            OneBotError: the description does not suit the parameters, or cannot be simulated.
+        It changes with what sets the odometry; in a scene, where wheels slip, all the time.
         """
-        robot = DrivenRobot.of(description, self.config)
-        robot.teleport(self.true_pose)
-        robot.controller.odometry.set_pose(*self.snapshot().odometry)
-        robot.controller.odometry.uncertainty = self.controller.odometry.uncertainty
-        robot.odom_in_world, robot.ticks = self.odom_in_world, self.ticks
-        return robot
+        if self.plant.scene is None:
+            return self._odom_placed
+        return self.true_pose.compose(self.snapshot().odometry.inverse())
+
+    @property
+    def world_frame(self) -> str:
+        """The frame of the truth; "" if that is the odometry's. A scene needs one."""
+        return self.config.world_frame_id or ("" if self.plant.scene is None else WORLD_FRAME)
+
+    def continue_from(self, other: "DrivenRobot") -> None:
+        """Continue another robot's odometry and count of cycles, where that one is."""
+        self.controller.odometry.set_pose(*other.snapshot().odometry)
+        self.controller.odometry.uncertainty = other.controller.odometry.uncertainty
+        self._odom_placed, self.ticks = other._odom_placed, other.ticks
 
     def _read_state(self) -> None:
         self._joints = self.plant.joint_states()
         self._pose, self._twist = self.plant.base_pose(), self.plant.base_twist()
 
 
-def wheels_of(description: Description, config: ControlConfig) -> DriveWheels:
+def wheels_of(description: Description, config: ControlConfig) -> Wheels:
     """Return the driven wheels: those that the parameters name, or else those that are found.
 
     Raises:
         OneBotError: one is missing, or none are found.
     """
-    left, right = config.left_wheel_names, config.right_wheel_names
-    if not left:
-        return find_wheels(description)
-    check_wheel_names(description, left_wheel_names=left, right_wheel_names=right)
-    return DriveWheels(left, right)
-
-
-def geometry_of(description: Description, config: ControlConfig) -> WheelGeometry:
-    """Return the wheels' geometry: the parameters', or where they are 0 the description's.
-
-    Raises:
-        OneBotError: a wheel joint is missing, or the description does not determine it.
-    """
-    return wheel_geometry(
-        description,
-        *wheels_of(description, config),
-        separation=config.wheel_separation,
-        radius=config.wheel_radius,
-    )
-
-
-class Fleet:
-    """Robots of one kind in one world, each with its controller, driven together.
-
-    ``world`` is what they share; ``robots`` take commands and parameters.
-    """
-
-    def __init__(
-        self,
-        description: Description,
-        config: ControlConfig,
-        starts: Sequence[PlanarPose],
-        settings: Settings = Settings(),  # noqa: B008 - it is frozen
-    ) -> None:
-        """Set a robot down at each of ``starts``, whose x, y and yaw count, not the config's.
-
-        The rate of ``settings`` is fitted to the config's update_rate.
-
-        Raises:
-            OneBotError: config and description do not suit each other, cannot be simulated, or two
-                robots start in the same place.
-        """
-        wheels = wheels_of(description, config)
-        names = (*wheels.left, *wheels.right)
-        simulated, held = drivable(description, names)
-        spawns = [RobotSpawn(simulated, names, *start) for start in starts]
-        self.world = World(spawns, settings.fitted(config.update_rate))
-        try:
-            self.robots = tuple(
-                DrivenRobot(description, config, plant, held) for plant in self.world.robots
-            )
-        except BaseException:
-            self.world.close()
-            raise
-
-    def cycle(self) -> list[Snapshot]:
-        """Do a control cycle of all robots; return them as they were at its beginning."""
-        snapshots = []
-        # One after the other, each while all that is its own is in the processor's caches.
-        for robot, plant in zip(self.robots, self.world.robots, strict=True):
-            snapshots.append(robot.begin())
-            plant.turn(robot.wheel_velocities)
-            robot.ticks += 1
-        self.world.step(self.robots[0].period)
-        return snapshots
-
-    def close(self) -> None:
-        """Free the world."""
-        self.world.close()
-
-    def __enter__(self) -> "Fleet":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    return Wheels(description, config.left_wheel_names, config.right_wheel_names)

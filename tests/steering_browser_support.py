@@ -3,17 +3,22 @@
 import json
 import math
 import re
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 from selenium.webdriver import ActionChains, Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
+from onebot_bringup.steering.arbiter import DRIVER_TIMEOUT
 from tests.ros_support import NodeProcess, ros_args
-from tests.support import PATIENCE, wait_for
+from tests.support import wait_for
+
+T = TypeVar("T")
+Check = Callable[[], object]
 
 MODULE = "onebot_bringup.steering.steering_page"
 PORT = re.compile(r"open (http://[\d.]+:(\d+)\S*)")
@@ -104,7 +109,6 @@ class Page:
 
     def module(self, name: str, function: str, calls: list[list[Any]]) -> list[Any]:
         """What a function of the page's module returns, or the name of what it throws."""
-        self.driver.set_script_timeout(PATIENCE)
         script = """const [name, run, calls, done] = arguments;
         import(new URL(`static/${name}`, document.baseURI)).then((found) => done(
           calls.map((call) => { try { return found[run](...call) } catch (e) { return e.name } })
@@ -131,6 +135,71 @@ class Page:
         """Press the pad's middle and drag, by shares of the thumb's way; it stays held."""
         radius = self.find("#pad .back").size["width"] / 2
         self.hold("#pad", right * radius, -up * radius)
+
+    def drive_until(
+        self,
+        press: Callable[[], None],
+        release: Callable[[], None],
+        reached: Callable[[], T],
+        what: str,
+    ) -> T:
+        """Press a control and wait for what it does; it stays pressed.
+
+        Where page, server and robot get no processor time for a second, the robot is stopped and
+        the control has to be pressed anew, which is done here.
+        """
+        press()
+        pressed = time.monotonic()
+
+        def driven() -> T | None:
+            nonlocal pressed
+            found = reached()
+            if found and self.body("driver") == "you":
+                return found
+            if self.body("hand") == "" and time.monotonic() > pressed + DRIVER_TIMEOUT:
+                release()
+                press()
+                pressed = time.monotonic()
+            return None
+
+        found = wait_for(driven, what)
+        assert found is not None
+        return found
+
+    def drive_by_pad(self, right: float, up: float, reached: Callable[[], T]) -> T:
+        """Drive with the joystick, held as `hold_pad` holds it, until ``reached``."""
+        return self.drive_until(
+            lambda: self.hold_pad(right, up), self.let_go, reached, "the joystick to drive"
+        )
+
+    def drive_by_mouse(self, selector: str, right: float, down: float, reached: Check) -> None:
+        """Drive with a control that the mouse holds, as `hold` does, until ``reached``."""
+        self.drive_until(
+            lambda: self.hold(selector, right, down), self.let_go, reached, f"{selector} to drive"
+        )
+
+    def drive_by_finger(self, finger: int, reached: Check) -> None:
+        """Drive with the joystick at its upper end, and no other finger, until ``reached``."""
+
+        def press() -> None:
+            self.touch({finger: ("#pad", 0)})
+            self.touch({finger: ("#pad", 300)})
+
+        self.drive_until(press, self.end_touch, reached, "the finger to drive")
+
+    def drive_by_keys(self, keys: Sequence[str], reached: Callable[[], T]) -> T:
+        """Drive with keys of the keyboard, until ``reached``."""
+
+        def press() -> None:
+            for key in keys:
+                self.act().key_down(key).perform()
+
+        return self.drive_until(press, lambda: self.release_keys(keys), reached, f"{keys} to drive")
+
+    def release_keys(self, keys: Sequence[str]) -> None:
+        """Lift keys, the last one first."""
+        for key in reversed(keys):
+            self.act().key_up(key).perform()
 
     def drag(self, right: float, down: float) -> None:
         """Move the held mouse by pixels."""
@@ -231,6 +300,10 @@ class Page:
     def sent(self) -> list[dict[str, Any]]:
         """What the page said since it was opened."""
         return [message for kind, message in self.frames() if kind == "sent"]
+
+    def said(self) -> list[str]:
+        """The types of the messages that it sent."""
+        return [message["type"] for message in self.sent()]
 
     def wait_for_states(self, count: int) -> None:
         """Wait until the server has told its state ``count`` times more."""

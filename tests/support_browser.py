@@ -1,5 +1,6 @@
 """A real browser for pages: Debian's Chromium, driven by Selenium, with software WebGL."""
 
+import base64
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,11 +8,14 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from selenium import webdriver
-from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.chrome.service import Service
 
 from tests.support import require_program, wait_for
+from tests.support_rendering import colored, pixels
 
+# Seconds that a failing test waits for a page that draws: software WebGL takes some 20 s to the
+# first picture on two cores, and ten times as long on a busy machine.
+DRAWING_PATIENCE = 600.0
 # Without the background flags Chromium itself talks to other hosts, which is not the page's doing.
 _FLAGS = (
     "--headless=new --no-sandbox --disable-quic --no-first-run --disable-background-networking "
@@ -32,21 +36,27 @@ def browser(profile: Path) -> Iterator[webdriver.Chrome]:
         options=options, service=Service(require_program("chromedriver", "chromium-driver"))
     )
     try:
+        # A script waits for the page's frame, and a picture for some of them.
+        driver.set_script_timeout(DRAWING_PATIENCE)
+        driver.command_executor.client_config.timeout = DRAWING_PATIENCE
         yield driver
     finally:
         driver.quit()
 
 
 def screenshot(driver: webdriver.Chrome) -> bytes:
-    """The page as PNG; on a busy machine Chromium gives up after 10 s, and is asked again."""
+    """The page as PNG."""
+    # WebDriver's own command gives up when the page's frames take 10 s together.
+    return base64.b64decode(driver.execute_cdp_cmd("Page.captureScreenshot", {})["data"])
 
-    def taken() -> bytes:
-        try:
-            return driver.get_screenshot_as_png()
-        except TimeoutException:
-            return b""
 
-    return wait_for(taken, "a picture of the page", timeout=240.0)
+def wait_for_color(driver: webdriver.Chrome, rgb: tuple[int, int, int], most: int) -> None:
+    """Wait until more than ``most`` pixels of the page have a colour."""
+    wait_for(
+        lambda: colored(pixels(screenshot(driver)), rgb).sum() > most,
+        f"the colour {rgb} in the picture",
+        timeout=DRAWING_PATIENCE,
+    )
 
 
 def hosts_reached(driver: webdriver.Chrome) -> set[str]:

@@ -7,6 +7,7 @@ locked while it lives.
 import fcntl
 import os
 import re
+import threading
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 FOLDER = Path("/dev/shm")
 _SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
-_YOUNG = 10.0  # s; a participant that starts has not locked its file yet
+YOUNG = 10.0  # s; a participant that starts has not locked its file yet
 
 
 class Segments(NamedTuple):
@@ -34,7 +35,7 @@ def find_segments(folder: Path = FOLDER) -> Segments:
             continue
         with suppress(OSError):  # it has ended just now, or is another user's
             found = path.stat()
-            if time.time() - found.st_mtime < _YOUNG or _is_locked(_lock_of(path)):
+            if time.time() - found.st_mtime < YOUNG or _is_locked(_lock_of(path)):
                 used.append(path)
             else:
                 stale.append(path)
@@ -51,6 +52,21 @@ def remove_segments(segments: Iterable[Path]) -> int:
             removed += 1
             _lock_of(path).unlink(missing_ok=True)
     return removed
+
+
+def remove_stale_in_background(folder: Path = FOLDER) -> threading.Thread:
+    """Remove what killed processes left, while the caller goes on; return the thread that does it.
+
+    Safe beside processes that start: what has just been made is left, and names are never reused.
+    """
+
+    def remove() -> None:
+        with suppress(OSError):  # the folder may not be read
+            remove_segments(find_segments(folder).stale)
+
+    thread = threading.Thread(target=remove, daemon=True)
+    thread.start()
+    return thread
 
 
 def _lock_of(segment: Path) -> Path:

@@ -12,6 +12,7 @@ from typing import Any
 
 from onebot_control.poses import prefixed
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
+from onebot_description.discovery import ARGUMENT, LOCALHOST, WANTED
 from onebot_description.errors import UsageError as UsageError
 from onebot_description.errors import did_you_mean, printable
 from onebot_description.parameters.values import MAX_PORT, Rule, ValueType
@@ -234,6 +235,7 @@ _MAX_FREQUENCY = 1000  # Hz
 _CYCLES = 0.001, 1000.0  # of the controller, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
+_WORLDS = "maze, ramp, or a URDF or xacro file with walls and boxes"
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 
@@ -258,12 +260,20 @@ def ros_settings() -> list[Argument]:
             "the namespace of all nodes",
             type=ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}")),
         ),
+        *discovery_settings(),
+    ]
+
+
+def discovery_settings() -> list[Argument]:
+    """Return the arguments about which nodes are discovered."""
+    return [
         whole("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's", 0, _MAX_DOMAIN),
         Argument(
             "discovery",
-            "localhost",
-            "who sees the nodes; ROS_AUTOMATIC_DISCOVERY_RANGE goes before this default",
-            ("localhost", "subnet"),
+            LOCALHOST,
+            "which nodes are discovered; not given: as the environment has it; "
+            "HOST:PORT of a discovery server, or (localhost, subnet)",
+            type=ValueType(str, Rule(pattern=ARGUMENT, write=WANTED)),
         ),
     ]
 
@@ -314,6 +324,7 @@ def simulation_arguments(control: str) -> list[Argument]:
         number("x", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("y", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("yaw", "", f"where it faces at the start, radians; {_AS_IN_FILE}"),
+        Argument("world", "", f"what stands around it: {_WORLDS}; empty: nothing"),
         number("rate", "", f"control cycles a second, Hz; {_AS_IN_FILE}", *_CYCLES),
     ]
 
@@ -335,6 +346,8 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
     if bool(values.get("left_wheel")) != bool(values.get("right_wheel")):
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
+    if values.get("world") and values["sim"] == "false":
+        raise UsageError(f"world:={values['world']} is for the simulation: leave out sim:=false")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from onebot_bringup.introspection.shared_memory import remove_stale_in_background
 from onebot_bringup.launch.arguments import (
     Argument,
     Arguments,
@@ -27,6 +28,7 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.process import NodeProcess
 from onebot_control.poses import prefixed
+from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
@@ -55,6 +57,7 @@ class Bringup(NamedTuple):
     model: str = ""  # URDF or xacro file of the robot
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
+    world_view: str = ""  # likewise, for a robot in a world
     control: str = ""  # parameters of the controller; empty: the robot cannot be simulated
     takes_file: bool = False  # the model is the command's first word instead
 
@@ -92,6 +95,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
+    from onebot_description.description.worlds import load_world
     from onebot_description.description.xacro import included_files
     from onebot_description.file_watch import file_states
 
@@ -114,6 +118,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     description.require_tree()
+    if values.get("world"):
+        values["world"] = load_world(values["world"]).source  # checked
+        values["view"] = own.get("view", command.world_view)
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
@@ -121,6 +128,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         tempfile.TemporaryDirectory(prefix="onebot-") as folder,
         Launcher(command.program) as launcher,
     ):
+        remove_stale_in_background()
         make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
         return launcher.run(
             nodes_to_start(make),
@@ -308,12 +316,11 @@ def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
     Args:
         values: of the launch arguments.
         forced: ``discovery`` was given, and so overrides the environment's setting.
+
+    Raises:
+        OneBotError: ``discovery`` names a host or a port that does not exist.
     """
-    variables = {}
-    if forced or not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
-        variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] = values["discovery"].upper()
-    if values["domain_id"]:
-        variables["ROS_DOMAIN_ID"] = values["domain_id"]
+    variables = discovery_variables(values, forced=forced)
     if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
         # The launcher puts the node's name in front of each line.
         variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
@@ -353,6 +360,8 @@ def summary_text(description: "Description", values: Mapping[str, str]) -> str:
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
+    if values.get("world"):
+        lines.append(f"  world    {values['world']}")
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":

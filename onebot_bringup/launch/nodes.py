@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
+from onebot_control.poses import WORLD_FRAME
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.description_watcher import Known
@@ -76,6 +77,8 @@ class NodeFactory:
         for argument, name in _WHEELS.items():
             if self.values[argument]:
                 parameters[name] = [each.strip() for each in self.values[argument].split(",")]
+        if self.values["world"]:
+            parameters["world"], parameters["world_frame_id"] = self.values["world"], WORLD_FRAME
         module = "onebot_control.velocity_controller"
         files = [Path(self.values["params_file"]).absolute()]
         return self._node("velocity_controller", module, parameters, files=files)

@@ -445,7 +445,7 @@ class RerunViewer(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until Ctrl-C."""
-    return run_node(RerunViewer, args, events=True)
+    return run_node(RerunViewer, args, events=True, whole_graph=True)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ joints are added up as written, and each rigid body becomes one link.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -31,8 +31,20 @@ from onebot_description.model import quaternions
 
 Floats = NDArray[np.float64]
 
+HUB = "hub"  # with which the names of hubs and of their joints begin
+_HUB = 0.01  # of a wheel that skids: the share of its mass that turns with the base
 # Tolerance of moments of inertia, as in the description's checks: they are written with few digits.
 _ROUNDING = 0.01
+
+
+@dataclass(frozen=True)
+class SkidAxle(Joint):
+    """The joint of a wheel that skids, on a hub that can slide along the axle.
+
+    A motor holds the hub. PyBullet's friction counters the sliding of a contact in each direction
+    as far as the bodies resist there. A wheel gives way where it rolls: unless it does sideways,
+    too, the friction is not opposite to the sliding.
+    """
 
 
 @dataclass
@@ -78,7 +90,7 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     Raises:
         OneBotError: what of the robot cannot be simulated, a line each.
     """
-    if unfit := [*_unfit_joints(description), *_unfit_links(description)]:
+    if unfit := [*_unfit_joints(description), *unfit_links(description)]:
         raise OneBotError("\n".join(unfit))
     firsts = [description.root_link, *(joint.child for joint in description.moving_joints)]
     bodies = {link: Body(link) for link in firsts}
@@ -103,8 +115,8 @@ def _unfit_joints(description: Description) -> Iterator[str]:
                 yield f"{where} <dynamics> {name}: {value:g} must be 0 or more"
 
 
-def _unfit_links(description: Description) -> Iterator[str]:
-    """What is wrong with links that can be published, but not simulated."""
+def unfit_links(description: Description) -> Iterator[str]:
+    """Report what is wrong with links that can be published, but not simulated."""
     loose = frozenset(description.roots[1:])
     for link in description.links:
         where = f'{link.where}: link "{link.name}"'
@@ -141,7 +153,11 @@ def matrix(origin: Origin) -> Floats:
 
 
 def physics_urdf(
-    description: Description, bodies: Mapping[str, Body], meshes: Mapping[str, str]
+    description: Description,
+    bodies: Mapping[str, Body],
+    meshes: Mapping[str, str],
+    *,
+    fixed: bool = False,
 ) -> str:
     """Return URDF text of the rigid bodies, which moves like ``description``.
 
@@ -153,6 +169,7 @@ def physics_urdf(
         description: the robot.
         bodies: its rigid bodies.
         meshes: the converted file for each URI of a collision mesh.
+        fixed: the bodies stand still, whatever their masses; their meshes need not be convex.
 
     Raises:
         OneBotError: the bodies that cannot be simulated, a line each with the remedy.
@@ -162,7 +179,10 @@ def physics_urdf(
     unfit = []
     for body in bodies.values():
         try:
-            robot.append(_link(description, body, numbers[body.link], meshes))
+            inertial = _immovable() if fixed else _inertial(description, body)
+            link = _link(numbers[body.link], inertial)
+            _add_collisions(link, body, meshes, concave=fixed)
+            robot.append(link)
         except OneBotError as error:
             unfit.append(str(error))
     if unfit:
@@ -170,30 +190,56 @@ def physics_urdf(
     poses = link_poses(description)
     for row, joint in enumerate(description.moving_joints):
         parent, pose = poses[joint.parent]
-        element = _joint(joint, pose)
-        element.set("name", str(row))
-        SubElement(element, "parent", link=numbers[parent])
-        SubElement(element, "child", link=numbers[joint.child])
-        robot.append(element)
+        place, carrier = pose @ matrix(joint.origin), numbers[parent]
+        if isinstance(joint, SkidAxle):
+            hub = f"{HUB}{row}"
+            robot.append(_link(hub, _inertial(description, bodies[joint.child], _HUB)))
+            # Without limits: the lower one is the greater.
+            slide = replace(joint, kind="prismatic", lower=1.0, upper=-1.0)
+            robot.append(_joint(slide, hub, place, carrier, hub))
+            place, carrier = np.eye(4), hub
+        robot.append(_joint(joint, str(row), place, carrier, numbers[joint.child]))
     return to_text(robot)
 
 
-def _link(description: Description, body: Body, name: str, meshes: Mapping[str, str]) -> Element:
+def _link(name: str, inertial: Element) -> Element:
     link = Element("link", name=name)
+    link.append(inertial)
+    return link
+
+
+def _add_collisions(link: Element, body: Body, meshes: Mapping[str, str], *, concave: bool) -> None:
+    for shape, where in body.collisions:
+        part = SubElement(link, "collision")
+        if concave and isinstance(shape, Mesh):
+            part.set("concave", "yes")
+        part.append(_origin(where))
+        SubElement(part, "geometry").append(_shape(shape, meshes))
+
+
+def _inertial(description: Description, body: Body, share: float = 1.0) -> Element:
+    """``<inertial>`` of a ``share`` of a body."""
     moments, turn = _principal(description, body)
-    inertial = SubElement(link, "inertial")
+    inertial = Element("inertial")
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, body.center
     inertial.append(_origin(pose))
-    SubElement(inertial, "mass", value=repr(body.mass))
+    _add_mass(inertial, share * body.mass, share * moments)
+    return inertial
+
+
+def _immovable() -> Element:
+    """``<inertial>`` of what PyBullet is to leave where it is."""
+    inertial = Element("inertial")
+    _add_mass(inertial, 0.0, np.zeros(3))
+    return inertial
+
+
+def _add_mass(inertial: Element, mass: float, moments: Floats) -> None:
+    SubElement(inertial, "mass", value=repr(mass))
     values = {"ixy": "0", "ixz": "0", "iyz": "0"}
     values |= {name: repr(float(m)) for name, m in zip(("ixx", "iyy", "izz"), moments, strict=True)}
     SubElement(inertial, "inertia", values)
-    for shape, where in body.collisions:
-        part = SubElement(link, "collision")
-        part.append(_origin(where))
-        SubElement(part, "geometry").append(_shape(shape, meshes))
-    return link
 
 
 def _shape(shape: Shape, meshes: Mapping[str, str]) -> Element:
@@ -241,10 +287,12 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     return moments, axes
 
 
-def _joint(joint: Joint, pose: Floats) -> Element:
-    """``joint`` without a name, in the body in which its parent link is at ``pose``."""
-    result = Element("joint", type=joint.kind)
-    result.append(_origin(pose @ matrix(joint.origin)))
+def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> Element:
+    """``joint`` at ``place`` in the body called ``parent``."""
+    result = Element("joint", name=name, type=joint.kind)
+    SubElement(result, "parent", link=parent)
+    SubElement(result, "child", link=child)
+    result.append(_origin(place))
     SubElement(result, "axis", xyz=_words(joint.axis))
     limits = {name: getattr(joint, name) for name in ("lower", "upper", "effort", "velocity")}
     if joint.kind == "continuous":

@@ -1,7 +1,8 @@
 """Creates PyBullet worlds with level ground, and loads robots into them."""
 
+import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -11,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, inverse
-from onebot_control.simulation.bodies import Body, physics_urdf, rigid_bodies
+from onebot_control.simulation.bodies import (
+    HUB,
+    Body,
+    SkidAxle,
+    physics_urdf,
+    rigid_bodies,
+)
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
 from onebot_description.description.description import Description, Mesh
@@ -23,6 +30,10 @@ from onebot_description.errors import OneBotError, listing
 # at 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
 
+_HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
+# m by which wheels that skid yield to their load. More than three rigid wheels have no definite
+# loads, and the friction decides which of them carry the robot.
+_SAG = 1e-4
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -31,6 +42,7 @@ class LoadedRobot(NamedTuple):
 
     body: int
     joints: Mapping[str, int]  # the moving ones, by name
+    hubs: Sequence[int]  # the joints on which the hubs of wheels that skid slide
     ground: int
     # Centre of mass and principal axes of the root body in the root link's frame; that frame, not
     # the link's, is PyBullet's base.
@@ -87,9 +99,13 @@ def load_robot(
     body = _load(client, description, bodies)
     names = [joint.name for joint in description.moving_joints]
     root, *moved = bodies.values()
-    joints = {}
+    joints, hubs = {}, []
     for index in range(engine.getNumJoints(body, physicsClientId=client)):
         info = engine.getJointInfo(body, index, physicsClientId=client)
+        if info[1].decode().startswith(HUB):
+            hubs.append(index)
+            _hold(client, body, index)
+            continue
         row = int(info[1])
         joints[names[row]] = index
         # The joint's friction: a motor with target 0 and that torque.
@@ -98,27 +114,67 @@ def load_robot(
         )
         _set_contact(client, body, index, moved[row], description, settings)
     _set_contact(client, body, -1, root, description, settings)
+    skidding = [
+        joints[joint.name] for joint in description.moving_joints if isinstance(joint, SkidAxle)
+    ]
+    _soften(client, body, skidding, sum(each.mass for each in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
         # One key per call: with either of these PyBullet ignores the link index.
         engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
     dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
     mass_frame = dynamics[3], dynamics[4]
-    return LoadedRobot(body, joints, ground, mass_frame, inverse(mass_frame))
+    return LoadedRobot(body, joints, hubs, ground, mass_frame, inverse(mass_frame))
 
 
-def _load(client: int, description: Description, bodies: Mapping[str, Body]) -> int:
+def _soften(client: int, body: int, wheels: Sequence[int], mass: float, settings: Settings) -> None:
+    """Let wheels share the weight of ``mass`` as tyres do: by springs, critically damped."""
+    for index in wheels:
+        share = mass / len(wheels)
+        stiffness = share * settings.gravity / _SAG
+        engine.changeDynamics(
+            body,
+            index,
+            contactStiffness=stiffness,
+            contactDamping=2.0 * math.sqrt(stiffness * share),
+            physicsClientId=client,
+        )
+
+
+def _hold(client: int, body: int, index: int) -> None:
+    """Hold a joint at 0."""
+    engine.setJointMotorControl2(
+        body, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING, physicsClientId=client
+    )
+
+
+def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
+    """Load a body of a scene that stands still, at the origin; return its index.
+
+    Raises:
+        OneBotError: it cannot be loaded.
+    """
+    index = _load(client, description, {body.link: body}, fixed=True)
+    _set_contact(client, index, -1, body, description, settings)
+    return index
+
+
+def _load(
+    client: int, description: Description, bodies: Mapping[str, Body], *, fixed: bool = False
+) -> int:
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
     with (
-        converted_meshes(bodies.values()) as meshes,
-        _file(physics_urdf(description, bodies, meshes)) as path,
+        converted_meshes(bodies.values(), convex=not fixed) as meshes,
+        _file(physics_urdf(description, bodies, meshes, fixed=fixed)) as path,
     ):
         try:
             with captured() as lines:
-                body: int = engine.loadURDF(path, flags=flags, physicsClientId=client)
+                body: int = engine.loadURDF(
+                    path, useFixedBase=fixed, flags=flags, physicsClientId=client
+                )
         except engine.error:
             reason = "; ".join(lines) or "it gives no reason"
             raise OneBotError(
-                f"{description.source}: PyBullet cannot load this robot: {reason}"
+                f"{description.source}: PyBullet cannot load this: {reason}"
             ) from None
     log(lines)
     return body
@@ -154,8 +210,12 @@ def _set_contact(
 
 
 @contextmanager
-def converted_meshes(bodies: Iterable[Body]) -> Iterator[Mapping[str, str]]:
+def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
     """Convert the collision meshes of ``bodies`` to files that exist within the block.
+
+    Args:
+        bodies: have the meshes.
+        convex: write their convex hulls, of which moving bodies consist.
 
     Yields:
         The file of each mesh by URI.
@@ -180,7 +240,7 @@ def converted_meshes(bodies: Iterable[Body]) -> Iterator[Mapping[str, str]]:
     with TemporaryDirectory() as folder:
         for uri, (mesh, link) in meshes.items():
             try:
-                text = _as_obj(mesh)
+                text = _as_obj(mesh, convex)
             except OneBotError as error:
                 failures.setdefault(str(error), []).append(link)
                 continue
@@ -203,6 +263,11 @@ def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
     Raises:
         OneBotError: it cannot be read, or holds no triangles.
     """
+    return _triangles(mesh)[0]
+
+
+def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """The corners (N, 3) of a mesh file, and the triangles (M, 3) of which they are."""
     import trimesh
 
     path = mesh.path
@@ -223,13 +288,17 @@ def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
         raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles")
-    return np.concatenate([np.asarray(part.vertices, float) for part in parts])
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
+    faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]
+    return corners, np.concatenate(faces)
 
 
-def _as_obj(mesh: Mesh) -> str:
-    """The convex hull of a mesh file, in metres, as Wavefront OBJ."""
-    corners = mesh_corners(mesh)
-    faces = _hull(corners)
+def _as_obj(mesh: Mesh, convex: bool) -> str:
+    """A mesh file, or its convex hull, in metres, as Wavefront OBJ."""
+    corners, faces = _triangles(mesh)
+    if convex:
+        faces = _hull(corners)
     used, faces = np.unique(faces, return_inverse=True)
     lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
     lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]

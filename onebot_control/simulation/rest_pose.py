@@ -52,6 +52,8 @@ def place(client: int, robot: LoadedRobot, pose: Transform) -> None:
     mass_pose = compose(pose, robot.mass_frame)
     engine.resetBasePositionAndOrientation(robot.body, *mass_pose, physicsClientId=client)
     engine.resetBaseVelocity(robot.body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
+    for index in robot.hubs:
+        engine.resetJointState(robot.body, index, 0.0, 0.0, physicsClientId=client)
 
 
 def settle(
@@ -71,7 +73,7 @@ def settle(
     near = engine.getClosestPoints(robot.body, robot.ground, 1e3, physicsClientId=client)
     lowest = min(point[8] for point in near)
     place(client, robot, ((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
-    _come_to_rest(client, robot, settings)
+    come_to_rest(client, robot, settings)
     position, rotation = link_pose(client, robot)
     touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=client)
     _check_rest(description, position, rotation, bool(touching))
@@ -97,8 +99,8 @@ def settle(
     return rest_pose
 
 
-def _come_to_rest(client: int, robot: LoadedRobot, settings: Settings) -> None:
-    """Simulate until the robot rests, for ``settings.settling`` seconds at most."""
+def come_to_rest(client: int, robot: LoadedRobot, settings: Settings) -> None:
+    """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
     needed, still = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
         engine.stepSimulation(client)
@@ -150,9 +152,14 @@ def _check_rest(
             f"{source}: the robot does not stay on the ground (its root link is at z = "
             f"{position[2]:.3g} m); check its <collision> shapes and masses"
         )
-    x, y = rotation[:2]
-    if 1 - 2 * (x * x + y * y) < math.cos(_MAX_TILT):
+    if not is_upright(rotation):
         raise OneBotError(
             f"{source}: the robot topples over when it is set on the ground; it needs a "
             "<collision> on each side of its centre of mass, such as a caster"
         )
+
+
+def is_upright(rotation: Quaternion) -> bool:
+    """Return whether a robot of this rotation has not toppled over."""
+    x, y = rotation[:2]
+    return 1 - 2 * (x * x + y * y) >= math.cos(_MAX_TILT)

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from onebot_control.poses import conjugate, cross, rotate
+from onebot_control.poses import Transform, conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import LoadedRobot
-from onebot_control.simulation.rest_pose import RestPose, link_pose, place
-from onebot_control.simulation.settings import SpawnPose
+from onebot_control.simulation.rest_pose import link_pose, place
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 
@@ -140,6 +139,7 @@ class RobotBody:
     driven: tuple[str, ...]  # the joints with a motor, in the given order
     finite: bool  # whether the last state was finite
     parts: LoadedRobot
+    _efforts: list[float]  # of the motors, by row of ``joints``
 
     def __init__(self, description: Description, driven: Sequence[str]) -> None:
         """Find the joints; ``enter`` adds the robot to a world.
@@ -224,17 +224,28 @@ class RobotBody:
         a, b, c = cross(turning, self.parts.mass_frame[0])
         return Twist(np.array((x - a, y - b, z - c)), np.array(turning))
 
-    def stand(self, rest_pose: RestPose, where: SpawnPose, start: bool) -> None:
-        """Place the robot at rest at x, y, yaw.
+    def stand(self, pose: Transform, start: bool) -> None:
+        """Place the robot at rest.
 
         Args:
-            rest_pose: its height and tilt.
-            where: of the root link's frame, m and rad.
+            pose: of the root link's frame.
             start: set the joints to 0; else keep their positions.
         """
         positions = [0.0] * len(self.joints) if start else self._positions
-        place(self._client, self.parts, rest_pose.at(*where))
+        place(self._client, self.parts, pose)
         self._set_joints(positions)
+
+    def assume(self, other: "RobotBody") -> None:
+        """Move as ``other`` does, the same robot in another world."""
+        client, body = self._client, self.parts.body
+        place(client, self.parts, other.pose)
+        engine.resetBaseVelocity(body, *other._velocity, physicsClientId=client)
+        states = zip(self._indices, other._positions, other._velocities, strict=True)
+        for index, position, velocity in states:
+            engine.resetJointState(body, index, position, velocity, client)
+        self._drive(other._targets)
+        self._efforts = other._efforts
+        self._update(self._read_joints())
 
     def brake(self) -> None:
         """Stop at once: all velocities are exactly 0, positions do not change."""

@@ -1,4 +1,4 @@
-"""Worlds: robots on the same level ground, moved by the velocities of their driven joints."""
+"""Worlds: robots on the same ground, and among the same walls, moved by their driven joints."""
 
 import weakref
 from collections.abc import Mapping, Sequence
@@ -6,13 +6,16 @@ from functools import cached_property
 
 from numpy.typing import ArrayLike
 
+from onebot_control.poses import Transform
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import load_robot, make_world
-from onebot_control.simulation.rest_pose import RestPose, place, settle
+from onebot_control.simulation.rest_pose import RestPose, link_pose, place, settle
 from onebot_control.simulation.robot import JointStates, Pose, RobotBody, Twist
+from onebot_control.simulation.scene import SceneBodies
 from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose, checked_spawn_pose
+from onebot_control.simulation.spawn import pose_on
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, listing
 
 
 class WorldRobot:
@@ -32,6 +35,11 @@ class WorldRobot:
     def rest_pose(self) -> RestPose:
         """Height and tilt of the robot at rest on level ground."""
         return self._world.rest_poses[self._row]
+
+    @property
+    def scene(self) -> SceneBodies | None:
+        """What stands around the robots."""
+        return self._world.scene
 
     def turn(self, velocities: Mapping[str, float] | ArrayLike) -> None:
         """Set the target velocities of the motors; see ``step``."""
@@ -73,7 +81,10 @@ class WorldRobot:
         return self._readable().base_twist()
 
     def reset(self) -> None:
-        """Move this robot back to its start, at rest; time continues."""
+        """Move this robot back to its start, at rest, and the scene's boxes; time continues.
+
+        A box stays where it is if another robot is in its place.
+        """
         self._world.stand(self._row)
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
@@ -88,7 +99,8 @@ class WorldRobot:
 
         Raises:
             ValueError: a value is not finite.
-            OneBotError: it is too far from the origin to be exact.
+            OneBotError: it is too far from the origin to be exact, or the robot cannot stand there
+                for the scene; the robot is where it was then.
         """
         self._world.stand(self._row, checked_spawn_pose(x, y, yaw))
 
@@ -117,27 +129,32 @@ class World:
     client: int  # PyBullet's index of the world, for direct calls
     bodies: tuple[RobotBody, ...]  # in the given order
     rest_poses: list[RestPose]  # of each robot
+    scene: SceneBodies | None  # what stands around the robots
 
     def __init__(
         self,
         spawns: Sequence[RobotSpawn],
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
+        scene: Description | None = None,
     ) -> None:
-        """Place the robots on the ground at rest, with their joints at 0.
+        """Place the robots at rest, with their joints at 0, on the ground or on the scene's ramps.
 
         Args:
             spawns: the robots.
             settings: of the simulation.
+            scene: walls, ramps and boxes; see ``onebot_control.simulation.scene``.
 
         Raises:
             ValueError: a pose is not finite.
-            OneBotError: a robot cannot be simulated, or two robots overlap.
+            OneBotError: a robot or the scene cannot be simulated, two robots overlap, or one cannot
+                stand where it is to start.
         """
         self.settings = settings
+        self.scene = None if scene is None else SceneBodies(scene)
         self._spawns = tuple(spawns)
         self._starts = [checked_spawn_pose(item.x, item.y, item.yaw) for item in self._spawns]
         self.bodies = tuple(RobotBody(item.description, item.driven) for item in self._spawns)
-        self._alone = len(self._spawns) == 1
+        self._alone = len(self._spawns) == 1 and scene is None
         self.rest_poses = [] if self._alone else _rest_poses(self._spawns, settings)
         self._build()
 
@@ -179,12 +196,14 @@ class World:
         self._steps += count
         for body in bodies:
             body.read(count)
+        if self.scene is not None:
+            self.scene.read()
         self.check_usable()
 
     def reset(self) -> None:
         """Restore the initial state, bit for bit; time is 0 again."""
         self.check_open()
-        if all(body.finite for body in self.bodies):
+        if all(body.finite for body in self.bodies) and (self.scene is None or self.scene.finite):
             self._restart()
         else:
             # PyBullet does not recover from a NaN, not even by restoring an earlier state.
@@ -195,15 +214,43 @@ class World:
         """Place the robot of ``row`` at rest at a pose; by default at its start, joints at 0.
 
         Raises:
-            OneBotError: the world is closed, or has diverged.
+            OneBotError: the world is closed, or has diverged, or the robot cannot stand there.
         """
         self.check_usable()
-        if self._alone:
-            # Without other robots the contacts of the robot at rest can be restored.
+        pose = self._start_poses[row] if where is None else self._pose_at(row, where)
+        if self._alone or (where is None and len(self.bodies) == 1):
+            # Without other robots the contacts of all that is at rest can be restored.
             engine.restoreState(self._saved, physicsClientId=self.client)
-        there = self._starts[row] if where is None else where
-        self.bodies[row].stand(self.rest_poses[row], there, start=where is None)
+        self.bodies[row].stand(pose, start=where is None)
         self.bodies[row].check()
+        if self.scene is not None and where is None:
+            self.scene.put_back([body.parts for body in self.bodies])
+
+    def replaced(self, row: int, spawn: RobotSpawn) -> "World":
+        """Return a world with ``spawn``, at rest, in place of the robot of ``row``.
+
+        The others move on as they do in this one, which stays as it is; starts do, too. The scene's
+        boxes are where they are now, at rest.
+
+        Raises:
+            OneBotError: the robot cannot be simulated, or another one is in the way.
+        """
+        start = self._spawns[row]._replace(description=spawn.description, driven=spawn.driven)
+        spawns = [*self._spawns[:row], start, *self._spawns[row + 1 :]]
+        scene = self.scene
+        world = World(spawns, self.settings, scene.description if scene else None)
+        try:
+            if scene is not None and world.scene is not None:
+                world.scene.put(scene.poses)
+            world.stand(row, (spawn.x, spawn.y, spawn.yaw))
+            for other, (body, old) in enumerate(zip(world.bodies, self.bodies, strict=True)):
+                if other != row:
+                    body.assume(old)
+            world.check_overlaps(row)
+        except BaseException:
+            world.close()
+            raise
+        return world
 
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
@@ -219,6 +266,8 @@ class World:
         self.check_open()
         for body in self.bodies:
             body.check()
+        if self.scene is not None:
+            self.scene.check()
 
     def __enter__(self) -> "World":
         return self
@@ -250,28 +299,72 @@ class World:
             else:
                 # Away from the origin, where the next one is loaded.
                 place(client, parts, self.rest_poses[row].at(*self._starts[row]))
-        self._check_overlaps()
+        if self.scene is not None:
+            self.scene.enter(client, ground, settings)
+        self._start_poses = list(map(self._pose_at, range(len(self.bodies)), self._starts))
+        if not self._alone:
+            for body, pose in zip(self.bodies, self._start_poses, strict=True):
+                place(client, body.parts, pose)
+        self.check_overlaps()
+
+    def _pose_at(self, row: int, where: SpawnPose) -> Transform:
+        """Return the pose of the robot of ``row`` at rest there.
+
+        Raises:
+            OneBotError: it cannot stand there for the scene.
+        """
+        rest, scene = self.rest_poses[row], self.scene
+        pose = rest.at(*where)
+        if scene is None:
+            return pose
+        parts = self.bodies[row].parts
+        before: int = engine.saveState(physicsClientId=self.client)
+        try:
+            place(self.client, parts, pose)
+            if scene.fixed_at(parts):
+                settings, spawn = self.settings, self._spawns[row]
+                pose = pose_on(scene.description, spawn, settings, rest, where)
+                place(self.client, parts, pose)
+            if links := scene.free_at(parts):
+                raise OneBotError(
+                    f"x {where[0]:g} m, y {where[1]:g} m: link {listing(links)} of "
+                    f"{scene.description.source} is there; put the robot somewhere else"
+                )
+        finally:
+            engine.restoreState(before, physicsClientId=self.client)
+            engine.removeState(before, physicsClientId=self.client)
+        return pose
 
     def _restart(self) -> None:
         engine.restoreState(self._saved, physicsClientId=self.client)
         self._steps = 0
-        for body, rest_pose, start in zip(self.bodies, self.rest_poses, self._starts, strict=True):
-            body.stand(rest_pose, start, start=True)
+        if self.scene is not None:
+            self.scene.read()
+        for body, pose in zip(self.bodies, self._start_poses, strict=True):
+            body.stand(pose, start=True)
         self.check_usable()
 
-    def _check_overlaps(self) -> None:
-        if self._alone:
+    def check_overlaps(self, robot: int | None = None) -> None:
+        """Raise OneBotError if two robots, or the one of row ``robot`` and another, overlap."""
+        if len(self.bodies) == 1:
             return
         engine.performCollisionDetection(physicsClientId=self.client)
         rows = {body.parts.body: row for row, body in enumerate(self.bodies)}
         for point in engine.getContactPoints(physicsClientId=self.client):
             if point[1] != point[2] and point[1] in rows and point[2] in rows and point[8] < 0.0:
                 first, second = sorted((rows[point[1]], rows[point[2]]))
-                x, y, _ = self._starts[second]
-                raise OneBotError(
-                    f"robots {first + 1} and {second + 1} of the world stand in the same place, "
-                    f"x {x:g} m, y {y:g} m; move one of them"
-                )
+                if robot in (None, first, second):
+                    raise OneBotError(self._overlap(first, second))
+
+    def _overlap(self, first: int, second: int) -> str:
+        (x, y, _), _ = link_pose(self.client, self.bodies[second].parts)
+        return (
+            f"robots {self._name(first)} and {self._name(second)} of the world stand in the same "
+            f"place, x {round(x, 6) + 0.0:g} m, y {round(y, 6) + 0.0:g} m; move one of them"
+        )
+
+    def _name(self, row: int) -> str:
+        return self._spawns[row].name or str(row + 1)
 
 
 def _rest_poses(spawns: Sequence[RobotSpawn], settings: Settings) -> list[RestPose]:
@@ -288,7 +381,7 @@ def _rest_poses(spawns: Sequence[RobotSpawn], settings: Settings) -> list[RestPo
 
 
 class Simulation(WorldRobot):
-    """A robot on the ground of an otherwise empty world.
+    """A robot in a world that has no other one.
 
     Time advances only in ``step``. The same calls give identical results, in any process. Objects
     are independent of each other; an object must not be used by two threads at the same time. For
@@ -304,8 +397,9 @@ class Simulation(WorldRobot):
         y: float = 0.0,
         yaw: float = 0.0,
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
+        scene: Description | None = None,
     ) -> None:
-        """Place the robot on the ground at rest, with its joints at 0.
+        """Place the robot at rest on the ground, or on the scene's ramp, with its joints at 0.
 
         Args:
             description: a checked robot; see ``load_description``.
@@ -316,13 +410,15 @@ class Simulation(WorldRobot):
             y: likewise, m.
             yaw: its heading, rad.
             settings: of the simulation.
+            scene: as ``World`` has it.
 
         Raises:
             ValueError: x, y or yaw is not finite.
-            OneBotError: the robot cannot be simulated, or a driven joint is invalid.
+            OneBotError: the robot or the scene cannot be simulated, a driven joint is invalid, or
+                the robot cannot stand there.
         """
         # Not one of the world's ``robots``: a reference cycle would keep the world alive.
-        super().__init__(World([RobotSpawn(description, driven, x, y, yaw)], settings), 0)
+        super().__init__(World([RobotSpawn(description, driven, x, y, yaw)], settings, scene), 0)
         self.settings = settings
 
     @property

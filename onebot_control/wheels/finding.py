@@ -6,21 +6,50 @@ several sets of wheels.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from onebot_control.wheels.geometry import Axle, axles
-from onebot_control.wheels.shapes import Tyres
-from onebot_description.description.description import Description, Joint
+from onebot_control.wheels.shapes import Tyre, Tyres
+from onebot_description.description.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
+from onebot_description.model import RobotModel, quaternions
+
+Floats = NDArray[np.float64]
 
 _MIDDLE = 0.005  # m from the middle line; a wheel there is on neither side
 _GROUND = 0.1  # of its radius that a wheel may end above the lowest one
 _ALIKE = 0.01  # m of radius and height by which the wheels of a set differ at most
 _VERTICAL = 0.9  # cosine of the angle to the vertical, of joints that swivel wheels
+_LEFT = np.array([0.0, 1.0, 0.0])
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
+# In the names of wheels and of their meshes.
+_ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
+
+
+class Axle(NamedTuple):
+    """A joint that turns, seen from the root link with all joints at 0."""
+
+    joint: Joint
+    pose: Floats  # (4, 4) of the joint's frame
+    axis: Floats  # (3,), unit vector
+
+    @property
+    def across(self) -> bool:
+        """Whether it points to the left or to the right, as a wheel's does."""
+        return bool(np.allclose(abs(self.axis), _LEFT, atol=1e-3))
+
+    @property
+    def direction(self) -> float:
+        """1 if a positive velocity of a wheel on it drives forward, -1 if backward."""
+        return 1.0 if self.axis[1] > 0.0 else -1.0
+
+    def middle(self, tyre: Tyre | None) -> Floats:
+        """The middle (3,) of the wheel."""
+        position: Floats = self.pose[:3, 3]
+        return position if tyre is None else position + tyre.offset * self.axis
 
 
 class DriveWheels(NamedTuple):
@@ -39,37 +68,69 @@ class _Wheel(NamedTuple):
     link: str
 
 
-def find_wheels(description: Description) -> DriveWheels:
+def link_places(description: Description) -> dict[str, Floats]:
+    """Return the pose (4, 4) of each link in the root link's frame, all joints at 0."""
+    model = RobotModel.from_description(description)
+    places = {}
+    for link, pose in zip(model.links, model.link_poses({}), strict=True):
+        places[link] = np.eye(4)
+        places[link][:3, :3] = quaternions.to_matrix(pose[3:])
+        places[link][:3, 3] = pose[:3]
+    return places
+
+
+def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, Axle]:
+    """Return the continuous and revolute joints by name; ``places`` are the links'."""
+    return {
+        joint.name: Axle(joint, places[joint.child], places[joint.child][:3, :3] @ joint.axis)
+        for joint in description.joints
+        if joint.kind in ("continuous", "revolute")
+    }
+
+
+def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Tyres) -> DriveWheels:
     """Return the wheels that drive the robot.
+
+    Args:
+        description: of the robot.
+        turning: its ``axles``.
+        tyres: its round shapes.
 
     Raises:
         OneBotError: there are none, or several sets of them; with the joints that there are.
     """
-    turning = axles(description)
-    rolling = _on_ground(_rolling(description, turning))
+    rolling = _on_ground(_rolling(turning, tyres))
     swivels = {wheel.name: _swivel(description, wheel.name, turning) for wheel in rolling}
     wheels = [wheel for wheel in rolling if not swivels[wheel.name]]
     for wheel in rolling:
         swivel = swivels[wheel.name]
         if swivel and swivel.kind == "revolute" and not _PASSIVE.search(swivel.name):
             reason = f'joint "{swivel.name}" steers the wheel of "{wheel.name}"'
-            raise _not_driven(description, f"it is no differential drive: {reason}")
+            raise _not_driven(description, turning, f"it is no differential drive: {reason}")
     sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
     if len(sets) > 1:
         sets = [each for each in sets if not any(map(_is_passive, each))] or sets
+    if not sets and rolling and not wheels:
+        listed = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
+        raise _not_driven(description, turning, f"all of its wheels swivel, by joint {listed}")
     if not sets:
         reason = "no wheel on the left that has its like on the right"
-        raise _not_driven(description, f"{reason} was found among its joints")
+        raise _not_driven(description, turning, f"{reason} was found among its joints")
     if len(sets) > 1:
         shown = " or ".join(", ".join(wheel.name for wheel in each) for each in sets)
-        raise _not_driven(description, f"it is not clear which of its wheels drive it: {shown}")
+        raise _not_driven(
+            description, turning, f"it is not clear which of its wheels drive it: {shown}"
+        )
+    if len(sets[0]) > 2 and all(_has_rollers(description, wheel) for wheel in sets[0]):
+        reason = "by their names, its wheels are omnidirectional, with rollers around them"
+        raise _not_driven(description, turning, f"it is no differential drive: {reason}")
     front_first = sorted(sets[0], key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in front_first if wheel.y > 0.0)
     return DriveWheels(left, tuple(wheel.name for wheel in front_first if wheel.y < 0.0))
 
 
-def _not_driven(description: Description, reason: str) -> OneBotError:
-    listed = [f"{axle.joint.name} {_seen(axle)}" for axle in axles(description).values()]
+def _not_driven(description: Description, turning: Mapping[str, Axle], reason: str) -> OneBotError:
+    listed = [f"{axle.joint.name} {_seen(axle)}" for axle in turning.values()]
     return OneBotError(
         f'robot "{description.robot_name}" cannot be driven: {reason}. Wheels are continuous '
         "joints whose axes point to the left, (0 1 0), in the frame of "
@@ -86,9 +147,9 @@ def _seen(axle: Axle) -> str:
     return f"({axle.joint.kind}, at {x} {y} {z}, axis {pointing})"
 
 
-def _rolling(description: Description, turning: dict[str, Axle]) -> list[_Wheel]:
+def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[_Wheel]:
     """Return all that rolls, wherever it is: what turns without end about an axis across."""
-    tyres, found = Tyres(description), []
+    found = []
     for name, axle in turning.items():
         if axle.joint.kind != "continuous" or not axle.across:
             continue
@@ -103,7 +164,7 @@ def _on_ground(wheels: Sequence[_Wheel]) -> list[_Wheel]:
     return [w for w in wheels if w.bottom - ground <= max(_ALIKE, _GROUND * w.radius)]
 
 
-def _swivel(description: Description, name: str, turning: dict[str, Axle]) -> Joint | None:
+def _swivel(description: Description, name: str, turning: Mapping[str, Axle]) -> Joint | None:
     """Return the joint about the vertical that carries this one."""
     above = {joint.child: joint for joint in description.joints}
     link = turning[name].joint.parent
@@ -128,3 +189,11 @@ def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
 
 def _is_passive(wheel: _Wheel) -> bool:
     return bool(_PASSIVE.search(f"{wheel.name} {wheel.link}"))
+
+
+def _has_rollers(description: Description, wheel: _Wheel) -> bool:
+    link = next(link for link in description.links if link.name == wheel.link)
+    shapes = [each.shape for each in (*link.collisions, *link.visuals)]
+    # The folders next to the file, not those of its user.
+    files = ["/".join(shape.uri.split("/")[-3:]) for shape in shapes if isinstance(shape, Mesh)]
+    return any(map(_ROLLERS.search, (wheel.name, wheel.link, *files)))

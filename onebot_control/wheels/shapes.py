@@ -12,6 +12,7 @@ from onebot_description.description.description import (
     Cylinder,
     Description,
     Geometry,
+    Joint,
     Mesh,
     Sphere,
 )
@@ -38,6 +39,7 @@ class Tyres:
         """Sort the links by the rigid body they belong to; meshes are read when asked for."""
         self._joints = {joint.name: joint for joint in description.joints}
         self._bodies: dict[str, list[tuple[Geometry, Floats, int]]] = {}
+        self._known: dict[str, Tyre | None] = {}
         poses = link_poses(description)
         for link in description.links:
             first, pose = poses[link.name]
@@ -51,7 +53,11 @@ class Tyres:
         Of the collisions, or if none of these is round of the visuals. A mesh counts only where
         there is neither sphere nor cylinder.
         """
-        joint = self._joints[name]
+        if name not in self._known:
+            self._known[name] = self._find(self._joints[name])
+        return self._known[name]
+
+    def _find(self, joint: Joint) -> Tyre | None:
         axis = np.array(joint.axis)
         for rank in (0, 1):
             shapes = [each for each in self._bodies[joint.child] if each[2] == rank]

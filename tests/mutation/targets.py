@@ -32,7 +32,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/odometry.py": _control("odometry"),
     "onebot_control/diff_drive.py": _control("diff_drive"),
     "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
+    "onebot_control/fleet.py": _control("fleet"),
     "onebot_control/control_loop.py": _control("control_loop"),
+    "onebot_control/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/wheels/geometry.py": _control("wheels_geometry"),
     "onebot_control/poses.py": _control("poses", "simulation_values"),
     "onebot_control/parameters.py": _control("control_config", "control_files"),
@@ -132,9 +134,9 @@ EQUIVALENT = (
         "every robot is then placed where it starts",
     ),
     Equivalent(
-        "onebot_control/wheels/geometry.py",
-        "wheel_separation",
-        "poses = dict(zip(model.links, model.link_poses({}), strict=False))",
+        "onebot_control/wheels/finding.py",
+        "link_places",
+        "for link, pose in zip(model.links, model.link_poses({}), strict=False):",
         "there are as many poses as links",
     ),
     Equivalent(

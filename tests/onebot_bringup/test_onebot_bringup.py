@@ -1,8 +1,10 @@
 """OneBot, brought up as a user brings it up, and driven over real DDS."""
 
+import os
 import re
 import urllib.error
 import urllib.request
+import uuid
 from urllib.parse import urlsplit
 
 import psutil
@@ -14,6 +16,7 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_bringup.introspection.shared_memory import FOLDER
 from onebot_description.wire.tf_message import TFMessage
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import PATIENCE, wait_for
@@ -84,11 +87,18 @@ def test_both_shapes_come_up_where_they_are_put(ros_domain, mesh_enabled):
 
 
 def test_without_simulation_its_joints_move_from_yaml(ros_domain):
-    """sim:=false is the article's step 4: joint_state_publisher instead of the simulation."""
+    """sim:=false is the article's step 4: joint_state_publisher instead of the simulation.
+
+    What a killed process left in shared memory goes when a robot starts.
+    """
+    left = FOLDER / f"fastrtps_{uuid.uuid4().hex[:16]}"
+    left.touch()
+    os.utime(left, (0, 0))
     with NodeProcess(MODULE, "sim:=false", "viewer:=none"), Peer(ros_domain) as peer:
         joints = peer.hear(JointState, "/joint_states")
         wait_for(lambda: len({m.position[0] for m in joints}) > 5, "moving joints")
         assert not peer.node.count_publishers(ODOM)
+        wait_for(lambda: not left.exists(), "the removal of a killed process's shared memory")
 
 
 def test_namespace_rate_and_params_file(ros_domain, tmp_path):

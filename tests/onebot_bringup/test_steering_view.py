@@ -22,8 +22,7 @@ from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
 from tests.support import wait_for
-from tests.support_browser import browser, hosts_reached, screenshot
-from tests.support_rendering import colored, pixels
+from tests.support_browser import DRAWING_PATIENCE, browser, hosts_reached, wait_for_color
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
@@ -107,12 +106,9 @@ def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, t
         browser(tmp_path / "profile") as page,
     ):
         page.get(_address_of_view(address_of(node)))
-        wait_for(lambda: page.execute_script("return !!window._handle"), "Rerun's page", 240.0)
-        wait_for(
-            lambda: colored(pixels(screenshot(page)), BLUE).sum() > 2000,
-            "the base in the picture",
-            timeout=240.0,
-        )
+        loaded = "return !!window._handle"
+        wait_for(lambda: page.execute_script(loaded), "Rerun's page", DRAWING_PATIENCE)
+        wait_for_color(page, BLUE, 2000)
         log = page.get_log("browser")
         assert hosts_reached(page) == {"127.0.0.1"}
         assert not [one for one in log if re.search("WebAssembly|localStorage", one["message"])]
@@ -159,7 +155,7 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
                 own.netloc,
             ):
                 page.open(f"http://{host}/?{own.query}")
-                wait_for(lambda: page.view_is_shown, f"the view at {host}", 240.0)
+                wait_for(lambda: page.view_is_shown, f"the view at {host}", DRAWING_PATIENCE)
                 assert "also delay" not in page.find("#slow").text
                 _drive_beside_a_busy_view(page, commands)
 
@@ -169,7 +165,7 @@ def _read_the_note_on_a_shared_process(page: Page, address: str) -> None:
     page.devtools("Network.setBlockedURLs", urls=["http://localhost:*"])
     page.devtools("Emulation.setUserAgentOverride", userAgent="Gecko/20100101 Firefox/153.0")
     page.open(address)
-    wait_for(lambda: page.view_is_shown, f"the view at {address}", 240.0)
+    wait_for(lambda: page.view_is_shown, f"the view at {address}", DRAWING_PATIENCE)
     assert "can also delay the controls" in page.find("#slow").text
     page.devtools("Emulation.setUserAgentOverride", userAgent="")
     page.devtools("Network.setBlockedURLs", urls=[])
@@ -186,14 +182,17 @@ def _drive_beside_a_busy_view(page: Page, commands: list[Twist]) -> None:
     with page.view() as inside:
         inside.execute_script(_BLOCK)
     wait_for(lambda: "busy" in page.driver.execute_script("return told"), "the view to be busy")
-    page.hold_pad(0.0, 1.0)
-    wait_for(moves, "the joystick to drive")
+    page.drive_by_pad(0.0, 1.0, moves)
     page.key("keyDown", "Space")
     wait_for(rests, "the space bar to stop it")
     page.key("keyUp", "Space")
     page.let_go()
-    page.key("keyDown", "KeyW")
-    wait_for(moves, "the key to drive")
+    page.drive_until(
+        lambda: page.key("keyDown", "KeyW"),
+        lambda: page.key("keyUp", "KeyW"),
+        moves,
+        "the key to drive",
+    )
     page.hold("#stop", 0.0, 0.0)
     page.let_go()
     wait_for(rests, "Stop to stop it")
@@ -218,10 +217,10 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         _Relay(urlsplit(address_of(node)).port or 0) as relay,
     ):
         page = Page(driver).open(f"http://127.0.0.1:{relay.port}/")
-        wait_for(lambda: _runs(page), "Rerun's page", 240.0)
+        wait_for(lambda: _runs(page), "Rerun's page", DRAWING_PATIENCE)
         assert page.find("#waiting").is_displayed(), "Rerun shows bare panels without a robot"
         robot.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))
-        wait_for(lambda: page.view_is_shown, "the view", 240.0)
+        wait_for(lambda: page.view_is_shown, "the view", DRAWING_PATIENCE)
         assert not page.find("#waiting").is_displayed()
         _press_keys_in_the_view(page)
 
@@ -232,8 +231,8 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
             assert inside.execute_script("return window.mark")
 
         relay.cut()
-        wait_for(lambda: page.find("#waiting").is_displayed(), "the view to be loaded again", 60.0)
-        wait_for(lambda: page.view_is_shown, "the view again", 240.0)
+        wait_for(lambda: page.find("#waiting").is_displayed(), "the view to be loaded again")
+        wait_for(lambda: page.view_is_shown, "the view again", DRAWING_PATIENCE)
         with page.view() as inside:
             assert not inside.execute_script("return window.mark")
 

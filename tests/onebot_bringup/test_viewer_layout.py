@@ -25,7 +25,7 @@ from tests.onebot_bringup.viewer_support import (
     transforms,
 )
 from tests.support import wait_for
-from tests.support_browser import browser, screenshot
+from tests.support_browser import DRAWING_PATIENCE, browser, screenshot
 from tests.support_rendering import colored, pixels, require_renderer
 
 GREEN, MAGENTA = (0, 220, 60), (230, 20, 200)
@@ -150,13 +150,16 @@ def _saved_in_page(url: str, folder: Path) -> Path:
             mask = colored(pixels(screenshot(chromium)), BLUE)
             return float(np.nonzero(mask)[1].min()) if mask.sum() > 2000 else 0.0
 
-        # Software WebGL takes some 20 s to the first picture on two cores.
-        left = wait_for(left_edge, "the base in the picture", timeout=240.0)
+        left = wait_for(left_edge, "the base in the picture", DRAWING_PATIENCE)
         chromium.find_element(By.TAG_NAME, "canvas").click()
         control, shift = Keys.CONTROL, Keys.SHIFT
         keys = ActionChains(chromium).key_down(control).key_down(shift).send_keys("b")
         keys.key_up(shift).key_up(control).perform()
-        wait_for(lambda: left_edge() > left + 50, "the list, which moves the robot aside")
+        wait_for(
+            lambda: left_edge() > left + 50,
+            "the list, which moves the robot aside",
+            DRAWING_PATIENCE,
+        )
         palette = ActionChains(chromium).key_down(control).send_keys("p").key_up(control)
         _act(chromium, palette)
         _act(chromium, ActionChains(chromium).send_keys("save blueprint"))
@@ -179,7 +182,7 @@ def _act(chromium: webdriver.Chrome, action: ActionChains) -> None:
         since.append(screenshot(chromium))
         return {*since} != {before} and len(since) > 5 and len({*since[-6:]}) <= 2
 
-    wait_for(settled, "the page to answer", timeout=240.0)
+    wait_for(settled, "the page to answer", DRAWING_PATIENCE)
 
 
 def _sent(live: RobotView, sent: list, view: str, start: int) -> int:

@@ -14,8 +14,7 @@ from onebot_bringup.serving import rerun_proxy
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
-from tests.support_browser import browser, hosts_reached, screenshot
-from tests.support_rendering import colored, pixels
+from tests.support_browser import DRAWING_PATIENCE, browser, hosts_reached, wait_for_color
 
 pytestmark = pytest.mark.slow
 
@@ -35,13 +34,7 @@ def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):
             lambda: re.search(r"open (http://127\.0\.0\.1:\d+)", node.output), "the address"
         )
         page.get(address[1])
-        # Software WebGL takes some 20 s to the first picture on two cores.
-        wait_for(
-            lambda: colored(pixels(screenshot(page)), BLUE).sum() > 2000,
-            "the base in the picture",
-            timeout=240.0,
-        )
-        page.save_screenshot(str(tmp_path / "page.png"))
+        wait_for_color(page, BLUE, 2000)
         assert hosts_reached(page) == {"127.0.0.1"}
 
 
@@ -158,7 +151,7 @@ def test_the_page_keeps_up_with_a_driving_robot_where_it_draws_in_software(ros_d
         _use_fine_screen(page, 1000, 700)
         page.get(address[1])
         view = ShownView(page)
-        wait_for(view.update, "data in the page", 240.0)
+        wait_for(view.update, "data in the page", DRAWING_PATIENCE)
         publisher = peer.publisher(Twist, "/velocity_controller/cmd_vel")
         drive = Twist()
         drive.linear.x, drive.angular.z = 0.3, 0.5

@@ -1,12 +1,12 @@
 """A small robot, an ideal plant and a configuration, for tests of the controller."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.driven_robot import DrivenRobot, wheels_of
 from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
 from onebot_control.simulation import JointStates, Pose, Twist
@@ -75,12 +75,16 @@ class IdealPlant:
     """Wheels that turn as told at once, and never slip."""
 
     joints = ("left_wheel_joint", "right_wheel_joint")
+    scene = None
 
     def __init__(self, left: float = 0.0, right: float = 0.0) -> None:
         self.left, self.right = left, right
         self.speeds = (0.0, 0.0)
         self.closed = False
         self.reset()
+
+    def turn(self, velocities: Mapping[str, float]) -> None:
+        self.targets = velocities
 
     def step(self, velocities: Mapping[str, float], duration: float) -> None:
         left, right = (velocities[name] for name in self.joints)
@@ -112,6 +116,22 @@ class IdealPlant:
         self.closed = True
 
 
+class IdealWorld:
+    """Moves ideal plants together."""
+
+    def __init__(self, plants: Sequence[IdealPlant]) -> None:
+        self.plants = plants
+
+    def step(self, duration: float) -> None:
+        for plant in self.plants:
+            plant.step(plant.targets, duration)
+
+    def close(self) -> None:
+        for plant in self.plants:
+            plant.close()
+
+
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
     """A drive of the ideal plant."""
-    return DrivenRobot(robot(), config(**values), plant or IdealPlant())
+    chosen = config(**values)
+    return DrivenRobot(wheels_of(robot(), chosen), chosen, plant or IdealPlant())

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_control.simulation import JointStates
@@ -14,7 +14,6 @@ from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import (
-    CASTER,
     IdealPlant,
     config,
     ideal_drive,
@@ -88,15 +87,20 @@ SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description
     ],
 )
 def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: str) -> None:
-    """At the start it is an error; of a robot that drives, all stays as it was."""
+    """However it is started."""
     wrong = {"linear_x_max_velocity": 0.1, **values}
     with pytest.raises(OneBotError, match=said):
-        DrivenRobot(robot(), config(**wrong), IdealPlant())
+        ideal_drive(**wrong)
     with pytest.raises(OneBotError, match=said):
         DrivenRobot.of(robot(), config(**wrong))
+
+
+def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:
+    """All stays as it was."""
+    wrong = {"linear_x_max_velocity": 0.1, "joint_state_broadcaster.joints": ["arm"]}
     drive = ideal_drive()
     before = drive.config, drive.geometry, drive.broadcaster
-    with pytest.raises(OneBotError, match=said):
+    with pytest.raises(OneBotError, match='no joint "arm"'):
         drive.configure(config(**wrong))
     assert (drive.config, drive.geometry, drive.broadcaster) == before
     assert run(drive, 0.5, 0.0, 1).command.linear == 0.5
@@ -285,7 +289,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
         "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
     }
     chosen = config(position_feedback=by_position, **names)
-    drive = DrivenRobot(robot(*wheels), chosen, FourWheels())
+    drive = DrivenRobot(wheels_of(robot(*wheels), chosen), chosen, FourWheels())
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 
@@ -335,30 +339,6 @@ def test_same_commands_give_the_same_bits() -> None:
         return log
 
     assert once() == once()
-
-
-def test_replaced_robot_stands_where_the_old_one_stood() -> None:
-    """Another description is taken up in place: truth and odometry stay."""
-    drive = DrivenRobot.of(robot(), config(x=1.0, y=-2.0, yaw=2.0, **LIMITS))
-    run(drive, 0.3, 0.5, 100)
-    drive.place_odometry(PlanarPose(3.0, 2.0, 1.0))
-    before = run(drive, 0.3, 0.5, 100).odometry
-    truth, origin, ticks = drive.true_pose, drive.odom_in_world, drive.ticks
-    shape = '<sphere radius="0.07"/>'
-    caster = CASTER.replace("-0.2 0 -0.03", "-0.2 0 -0.04")
-    wheels = wheel("left", 0.2, shape), wheel("right", -0.2, shape)
-    other = drive.replaced(robot(*wheels, caster))
-    assert other.geometry == pytest.approx((0.4, 0.07))
-    assert other.true_pose == pytest.approx(truth, abs=1e-9)
-    assert (other.odom_in_world, other.ticks, other.config) == (origin, ticks, drive.config)
-    assert other.snapshot().covariance == drive.snapshot().covariance != (0.0,) * 6
-    for _ in range(3):  # at rest, without a command
-        snapshot = other.cycle()
-        assert snapshot.odometry == pytest.approx(before, abs=1e-6)
-        assert snapshot.command == (0.0, 0.0, 0.0, 0.0)
-    assert run(other, 0.3, 0.0, 1).command.linear == pytest.approx(0.01)
-    other.plant.close()
-    drive.plant.close()
 
 
 def test_onebot_drives_by_its_own_control_yaml() -> None:

@@ -11,8 +11,8 @@ from onebot_control.accuracy import PATHS, measure
 from onebot_control.driven_robot import DrivenRobot, wheels_of
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.simulation.drivable import drivable
-from onebot_control.wheels.finding import find_wheels
-from onebot_control.wheels.geometry import wheel_geometry
+from onebot_control.wheels import shapes
+from onebot_control.wheels.geometry import Wheels
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -81,6 +81,12 @@ ARM = part("arm", "0.1 0 0.3", '<box size="0.2 0.02 0.02"/>', kind="revolute") +
 )
 
 
+def found(description: Description) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The joints on the left and on the right."""
+    wheels = Wheels(description)
+    return wheels.left, wheels.right
+
+
 @pytest.mark.parametrize(
     ("parts", "left", "right"),
     [
@@ -95,8 +101,9 @@ ARM = part("arm", "0.1 0 0.3", '<box size="0.2 0.02 0.02"/>', kind="revolute") +
 )
 def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[str]) -> None:
     """By their axes, shapes and places: not casters, arms, or what stands in the middle."""
-    found = find_wheels(base(*parts))
-    assert found == tuple(tuple(f"{name}_joint" for name in side) for side in (left, right))
+    assert found(base(*parts)) == tuple(
+        tuple(f"{name}_joint" for name in side) for side in (left, right)
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,12 +126,23 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             ),
             'it is no differential drive: joint "hinge_joint" steers the wheel of "tyre_joint"',
         ),
+        (
+            (swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")),
+            'all of its wheels swivel, by joint "fork_l_joint", "fork_r_joint"',
+        ),
+        (
+            tuple(
+                wheel.replace('"front_', '"mecanum_front_').replace('"rear_', '"mecanum_rear_')
+                for wheel in FOUR
+            ),
+            "by their names, its wheels are omnidirectional",
+        ),
     ],
 )
 def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
     """One message names what is missing, how to name the wheels, and the joints that there are."""
     with pytest.raises(OneBotError) as caught:
-        find_wheels(base(*parts))
+        Wheels(base(*parts))
     message = str(caught.value)
     assert 'robot "bot" cannot be driven: ' in message and said in message
     assert "left_wheel:=JOINT right_wheel:=JOINT" in message
@@ -134,36 +152,53 @@ def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
 def test_onebot_is_found_and_names_override() -> None:
     """OneBot's wheels are found in its URDF; parameters name others."""
     onebot = load_description(package_share("onebot_description") / "urdf/onebot.urdf.xacro")
-    assert find_wheels(onebot) == (("left_wheel_joint",), ("right_wheel_joint",))
+    assert found(onebot) == (("left_wheel_joint",), ("right_wheel_joint",))
     named = config(left_wheel_names=["front_l_joint"], right_wheel_names=["front_r_joint"])
-    assert wheels_of(base(*FOUR), named) == (("front_l_joint",), ("front_r_joint",))
+    assert wheels_of(base(*FOUR), named).names == ("front_l_joint", "front_r_joint")
+
+
+def mesh_wheels(folder: Path) -> Description:
+    """Two wheels whose meshes lie outside of their joints."""
+    file = folder / "wheel.stl"
+    trimesh.creation.cylinder(radius=0.1, height=0.04, sections=64).export(file)
+    mesh = f'<mesh filename="file://{file}"/>'
+    origin = 'xyz="0 0.03 0" rpy="1.5707963267948966 0 0"'
+    return base(
+        part("l", "0 0.2 0", mesh, origin=origin),
+        part("r", "0 -0.2 0", mesh, origin=origin.replace("0.03", "-0.03")),
+        *BALLS,
+    )
 
 
 def test_a_wheel_may_be_a_mesh(tmp_path: Path) -> None:
     """Its greatest circle about the axle counts, and its middle."""
-    file = tmp_path / "wheel.stl"
-    trimesh.creation.cylinder(radius=0.1, height=0.04, sections=64).export(file)
-    mesh = f'<mesh filename="file://{file}"/>'
-    origin = 'xyz="0 0.03 0" rpy="1.5707963267948966 0 0"'
-    description = base(
-        part("l", "0 0.2 0", mesh, origin=origin),
-        part("r", "0 -0.2 0", mesh, origin=origin.replace("0.03", "-0.03")),
-    )
-    found = find_wheels(description)
-    assert wheel_geometry(description, *found) == pytest.approx((0.46, 0.1), abs=1e-6)
+    assert Wheels(mesh_wheels(tmp_path)).geometry() == pytest.approx((0.46, 0.1), abs=1e-6)
+
+
+def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the start, and never in the control loop, for parameters that are set."""
+    read: list[object] = []
+    corners = shapes.mesh_corners
+    monkeypatch.setattr(shapes, "mesh_corners", lambda mesh: (read.append(mesh), corners(mesh))[1])
+    drive = DrivenRobot.of(mesh_wheels(tmp_path), CONFIG)
+    try:
+        drive.configure(ControlConfig.from_parameters({"publish_rate": 10.0}))
+        assert len(read) == 2
+    finally:
+        drive.plant.close()
 
 
 def test_a_box_is_no_wheel() -> None:
     """Neither a box nor a mesh that is none."""
     box = '<box size="0.2 0.2 0.2"/>'
     with pytest.raises(OneBotError, match="cannot be driven"):
-        find_wheels(base(part("l", "0 0.2 0", box), part("r", "0 -0.2 0", box)))
+        Wheels(base(part("l", "0 0.2 0", box), part("r", "0 -0.2 0", box)))
 
 
 def test_what_is_simulated() -> None:
     """Wheels are thin and have motors, casters glide, an arm is held; a swivel follows."""
     description = base(*TWO, *BALLS, SWIVEL, ARM)
-    simulated, held = drivable(description, ["l_joint", "r_joint"])
+    simulated, held = drivable(Wheels(description))
     assert held == {"arm_joint": 0.0, "hand_joint": 0.0}
     names = [joint.name for joint in simulated.moving_joints]
     assert names == ["l_joint", "r_joint", "fork_joint", "roller_joint"]
@@ -175,9 +210,7 @@ def test_what_is_simulated() -> None:
     assert (thin.shape.radius, thin.shape.length) == (0.1, 0.004)  # type: ignore[union-attr]
     ball = next(link for link in simulated.links if link.name == "ball_0.2").collisions[0]
     assert ball.origin.xyz == pytest.approx((0.0, 0.0, 0.0002))
-    assert drivable(robot(), ["left_wheel_joint", "right_wheel_joint"]).description.joints == (
-        robot().joints
-    )
+    assert drivable(Wheels(robot())).description.joints == robot().joints
 
 
 def drive(description: Description) -> list[tuple[float, float]]:
@@ -206,11 +239,38 @@ def test_two_wheels_drive(axis: str, casters: tuple[str, ...]) -> None:
         assert truth == pytest.approx(odometry, rel=1e-3)
 
 
-def test_four_wheels_skid() -> None:
-    """The truth follows the odometry, whose separation is the effective one."""
-    straight, turn = drive(base(*FOUR))
+BALLAST = part("ballast", "-0.1 0 0.1", '<box size="0.1 0.1 0.1"/>', kind="fixed").replace(
+    'mass value="0.5"', 'mass value="10"'
+)
+MIDDLE = wheel("middle_l", 0.0, 0.2), wheel("middle_r", 0.0, -0.2)
+
+
+@pytest.mark.parametrize(
+    "parts", [FOUR, (*FOUR, BALLAST), (*FOUR, *MIDDLE), (*FOUR, *MIDDLE, BALLAST)]
+)
+def test_several_wheels_a_side_skid(parts: tuple[str, ...]) -> None:
+    """The truth follows the odometry, whose separation is the effective one, wherever the mass is.
+
+    Friction opposes the sliding, and each wheel carries its share, as the separation assumes.
+    """
+    straight, turn = drive(base(*parts))
     assert straight[1] == pytest.approx(straight[0], rel=1e-4)
-    assert turn[1] == pytest.approx(turn[0], rel=0.05)
+    assert turn[1] == pytest.approx(turn[0], rel=0.01)
+
+
+def test_a_hub_is_no_joint_of_the_robot() -> None:
+    """The wheels' inertia follows from their mass, and what holds them is not published."""
+    drive = DrivenRobot.of(base(*FOUR), CONFIG)
+    try:
+        assert sorted(drive.plant.joints) == sorted(drive.broadcaster.names)
+        assert sorted(drive.plant.joints) == sorted(Wheels(base(*FOUR)).names)
+        for _ in range(100):
+            drive.accept(0.2, 0.5)
+            drive.cycle()
+        drive.reset()
+        assert (drive.snapshot().joints.velocities == 0.0).all()
+    finally:
+        drive.plant.close()
 
 
 def test_joints_that_are_held_are_published() -> None:
@@ -223,6 +283,36 @@ def test_joints_that_are_held_are_published() -> None:
         assert velocities[2:] == [0.0, 0.0]
     finally:
         drive.plant.close()
+
+
+def box(width: float, length: float, height: float, z: float) -> str:
+    """A body whose lower side is at ``z`` below the axles."""
+    shape = f'<box size="{length} {width} {height}"/>'
+    return part("body", f"-0.02 0 {z + height / 2}", shape, kind="fixed")
+
+
+@pytest.mark.parametrize("bottom", [-0.1, -0.108])
+def test_a_body_that_lies_on_the_ground(bottom: float, caplog: pytest.LogCaptureFixture) -> None:
+    """The wheels and the caster carry the robot; where it is deeper than rounding, that is logged.
+
+    Meshes of bases reach down to the ground between the wheels, or include the casters.
+    """
+    robot = base(*TWO, box(0.36, 0.5, 0.1, bottom), BALLS[0], BALLAST)
+    for odometry, truth in drive(robot):
+        assert truth == pytest.approx(odometry, rel=1e-3)
+    lifted = 'a collision shape of link "body" reaches below the wheels; the simulation lifts it'
+    assert (lifted in caplog.text) == (bottom < -0.1)
+
+
+def test_damping_and_light_wheels() -> None:
+    """Of a driven wheel, damping far above its inertia, or too small an inertia, do no harm."""
+    dynamics = "<dynamics damping='21.75' friction='10.5'/>"
+    light = tuple(
+        wheel.replace("</joint>", f"{dynamics}</joint>").replace('"0.01"', '"0.00005"')
+        for wheel in TWO
+    )
+    for odometry, truth in drive(base(*light, *BALLS, BALLAST)):
+        assert truth == pytest.approx(odometry, rel=1e-3)
 
 
 CONFIG = ControlConfig.from_parameters({})

@@ -5,31 +5,32 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onebot_control.driven_robot import geometry_of
-from onebot_control.wheels.geometry import (
-    check_wheel_names,
-    skid_separation,
-    wheel_directions,
-    wheel_geometry,
-    wheel_radius,
-    wheel_separation,
-)
+from onebot_control.driven_robot import wheels_of
+from onebot_control.parameters import ControlConfig
+from onebot_control.wheels.geometry import WheelGeometry, Wheels, skid_separation
+from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import config, robot, wheel
 
 LEFT, RIGHT = ["left_wheel_joint"], ["right_wheel_joint"]
 
 
+def geometry_of(description: Description, config: ControlConfig) -> WheelGeometry:
+    """By the names and lengths of the parameters."""
+    wheels = wheels_of(description, config)
+    return wheels.geometry(config.wheel_separation, config.wheel_radius)
+
+
 def test_separation_and_radius_are_read() -> None:
     """They come from the wheels' poses and their collision shapes."""
-    assert wheel_geometry(robot(), LEFT, RIGHT) == pytest.approx((0.3, 0.06))
+    assert Wheels(robot(), LEFT, RIGHT).geometry() == pytest.approx((0.3, 0.06))
 
 
 def test_cylinders_are_wheels_too() -> None:
     """A cylinder's radius counts as a sphere's does."""
     shape = '<cylinder radius="0.1" length="0.02"/>'
     description = robot(wheel("left", 0.2, shape), wheel("right", -0.2, shape))
-    assert wheel_geometry(description, LEFT, RIGHT) == pytest.approx((0.4, 0.1))
+    assert Wheels(description, LEFT, RIGHT).geometry() == pytest.approx((0.4, 0.1))
 
 
 def test_several_wheels_a_side_are_averaged() -> None:
@@ -37,13 +38,13 @@ def test_several_wheels_a_side_are_averaged() -> None:
     sides = {"left": 0.2, "right": -0.2, "left2": 0.3, "right2": -0.3}
     description = robot(*(wheel(side, y) for side, y in sides.items()))
     names = ["left_wheel_joint", "left2_wheel_joint"], ["right_wheel_joint", "right2_wheel_joint"]
-    assert wheel_geometry(description, *names).separation == pytest.approx(0.5)
+    assert Wheels(description, *names).separation == pytest.approx(0.5)
 
 
 def test_joint_the_robot_lacks() -> None:
     """The error names it, the nearest one, and those there are."""
     with pytest.raises(OneBotError) as caught:
-        wheel_geometry(robot(), ["left_whel_joint"], RIGHT)
+        Wheels(robot(), ["left_whel_joint"], RIGHT).geometry()
     message = str(caught.value)
     assert 'left_wheel_names: robot "bot" has no joint "left_whel_joint" that turns' in message
     assert 'did you mean "left_wheel_joint"? it has: left_wheel_joint, right_wheel_joint' in message
@@ -52,21 +53,21 @@ def test_joint_the_robot_lacks() -> None:
 def test_fixed_joint_is_no_wheel() -> None:
     """A joint that does not turn is refused, though the robot has it."""
     with pytest.raises(OneBotError, match='no joint "caster_joint" that turns'):
-        wheel_geometry(robot(), ["caster_joint"], RIGHT)
+        Wheels(robot(), ["caster_joint"], RIGHT).geometry()
 
 
 def test_swapped_sides() -> None:
     """Left wheels on the right are an error, with the remedy."""
     with pytest.raises(OneBotError, match="swap left_wheel_names and right_wheel_names"):
-        wheel_geometry(robot(), RIGHT, LEFT)
+        Wheels(robot(), RIGHT, LEFT).geometry()
 
 
 def test_axle_the_other_way_round() -> None:
     """A positive velocity of a wheel whose axis points to the right drives backward."""
     back = wheel("right", -0.2).replace('axis xyz="0 1 0"', 'axis xyz="0.0005 -1 0"')
     description = robot(wheel("left", 0.2), back)
-    assert wheel_geometry(description, LEFT, RIGHT) == pytest.approx((0.4, 0.06), rel=1e-3)
-    directions = wheel_directions(description, [*LEFT, *RIGHT])
+    assert Wheels(description, LEFT, RIGHT).geometry() == pytest.approx((0.4, 0.06), rel=1e-3)
+    directions = Wheels(description, LEFT, RIGHT).directions
     assert directions == {"left_wheel_joint": 1.0, "right_wheel_joint": -1.0}
 
 
@@ -74,14 +75,14 @@ def test_wheels_of_different_radii() -> None:
     """Both radii are named, and what to set."""
     big = wheel("right", -0.2, '<sphere radius="0.1"/>')
     with pytest.raises(OneBotError, match=r"0\.06 m, right_wheel_joint 0\.1 m.*set wheel_radius"):
-        wheel_geometry(robot(wheel("left", 0.2), big), LEFT, RIGHT)
+        Wheels(robot(wheel("left", 0.2), big), LEFT, RIGHT).geometry()
 
 
 def test_wheel_without_round_shape() -> None:
     """A box has no radius: the parameter to set is named."""
     box = wheel("right", -0.2, '<box size="0.1 0.1 0.1"/>')
     with pytest.raises(OneBotError, match='link "right_wheel" has no one sphere.*set wheel_radius'):
-        wheel_geometry(robot(wheel("left", 0.2), box), LEFT, RIGHT)
+        Wheels(robot(wheel("left", 0.2), box), LEFT, RIGHT).geometry()
 
 
 def turned(part: str, origin: str, axis: str = "0 1 0") -> str:
@@ -95,14 +96,14 @@ def test_only_the_distance_across_counts() -> None:
     """Wheels further ahead or lower are no further apart, nor are those of a base off centre."""
     left = turned(wheel("left", 0.0), 'xyz="0.5 0.4 -0.7"')
     right = turned(wheel("right", 0.0), 'xyz="-0.5 0.1 0.9"')
-    assert wheel_separation(robot(left, right), LEFT, RIGHT) == pytest.approx(0.3)
+    assert Wheels(robot(left, right), LEFT, RIGHT).separation == pytest.approx(0.3)
 
 
 def test_wheels_in_one_line_are_as_far_apart_as_they_are() -> None:
     """As diffbot.xacro of ros_controllers has them, one ahead of the other."""
     left = turned(wheel("left", 0.0), 'xyz="0.3 0.1 0"')
     right = turned(wheel("right", 0.0), 'xyz="-0.2 0.1 0"')
-    assert wheel_separation(robot(left, right), LEFT, RIGHT) == pytest.approx(0.5)
+    assert Wheels(robot(left, right), LEFT, RIGHT).separation == pytest.approx(0.5)
 
 
 def test_axes_are_seen_from_the_base() -> None:
@@ -111,7 +112,7 @@ def test_axes_are_seen_from_the_base() -> None:
         turned(wheel(side, 0.0), f'xyz="0 {y} 0" rpy="-1.5707963 0 0"', "0 0 1")
         for side, y in (("left", 0.2), ("right", -0.2))
     )
-    assert wheel_geometry(robot(left, right), LEFT, RIGHT) == pytest.approx((0.4, 0.06))
+    assert Wheels(robot(left, right), LEFT, RIGHT).geometry() == pytest.approx((0.4, 0.06))
 
 
 @pytest.mark.parametrize(
@@ -131,7 +132,7 @@ def test_axles_that_point_elsewhere(axis: str, shown: str, side: str) -> None:
     wheels = {"left": wheel("left", 0.2), "right": wheel("right", -0.2)}
     wheels[side] = wheels[side].replace("0 1 0", axis)
     with pytest.raises(OneBotError) as caught:
-        wheel_geometry(robot(*wheels.values()), LEFT, RIGHT)
+        Wheels(robot(*wheels.values()), LEFT, RIGHT).geometry()
     text = f'joint "{side}_wheel_joint": its axis points to ({shown}) in the frame of base_link'
     assert text in str(caught.value)
 
@@ -139,7 +140,7 @@ def test_axles_that_point_elsewhere(axis: str, shown: str, side: str) -> None:
 def test_an_axle_may_be_off_by_rounding() -> None:
     """As far as three digits go."""
     left = wheel("left", 0.2).replace("0 1 0", "0.0005 1 -0.0005")
-    assert wheel_separation(robot(left, wheel("right", -0.2)), LEFT, RIGHT) == pytest.approx(0.4)
+    assert Wheels(robot(left, wheel("right", -0.2)), LEFT, RIGHT).separation == pytest.approx(0.4)
 
 
 def test_swapped_sides_are_told_with_their_places() -> None:
@@ -148,7 +149,7 @@ def test_swapped_sides_are_told_with_their_places() -> None:
     description = robot(*(wheel(side, y) for side, y in sides.items()))
     names = [[f"{side}_wheel_joint", f"{side}2_wheel_joint"] for side in ("left", "right")]
     with pytest.raises(OneBotError) as caught:
-        wheel_separation(description, *names)
+        Wheels(description, *names).geometry()
     assert (
         "the left wheels (left_wheel_joint, left2_wheel_joint) are at y = -0.15 m, not left of the "
         "right ones (right_wheel_joint, right2_wheel_joint) at y = 0.45 m"
@@ -159,7 +160,7 @@ def test_wheels_in_one_place() -> None:
     """A separation of 0 is no separation."""
     description = robot(wheel("left", 0.2), wheel("right", 0.2))
     with pytest.raises(OneBotError, match="not left of"):
-        wheel_separation(description, LEFT, RIGHT)
+        Wheels(description, LEFT, RIGHT).geometry()
 
 
 SPHERE, CYLINDER = '<sphere radius="0.1"/>', '<cylinder radius="0.2" length="0.02"/>'
@@ -191,8 +192,9 @@ def test_which_shape_is_the_wheels(
     collisions: tuple[str, ...], visuals: tuple[str, ...], radius: float
 ) -> None:
     """Collision comes before visual, and only round shapes count, if they agree."""
-    description = robot(shapes(*collisions, visuals=visuals))
-    assert wheel_radius(description, LEFT) == radius
+    other = wheel("right", -0.2, f'<sphere radius="{radius}"/>')
+    description = robot(shapes(*collisions, visuals=visuals), other)
+    assert Wheels(description, LEFT, RIGHT).radius == radius
 
 
 @pytest.mark.parametrize(
@@ -204,7 +206,8 @@ def test_no_shape_or_shapes_that_disagree(
 ) -> None:
     """The error names joint and link, and what to set."""
     with pytest.raises(OneBotError) as caught:
-        wheel_radius(robot(shapes(*collisions, visuals=visuals)), LEFT)
+        other = wheel("right", -0.2)
+        Wheels(robot(shapes(*collisions, visuals=visuals), other), LEFT, RIGHT).geometry()
     assert str(caught.value) == (
         'robot "bot", joint "left_wheel_joint": link "left_wheel" has no one sphere, cylinder '
         "or round mesh to read the wheel's radius from; set wheel_radius (m)"
@@ -216,13 +219,12 @@ def test_radii_are_the_same_to_a_micrometre(other: str, same: bool) -> None:
     """What a CAD program rounds is no difference."""
     big = wheel("right", -0.2, f'<sphere radius="{other}"/>')
     description = robot(wheel("left", 0.2), big)
-    names = [*LEFT, *RIGHT]
     if same:
-        assert wheel_radius(description, names) == 0.06
+        assert Wheels(description, LEFT, RIGHT).radius == 0.06
         return
-    for order in (names, names[::-1]):
+    for sides in ((LEFT, RIGHT), (RIGHT, LEFT)):
         with pytest.raises(OneBotError, match="wheels of several radii"):
-            wheel_radius(description, order)
+            _ = Wheels(description, *sides).radius
 
 
 def test_joints_of_each_side_are_checked() -> None:
@@ -232,9 +234,8 @@ def test_joints_of_each_side_are_checked() -> None:
     limits = '<limit lower="-1" upper="1" effort="5" velocity="40"/>'
     parts = (part.replace('<limit effort="5" velocity="40"/>', limits) for part in (hinge, slider))
     description = robot(*parts)
-    check_wheel_names(description, left_wheel_names=LEFT)
     with pytest.raises(OneBotError) as caught:
-        check_wheel_names(description, left_wheel_names=[*LEFT, "a"], right_wheel_names=RIGHT)
+        Wheels(description, [*LEFT, "a"], RIGHT)
     lines = str(caught.value).splitlines()
     assert len(lines) == 2
     assert lines[0].startswith('left_wheel_names: robot "bot" has no joint "a" that turns')

@@ -1,0 +1,201 @@
+"""What stands around the robots of a world: walls and ramps, and boxes that can be pushed.
+
+It is described by URDF, as a robot is. What fixed joints connect with the root link stands still,
+whatever its mass; a link below a ``floating`` joint, with all that is fixed to it, is a body of its
+own, which falls, and can be pushed.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from onebot_control.poses import Transform
+from onebot_control.simulation.bodies import (
+    Body,
+    Floats,
+    link_poses,
+    origin_of,
+    unfit_links,
+)
+from onebot_control.simulation.engine import engine
+from onebot_control.simulation.loading import LoadedRobot, load_fixed, load_robot
+from onebot_control.simulation.rest_pose import link_pose, place
+from onebot_control.simulation.settings import Settings
+from onebot_description.description.description import Description, Link
+from onebot_description.description.worlds import load_world
+from onebot_description.errors import OneBotError
+from onebot_description.model.quaternions import from_rpy
+
+_DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
+
+
+def load_scene(world: str) -> Description | None:
+    """Return the description of a world, as ``load_world`` reads it; None for "".
+
+    Raises:
+        OneBotError: there is no such world, or it cannot be simulated.
+    """
+    if not world:
+        return None
+    description = load_world(world)
+    SceneBodies(description)
+    return description
+
+
+class SceneBodies:
+    """The bodies of a scene in a PyBullet world.
+
+    Attributes:
+        description: of the scene.
+        links: that can be pushed: the first one of each such body.
+        poses: of these links' frames in the world, as last read.
+        finite: whether the poses are.
+    """
+
+    def __init__(self, description: Description) -> None:
+        """Divide a scene into its bodies; ``enter`` adds them to a world.
+
+        Raises:
+            OneBotError: what of it cannot be simulated, a line each.
+        """
+        if unfit := [*unfit_links(description), *_unfit(description)]:
+            raise OneBotError("\n".join(unfit))
+        self.description = description
+        poses, firsts = _poses(description), _firsts(description)
+        self.links = _floating(description)
+        # Each link is a body of its own, since it has a friction of its own.
+        self._fixed = [
+            _fixed_body(link, poses[link.name])
+            for link in description.links
+            if link.collisions and firsts[link.name] == description.root_link
+        ]
+        self._free = [_free_part(description, link, firsts) for link in self.links]
+        self._starts = [_transform(poses[link]) for link in self.links]
+        self.poses: Sequence[Transform] = self._starts
+        self.finite = True
+
+    def enter(self, client: int, ground: int, settings: Settings, *, free: bool = True) -> None:
+        """Load the bodies into a world.
+
+        Args:
+            client: the world.
+            ground: its ground, as ``make_world`` returned it.
+            settings: of the world.
+            free: also those that can be pushed.
+
+        Raises:
+            OneBotError: one cannot be loaded.
+        """
+        self._client = client
+        self.fixed = {
+            load_fixed(client, self.description, body, settings): body.link for body in self._fixed
+        }
+        self._parts: list[LoadedRobot] = []
+        for part, start in zip(self._free if free else (), self._starts, strict=False):
+            self._parts.append(load_robot(client, ground, part, settings))
+            place(client, self._parts[-1], start)
+        self.read()
+
+    def read(self) -> None:
+        """Read the poses of what can be pushed."""
+        self.poses = [link_pose(self._client, part) for part in self._parts]
+        self.finite = math.isfinite(sum(sum(at) + sum(turn) for at, turn in self.poses))
+
+    def put(self, poses: Sequence[Transform]) -> None:
+        """Put what can be pushed to ``poses``, at rest."""
+        for part, pose in zip(self._parts, poses, strict=True):
+            place(self._client, part, pose)
+        self.read()
+
+    def put_back(self, robots: Sequence[LoadedRobot]) -> None:
+        """Put what can be pushed to where it was at the start, at rest, unless a robot is there."""
+        for part, pose, start in zip(self._parts, self.poses, self._starts, strict=True):
+            place(self._client, part, start)
+            if any(self._overlaps(robot, part.body) for robot in robots):
+                place(self._client, part, pose)
+        self.read()
+
+    def check(self) -> None:
+        """Raise OneBotError if the last poses were not finite."""
+        if not self.finite:
+            raise OneBotError(
+                f"{self.description.source}: the simulation of the world diverged: its state is no "
+                "longer finite; reset it"
+            )
+
+    def fixed_at(self, robot: LoadedRobot) -> dict[int, str]:
+        """Return the bodies that stand still where ``robot`` is, with the names of their links."""
+        return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
+
+    def free_at(self, robot: LoadedRobot) -> list[str]:
+        """Return the links that can be pushed where ``robot`` is."""
+        return [
+            link
+            for link, part in zip(self.links, self._parts, strict=True)
+            if self._overlaps(robot, part.body)
+        ]
+
+    def _overlaps(self, robot: LoadedRobot, body: int) -> bool:
+        near = engine.getClosestPoints(robot.body, body, 0.0, physicsClientId=self._client)
+        return any(point[8] < -_DEPTH for point in near)
+
+
+def _unfit(description: Description) -> Iterator[str]:
+    """What is wrong with a scene that would be right in a robot."""
+    firsts = _firsts(description)
+    for joint in description.joints:
+        where = f'{joint.where}: joint "{joint.name}"'
+        if joint.kind not in ("fixed", "floating"):
+            yield (
+                f'{where} is {joint.kind}; the joints of a world are type="fixed" (stands still) '
+                'or type="floating" (can be pushed)'
+            )
+        elif joint.kind == "floating":
+            parts = [link for link in description.links if firsts[link.name] == joint.child]
+            what = f'{where} is floating, so that link "{joint.child}" can be pushed'
+            if not any(link.inertial and link.inertial.mass > 0 for link in parts):
+                yield (
+                    f"{what}, but it has no mass; give it an <inertial> with mass and inertia, or "
+                    'write type="fixed" to have it stand still'
+                )
+            if not any(link.collisions for link in parts):
+                yield (
+                    f"{what}, but it has no <collision> and would fall through the ground; give "
+                    'it one, or write type="fixed"'
+                )
+
+
+def _floating(description: Description) -> tuple[str, ...]:
+    return tuple(joint.child for joint in description.joints if joint.kind == "floating")
+
+
+def _firsts(description: Description) -> dict[str, str]:
+    """Return the first link of each link's body."""
+    return {link: first for link, (first, _) in link_poses(description).items()}
+
+
+def _poses(description: Description) -> dict[str, Floats]:
+    """Return the pose (4, 4) of each link in the frame of the root link."""
+    joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
+    rigid = replace(description, joints=joints)
+    return {link: pose for link, (_, pose) in link_poses(rigid).items()}
+
+
+def _fixed_body(link: Link, pose: Floats) -> Body:
+    body = Body(link.name)
+    body.add(link, pose)
+    return body
+
+
+def _free_part(description: Description, first: str, firsts: Mapping[str, str]) -> Description:
+    """Return the description of the body that begins with the link ``first``."""
+    links = tuple(link for link in description.links if firsts[link.name] == first)
+    names = {link.name for link in links} - {first}
+    joints = tuple(joint for joint in description.joints if joint.child in names)
+    return replace(description, root_link=first, links=links, joints=joints)
+
+
+def _transform(pose: Floats) -> Transform:
+    origin = origin_of(pose)
+    x, y, z, w = from_rpy(origin.rpy).tolist()
+    return origin.xyz, (x, y, z, w)

@@ -1,0 +1,39 @@
+"""Worlds that robots can be put into: those that ship, by name, and others by their files."""
+
+from pathlib import Path
+
+from onebot_description.description.description import Description
+from onebot_description.description.loading import load_description
+from onebot_description.description.packages import package_share
+from onebot_description.errors import OneBotError, did_you_mean
+
+_ENDING = ".urdf.xacro"
+
+
+def load_world(world: str) -> Description:
+    """Read and check the description of a world.
+
+    Args:
+        world: the name of one that ships, such as "maze"; or a URDF or xacro file, or
+            ``package://name/path``.
+
+    Raises:
+        OneBotError: there is no such world, or it cannot be used.
+    """
+    known = _shipped()
+    if world in known:
+        return load_description(known[world])
+    if "/" not in world and "." not in world and not Path(world).is_file():
+        raise OneBotError(
+            f'no world "{world}"{did_you_mean(world, known, "those that ship")}; write one of '
+            "these, or the path of a URDF or xacro file"
+        )
+    description = load_description(world)
+    description.require_tree()
+    return description
+
+
+def _shipped() -> dict[str, Path]:
+    """The files of worlds by name."""
+    files = (package_share("onebot_description") / "worlds").glob(f"*{_ENDING}")
+    return {file.name.removesuffix(_ENDING): file for file in sorted(files)}

@@ -1,0 +1,297 @@
+"""Robots among walls, ramps and boxes: what stops them, what they push, where they can start."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from onebot_control.simulation import RobotSpawn, Simulation, World
+from onebot_description.description import parse_description
+from onebot_description.description.worlds import load_world
+from onebot_description.errors import OneBotError
+from tests.onebot_control.simulation_support import DRIVEN, bits, planar, robot, simulate
+
+_INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+_FRONT = 0.06  # m from the robot's root link to the foremost point: the wheels'
+_SLOPE = math.radians(8)
+
+
+def part(name, size="0.2 0.2 0.2", xyz="0 0 0", rpy="0 0 0", kind="fixed", mass=0.0, friction=None):
+    """A box, and the joint that places it in the world."""
+    inertial = f'<inertial><mass value="{mass}"/>{_INERTIA}</inertial>' if mass else ""
+    contact = f'<contact><lateral_friction value="{friction}"/></contact>' if friction else ""
+    return (
+        f'<link name="{name}">{inertial}<collision><geometry><box size="{size}"/></geometry>'
+        f'</collision>{contact}</link><joint name="to_{name}" type="{kind}">'
+        f'<parent link="world"/><child link="{name}"/><origin xyz="{xyz}" rpy="{rpy}"/></joint>'
+    )
+
+
+def scene(*parts):
+    return parse_description(
+        f'<robot name="scene"><link name="world"/>{"".join(parts)}</robot>', "scene.urdf"
+    )
+
+
+WALL = part("wall", "0.1 4 0.4", "0.65 0 0.2")
+BOX = part("box", xyz="0.5 0 0.1", kind="floating", mass=1.0, friction=0.5)
+
+
+def ramp(friction=None):
+    """A ramp that begins 0.3 m before the robot; its surface goes through x = 0.3, z = 0."""
+    x, z = math.cos(_SLOPE), math.sin(_SLOPE)
+    below = 0.1 * np.array([z, -x])
+    at = np.array([0.3, 0.0]) + np.array([x, z]) + below
+    return scene(part("ramp", "2 2 0.2", f"{at[0]} 0 {at[1]}", f"0 {-_SLOPE} 0", friction=friction))
+
+
+def among(description, **place):
+    return Simulation(robot(), driven=DRIVEN, scene=description, **place)
+
+
+def pitch(simulation):
+    """Of the nose, upwards, rad."""
+    x, y, z, w = simulation.base_pose().rotation
+    return -math.asin(2.0 * (w * y - z * x))
+
+
+def go(simulation, speed, seconds):
+    for _ in range(round(seconds / 0.01)):
+        simulation.step([speed, speed], 0.01)
+
+
+def test_a_wall_stops_the_robot_while_its_wheels_slip():
+    """By the wheels it would be on the other side."""
+    with among(scene(WALL)) as simulation:
+        go(simulation, 4.0, 6.0)
+        x, y, _ = planar(simulation)
+        assert x == pytest.approx(0.6 - _FRONT, abs=0.01)
+        assert abs(y) < 0.01
+        turned = simulation.joint_states().positions[:2]
+        assert turned.min() * 0.06 > 1.2
+
+
+def test_a_box_is_pushed_and_comes_to_rest():
+    """The wall behind it does not move, and stops both."""
+    with among(scene(BOX, part("wall", "0.1 4 0.4", "1.2 0 0.2", mass=5.0))) as simulation:
+        go(simulation, 4.0, 2.0)
+        [((before, _, _), _)] = simulation.scene.poses
+        assert before == pytest.approx(planar(simulation)[0] + _FRONT + 0.1, abs=0.02)
+        go(simulation, 4.0, 5.0)
+        [((x, y, z), _)] = simulation.scene.poses
+        assert (x, y, z) == pytest.approx((1.05, 0.0, 0.1), abs=0.02)
+        go(simulation, 0.0, 0.5)
+        [resting] = simulation.scene.poses
+        go(simulation, 0.0, 1.0)
+        [(at, _)] = simulation.scene.poses
+        assert at == pytest.approx(resting[0], abs=1e-5)
+
+
+@pytest.mark.parametrize(("friction", "slides"), [(0.1, True), (0.9, False)])
+def test_friction_is_that_of_the_file(friction, slides):
+    """A box slides down a slope whose tangent is above the product of both frictions."""
+    slope = "1 1 0.1", "0 0 0.4", "0 0.4 0"  # tan 0.42
+    start = f"{0.155 * math.sin(0.4)} 0 {0.4 + 0.155 * math.cos(0.4)}"
+    description = scene(
+        part("slope", *slope, friction=1.0),
+        part("box", "0.2 0.2 0.2", start, "0 0.4 0", "floating", 1.0, friction),
+    )
+    with among(description, x=5.0) as simulation:
+        [((before, _, _), _)] = simulation.scene.poses
+        go(simulation, 0.0, 1.0)
+        [((x, _, _), _)] = simulation.scene.poses
+        assert (x - before > 0.2) == slides
+        assert slides or x == pytest.approx(before, abs=0.01)
+
+
+def test_it_climbs_a_ramp_with_the_pitch_of_the_ramp():
+    """Height and pitch are those of the geometry."""
+    with among(ramp()) as simulation:
+        go(simulation, 4.0, 5.0)
+        x, y, z = simulation.base_pose().translation
+        assert x > 0.9 and abs(y) < 0.01
+        assert pitch(simulation) == pytest.approx(_SLOPE, abs=1e-3)
+        # The axle is a wheel's radius from the surface.
+        over = (z - (x - 0.3) * math.tan(_SLOPE)) * math.cos(_SLOPE)
+        assert over == pytest.approx(0.06, abs=1e-3)
+
+
+def test_on_a_ramp_of_ice_it_stays_below():
+    """The friction of the ramp's link counts, not the ground's."""
+    with among(ramp(0.01)) as simulation:
+        go(simulation, 4.0, 5.0)
+        assert pitch(simulation) < _SLOPE - 0.01
+
+
+@pytest.mark.parametrize("yaw", [0.0, math.pi, 1.5])
+def test_it_starts_at_rest_on_a_ramp(yaw):
+    """Tilted as the ramp is, and it stays."""
+    with among(ramp(), x=1.2, yaw=yaw) as simulation:
+        before = simulation.base_pose()
+        assert before.translation[:2] == pytest.approx((1.2, 0.0), abs=0.03)
+        assert pitch(simulation) == pytest.approx(_SLOPE * math.cos(yaw), abs=0.01)
+        go(simulation, 0.0, 0.5)
+        np.testing.assert_allclose(
+            simulation.base_pose().translation, before.translation, atol=1e-4
+        )
+
+
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ({"x": 0.65}, r"x 0\.65 m, y 0 m, yaw 0 rad: .* link wall of scene\.urdf"),
+        ({"x": 0.5, "yaw": math.pi}, "link wall"),
+        ({"x": -0.5, "y": 0.8}, r"x -0\.5 m, y 0\.8 m: link box of scene\.urdf is there"),
+    ],
+)
+def test_it_cannot_start_in_a_wall_or_a_box(place, text):
+    """The message names the place and the link."""
+    box = part("box", xyz="-0.5 0.8 0.1", kind="floating", mass=1.0)
+    with pytest.raises(OneBotError, match=text):
+        among(scene(WALL, box), **place)
+
+
+def test_teleport_into_a_wall_is_refused_and_onto_a_ramp_tilts():
+    """Refused, nothing has changed, not by a bit; the boxes stay where they were pushed."""
+    with among(scene(WALL, BOX.replace("0.5 0 0.1", "-2 0 0.1"))) as simulation:
+        go(simulation, 2.0, 0.5)
+        before = bits(simulation)
+        with pytest.raises(OneBotError, match="link wall"):
+            simulation.teleport(0.65, 0.0, 0.0)
+        with pytest.raises(OneBotError, match="link box"):
+            simulation.teleport(-2.0, 0.0, 0.0)
+        assert bits(simulation) == before
+        simulation.teleport(0.0, 1.0, 1.0)
+        assert planar(simulation) == pytest.approx((0.0, 1.0, 1.0), abs=1e-9)
+    with among(ramp()) as simulation:
+        simulation.teleport(1.2, 0.0, 0.0)
+        assert pitch(simulation) == pytest.approx(_SLOPE, abs=0.01)
+
+
+def test_reset_puts_boxes_back_bit_for_bit():
+    """And the same drive then pushes them to the same places."""
+    with among(scene(BOX)) as simulation:
+        start, boxes = bits(simulation), simulation.scene.poses
+        go(simulation, 4.0, 2.0)
+        after, pushed = bits(simulation), simulation.scene.poses
+        assert pushed != boxes
+        simulation.reset()
+        assert (bits(simulation), simulation.scene.poses) == (start, boxes)
+        go(simulation, 4.0, 2.0)
+        assert (bits(simulation), simulation.scene.poses) == (after, pushed)
+
+
+def test_one_of_several_robots_puts_boxes_back_unless_a_robot_is_there():
+    """Teleport leaves them where they are."""
+    other = part("other", xyz="3 0 0.1", kind="floating", mass=1.0)
+    spawns = [RobotSpawn(robot(), DRIVEN), RobotSpawn(robot(), DRIVEN, 0.0, 3.0)]
+    with World(spawns, scene=scene(BOX, other)) as world:
+        first, second = world.robots
+        start = world.scene.poses
+        pushed = [((1.0, 1.0, 0.1), (0.0, 0.0, 0.0, 1.0)), ((4.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))]
+        world.scene.put(pushed)
+        second.teleport(3.0, 0.0, 0.0)
+        assert world.scene.poses == pushed
+        first.reset()
+        assert world.scene.poses[0] == start[0]
+        assert world.scene.poses[1] == pushed[1]
+
+
+def test_a_scene_far_away_changes_nothing_that_a_ruler_would_show():
+    """The robot's own motion is that on the bare ground."""
+    with simulate() as bare, among(scene(part("wall", xyz="50 0 0.1"))) as simulation:
+        for each in (bare, simulation):
+            go(each, 3.0, 1.0)
+        np.testing.assert_allclose(
+            simulation.base_pose().translation, bare.base_pose().translation, atol=1e-4
+        )
+
+
+def test_a_scene_that_diverged_is_reset():
+    """A box whose pose is not finite stops the world with a message, and reset recovers."""
+    with among(scene(BOX)) as simulation:
+        start = bits(simulation)
+        with pytest.raises(OneBotError, match="diverged"):
+            simulation.scene.put([((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))])
+            simulation.step([0.0, 0.0], 0.01)
+        simulation.reset()
+        assert bits(simulation) == start
+
+
+def test_what_is_fixed_to_a_box_moves_with_it():
+    """Poses are of the first link, in the world, through all joints above it."""
+    handle = part("handle", "0.05 0.05 0.05", "0 0 0.12").replace("world", "box")
+    shelf = '<link name="shelf"/><joint name="s" type="fixed"><parent link="world"/>' + (
+        '<child link="shelf"/><origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/></joint>'
+    )
+    description = scene(shelf, BOX.replace('parent link="world"', 'parent link="shelf"'), handle)
+    with among(description) as simulation:
+        [(at, (_, _, z, w))] = simulation.scene.poses
+        assert at == pytest.approx((1.0, 0.5, 0.1))
+        assert 2 * math.atan2(z, w) == pytest.approx(math.pi / 2)
+        go(simulation, 0.0, 0.2)
+        [(at, _)] = simulation.scene.poses
+        assert at == pytest.approx((1.0, 0.5, 0.1), abs=1e-3)
+
+
+def test_meshes_that_stand_still_are_not_filled(tmp_path):
+    """A robot stands in a room that is one mesh; of a moving body the convex hull collides."""
+    trimesh.creation.annulus(r_min=1.0, r_max=1.1, height=0.4).export(tmp_path / "room.stl")
+    room = part("room").replace('box size="0.2 0.2 0.2"', f'mesh filename="{tmp_path}/room.stl"')
+    with among(scene(room)) as simulation:
+        go(simulation, 8.0, 4.0)
+        assert planar(simulation)[0] == pytest.approx(1.0 - _FRONT, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("parts", "texts"),
+    [
+        (
+            [part("door", kind="continuous")],
+            [r'joint "to_door" is continuous; .* type="fixed" .* type="floating"'],
+        ),
+        (
+            [part("box", kind="floating")],
+            ['joint "to_box" is floating, so that link "box" .* no mass; give it an <inertial>'],
+        ),
+        (
+            [part("box", kind="floating", mass=1.0).replace("collision", "visual")],
+            ['link "box" .* no <collision>'],
+        ),
+        (
+            [part("door", kind="planar"), part("ice", friction=-1.0)],
+            ['"to_door" is planar', "<lateral_friction>: -1 must be 0 or more"],
+        ),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(parts, texts):
+    """All of it at once, each with its line, its element and the remedy."""
+    with pytest.raises(OneBotError) as refused:
+        among(scene(*parts))
+    for text in texts:
+        assert any(
+            line.startswith("scene.urdf:") and re.search(text, line)
+            for line in str(refused.value).splitlines()
+        )
+
+
+def test_the_worlds_that_ship():
+    """Read without a problem or a warning; a robot stands at 0, 0 and drives straight on."""
+    for name in ("maze", "ramp"):
+        description = load_world(name)
+        assert not description.notices
+        with among(description) as simulation:
+            go(simulation, 4.0, 1.0)
+            assert planar(simulation)[0] == pytest.approx(0.24, abs=0.02)
+
+
+def test_a_world_is_named_or_a_path(tmp_path):
+    """The error lists those that ship."""
+    with pytest.raises(OneBotError, match=r'no world "mase" \(did you mean "maze"\? .*ramp\); wri'):
+        load_world("mase")
+    with pytest.raises(OneBotError, match=r"mase\.urdf"):
+        load_world(str(tmp_path / "mase.urdf"))
+    package = "package://onebot_description/worlds/maze.urdf.xacro"
+    assert load_world(package) == load_world("maze")
