@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import pytest
 
-from tests.benchmarks.domains import claimed_domain
+from onebot_bringup.introspection.domains import claimed_domain
 
 T = TypeVar("T")
 

@@ -35,6 +35,7 @@ VERBS = {
     "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
     "doctor": "check what is wrong on this computer",
+    "soak": "drive for long, inject faults and judge what happens",
     "completion": "print the tab completion of a shell",
     "accuracy": "measure how accurately OneBot drives",
     "bench": "measure performance as ratios to floors",

@@ -235,6 +235,7 @@ _MAX_FREQUENCY = 1000  # Hz
 _CYCLES = 0.001, 1000.0  # of the controller, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
+_WORLDS = "maze, ramp, or a URDF or xacro file with walls and boxes"
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
@@ -338,6 +339,7 @@ def simulation_arguments(control: str) -> list[Argument]:
         number("x", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("y", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("yaw", "", f"where it faces at the start, radians; {_AS_IN_FILE}"),
+        Argument("world", "", f"what stands around it: {_WORLDS}; empty: nothing"),
         number("rate", "", f"control cycles a second, Hz; {_AS_IN_FILE}", *_CYCLES),
     ]
 
@@ -361,6 +363,8 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
+    if values.get("world") and values["sim"] == "false":
+        raise UsageError(f"world:={values['world']} is for the simulation: leave out sim:=false")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:

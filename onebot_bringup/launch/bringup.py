@@ -58,6 +58,7 @@ class Bringup(NamedTuple):
     model: str = ""  # URDF or xacro file of the robot
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
+    world_view: str = ""  # likewise, for a robot in a world
     control: str = ""  # parameters of the controller; empty: the robot cannot be simulated
     takes_file: bool = False  # the model is the command's first word instead
 
@@ -95,6 +96,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
+    from onebot_description.description.worlds import load_world
     from onebot_description.description.xacro import included_files
     from onebot_description.file_watch import file_states
 
@@ -118,6 +120,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     description = load_description(model, for_xacro)
     description.require_tree()
     robots = _placed(values.get("robots", ""), description)
+    if values.get("world"):
+        values["world"] = load_world(values["world"]).source  # checked
+        values["view"] = own.get("view", command.world_view)
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
@@ -383,6 +388,8 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
+    if values.get("world"):
+        lines.append(f"  world    {values['world']}")
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
+from onebot_control.poses import WORLD_FRAME
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.description_watcher import Known
@@ -99,6 +100,8 @@ class NodeFactory:
         for argument, name in _WHEELS.items():
             if self.values[argument]:
                 parameters[name] = [each.strip() for each in self.values[argument].split(",")]
+        if self.values["world"]:
+            parameters["world"], parameters["world_frame_id"] = self.values["world"], WORLD_FRAME
         return parameters
 
     def rerun_viewer(self) -> NodeProcess:
@@ -166,7 +169,8 @@ class NodeFactory:
             found = {**parameters(own), "use_sim_time": self._flag("use_sim_time")}
             more = [robot.params_file] if files and robot.params_file else []
             if files:
-                found["world_frame_id"] = _world_frame([*files, *more], own.values["namespace"])
+                frame = _world_frame([*files, *more], own.values["namespace"])
+                found.setdefault("world_frame_id", frame)
             words += ["--robot", *own._nodes().ros_arguments(name, found, more)]
         return self._node(name, module, {}, words, files=files)
 
@@ -291,7 +295,7 @@ def _world_frame(files: Sequence[Path], namespace: str) -> str:
     from onebot_control.parameters import read_control_files
 
     found = read_control_files(files, f"/{namespace}", "velocity_controller")
-    return str(found.values.get("world_frame_id") or "world")
+    return str(found.values.get("world_frame_id") or WORLD_FRAME)
 
 
 def write_parameters(

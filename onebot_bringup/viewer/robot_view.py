@@ -26,6 +26,7 @@ from onebot_bringup.viewer.scene import Scene
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.wire.cdr import SYSTEM_TIME_NS
 from onebot_description.wire.messages import deserialize_message
 
 DESCRIPTION: MessageType[str] = MessageType(
@@ -38,7 +39,6 @@ _DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=Tr
 _PATIENCE = 1.0
 _MOST_WARNINGS = 100  # of one description
 _LONGEST_WARNING = 1000  # characters
-_SYSTEM_TIME_NS = 10**18  # of the year 2001: simulated times are less
 
 ReportBad = Callable[[str, Exception], object]
 
@@ -377,7 +377,7 @@ class Stamps:
             time_ns: when it was received.
             live: the stamp is the time when it was sent.
         """
-        if _SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
+        if SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
             ahead = f"{(stamp_ns - time_ns) * 1e-9:.0f} s ahead of their receive time"
             self.warning = self.warning or f"stamps {ahead} are ignored: is a clock wrong?"
             stamp_ns = 0

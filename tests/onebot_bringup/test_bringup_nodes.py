@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import yaml
 
+from onebot_bringup.launch import onebot_bringup
 from onebot_bringup.launch.arguments import (
     Argument,
     UsageError,
@@ -450,6 +451,22 @@ def test_the_watcher_knows_the_files_and_the_arguments(make: Make, arm: Path) ->
     assert list(known["files"]) == [str(arm)]
 
 
+def test_a_world_is_the_controller_s(make: Make) -> None:
+    """In the frame that the view of worlds shows; without one the parameters file has its way."""
+    found = parameters(make(world="/a/maze.urdf").velocity_controller())
+    assert (found["world"], found["world_frame_id"]) == ("/a/maze.urdf", "world")
+    assert not {"world", "world_frame_id"} & set(parameters(make().velocity_controller()))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("mase", 'no world "mase" (did you mean "maze"'), ("no/such.urdf", "no/such.urdf")],
+)
+def test_an_unknown_world_is_refused_before_anything_starts(name: str, said: str) -> None:
+    """With those that ship."""
+    assert said in refused(onebot_bringup.command(), f"world:={name}")
+
+
 def refused(robot: Bringup, *argv: str) -> str:
     """The error with which a bringup is refused before anything is started."""
     with pytest.raises(OneBotError) as caught:
@@ -652,6 +669,7 @@ def test_the_summary_says_nothing_of_what_is_not_there(make: Make) -> None:
         (True, {"port": "8081"}, "add steer:=true"),
         (True, {"host": "::1"}, "add steer:=true"),
         (True, {"token": "t"}, "add steer:=true"),
+        (True, {"world": "maze", "sim": "false"}, "world:=maze is for the simulation"),
         (True, {"rate": "1001"}, "rate:=1001"),
         (True, {"rate": "-1"}, "write a number from 0.001 to 1000"),
         (True, {"rate": "0"}, "rate:=0"),
