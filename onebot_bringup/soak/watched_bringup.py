@@ -94,6 +94,7 @@ class WatchedBringup:
         node = self.session.node
         spaces = [f"/robot{n + 1}" for n in range(self._robots)] if self._robots > 1 else [""]
         self.command_topic = f"{spaces[0]}/velocity_controller/cmd_vel"
+        self.fast = (0.1, 1.0) if self._robots > 1 else (0.5, 0.5)  # m/s and rad/s
         self._twist = Twist()
         self._publishers = [
             node.create_publisher(Twist, f"{space}/velocity_controller/cmd_vel", 10)
@@ -180,9 +181,10 @@ class WatchedBringup:
         self._called = now
         if now > self._next_command:
             self._next_command = now + _LASTS
-            # All the same, so that the robots of a fleet keep their distances.
-            self._twist.linear.x = self._chance.uniform(-0.5, 0.5)
-            self._twist.angular.z = self._chance.uniform(-1.0, 1.0)
+            speed, turn = self._chance.uniform(-0.5, 0.5), self._chance.uniform(-1.0, 1.0)
+            if self._robots > 1:  # small circles, in which they do not meet
+                speed, turn = 0.1 * abs(turn), abs(turn)
+            self._twist.linear.x, self._twist.angular.z = speed, turn
         for publisher in self._publishers if self._driving else ():
             publisher.publish(self._twist)
         if (passed := now - self._polled) > _POLL:
@@ -267,13 +269,17 @@ class WatchedBringup:
             self.missing |= self.nodes
             began = self.now
             bringup.process.send_signal(signal.SIGINT)
-            if not self.session.spin(lambda: bringup.ended, within):
-                self.find("the bringup does not end after Ctrl-C", f"in {within:g} s")
+            try:
+                self.session.spin(lambda: bringup.ended, within)
+            finally:  # also after another Ctrl-C
+                killed = not bringup.ended
                 bringup.process.kill()
                 bringup.process.wait()
+            self.watch.stops.append(self.now - began)
+            if killed:
+                self.find("the bringup does not end after Ctrl-C", f"in {within:g} s")
             elif (code := bringup.process.returncode) != expected:
                 self.find("after Ctrl-C", f"exit code {code} instead of {expected}")
-            self.watch.stops.append(self.now - began)
         if "Traceback" in bringup.output:
             where = bringup.output.partition("Traceback")[2].splitlines()
             self.find("a traceback in the output", " / ".join(map(str.strip, where[-8:])))
