@@ -39,6 +39,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
@@ -109,6 +110,7 @@ class RobotStatePublisher(Node):
             ),
             post_callback=self._clock_jumped,
         )
+        self._check = StampCheck.of(self, "joint_states")
         self.create_subscription(
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
@@ -156,9 +158,11 @@ class RobotStatePublisher(Node):
             self._apply()
 
     def _on_joint_state(self, data: bytes) -> None:
-        message = self._converter.convert_bytes(data, time.time_ns())
+        now_ns = time.time_ns()
+        message = self._converter.convert_bytes(data, now_ns)
         if message is not None:
             self._tf.publish(message)
+        self._check.take_bytes(data, now_ns)
 
     def _clock_jumped(self, _jump: TimeJump) -> None:
         self._warn("clock", "the clock was set back; publishing the joints' transforms afresh")
