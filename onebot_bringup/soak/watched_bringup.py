@@ -31,7 +31,7 @@ _POLL, _SAMPLES = 1.0, 2.0  # s
 _LATE = 0.5  # s that this process was not run for: the machine is too busy to judge the robot
 _BUSY = 0.1  # of the time waiting for a processor: then no rate is judged
 _LAST = 4.0  # s after Ctrl-C, until it is killed
-_MEMORY_LIMIT = "16MB"  # of the viewer, which would go on growing for long
+_MEMORY_LIMIT = "4MB"  # of the viewer, which would go on growing for long
 _JOINTS, _ODOMETRY = 100.0, 50.0  # Hz
 _MOST_TF = 4  # robots whose /tf can be read beside
 _QUEUE = 1000  # messages
@@ -160,14 +160,17 @@ class WatchedBringup:
 
         now, tf = self.now, tf_arrays(data)
         self.watch.values("/tf", now, tf.translations, tf.rotations)
+        stamps: dict[tuple[str, float], int] = {}  # by topic and rate; links of a robot have one
         for child, stamp_ns in zip(tf.children, tf.stamps_ns, strict=True):
-            prefix, _, link = child.rpartition("/")
-            space = f"/{prefix}" if prefix else ""
-            if link == "base_link":
-                topic, rate = f"{space}/velocity_controller/tf", _ODOMETRY
-            else:
-                topic, rate = f"{space}/robot_state_publisher/tf {link}", _JOINTS
-            self.watch.message(topic, rate, now, self._seconds(int(stamp_ns)))
+            prefix, slash, link = child.rpartition("/")
+            node, rate = (
+                ("velocity_controller", _ODOMETRY)
+                if link == "base_link"
+                else ("robot_state_publisher", _JOINTS)
+            )
+            stamps[f"{slash}{prefix}/{node}/tf", rate] = int(stamp_ns)
+        for (topic, rate), stamp_ns in stamps.items():
+            self.watch.message(topic, rate, now, self._seconds(stamp_ns))
 
     def _on_description(self, message: Any) -> None:
         self.descriptions += 1
