@@ -253,18 +253,14 @@ class RunningRobot:
 
 
 def _published_prefix(session: Session) -> str:
-    """Return the prefix of the frames, as the node that publishes the description has it.
+    """Return the prefix of the robot's frames.
 
     Raises:
-        OneBotError: none publishes it.
+        OneBotError: no node publishes its description.
     """
     topic = session.full_name(_DESCRIPTION_TOPIC)
-    nodes = _look_for_robot(session, lambda: publishers(session.node, topic))
-    found = frame_prefix(session, nodes.values())
-    if found is None:  # a foreign node; the robot's own may not be discovered yet
-        session.discover()
-        found = frame_prefix(session, publishers(session.node, topic).values())
-    return found or ""
+    _look_for_robot(session, lambda: publishers(session.node, topic))
+    return frame_prefix(session, topic)
 
 
 def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
