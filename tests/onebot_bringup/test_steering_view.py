@@ -21,7 +21,7 @@ from tests.onebot_bringup.steering_support import PageClient, address_of, steeri
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 from tests.support_browser import DRAWING_PATIENCE, browser, hosts_reached, wait_for_color
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
@@ -90,7 +90,7 @@ def _viewer(domain: int, *args: str) -> Iterator[NodeProcess]:
 
 def _address_of_view(steering_page: str) -> str:
     """Where the view is, on the name by which ``steering_page`` is opened."""
-    with urlopen(steering_page, timeout=60.0) as answer:
+    with urlopen(steering_page, timeout=PATIENCE) as answer:
         cookie = answer.headers["Set-Cookie"].partition(";")[0]
     with PageClient(steering_page.partition("/?")[0], Cookie=cookie) as client:
         return str(wait_for(lambda: client.state["view"], "the view's address")[-1])
@@ -290,7 +290,7 @@ class _Relay:
 
     def cut(self) -> None:
         """End all connections; new ones are accepted."""
-        asyncio.run_coroutine_threadsafe(self._cut(), self._loop).result(60.0)
+        asyncio.run_coroutine_threadsafe(self._cut(), self._loop).result(PATIENCE)
 
     async def _cut(self) -> None:
         for writer in self._open:
@@ -319,7 +319,7 @@ async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
 
 def _status(url: str, data: bytes | None = None, **headers: str) -> int:
     try:
-        with urlopen(Request(url, data, headers), timeout=60.0) as answer:
+        with urlopen(Request(url, data, headers), timeout=PATIENCE) as answer:
             return int(answer.status)
     except HTTPError as error:
         return error.code
@@ -346,7 +346,7 @@ def test_the_view_is_guarded_and_for_looking_only(ros_domain):
             token = f"{wrong}{'&' if '?' in wrong else '?'}token=a%20secret%20of%20ours"
             assert _status(token, data, **kind) == 404
         assert _status(write, b"\0" * 5, **kind) == 403
-        with urlopen(Request(view, headers={"Origin": "null"}), timeout=60.0) as answer:
+        with urlopen(Request(view, headers={"Origin": "null"}), timeout=PATIENCE) as answer:
             policy = answer.headers.get_all("Content-Security-Policy")
             assert answer.headers["Access-Control-Allow-Origin"] == "null"
             assert answer.headers["Set-Cookie"] is None
