@@ -169,20 +169,17 @@ def _saved_in_page(url: str, folder: Path) -> Path:
         return wait_for(lambda: next(folder.glob("*.rbl"), None), "the file")
 
 
+# Rerun handles input once a frame.
+_FRAMES = """
+let [frames, done] = arguments;
+(function count() { frames-- > 0 ? requestAnimationFrame(count) : done(); })();
+"""
+
+
 def _act(chromium: webdriver.Chrome, action: ActionChains) -> None:
-    """Press keys, and wait until the picture has changed and is at rest again.
-
-    At rest, what a text is written into still blinks: that makes two pictures, in turn.
-    """
-    before = screenshot(chromium)
+    """Press keys, and wait until Rerun has handled them: what follows may be for what they open."""
     action.perform()
-    since: list[bytes] = []
-
-    def settled() -> bool:
-        since.append(screenshot(chromium))
-        return {*since} != {before} and len(since) > 5 and len({*since[-6:]}) <= 2
-
-    wait_for(settled, "the page to answer", DRAWING_PATIENCE)
+    chromium.execute_async_script(_FRAMES, 10)
 
 
 def _sent(live: RobotView, sent: list, view: str, start: int) -> int:
