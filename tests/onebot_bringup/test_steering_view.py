@@ -22,7 +22,7 @@ from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
 from tests.support import PATIENCE, wait_for
-from tests.support_browser import DRAWING_PATIENCE, browser, hosts_reached, wait_for_color
+from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached, wait_for_color
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
@@ -103,7 +103,7 @@ def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, t
     with (
         _viewer(ros_domain, "-p", f"view:={tmp_path / 'view.yaml'}"),
         steering(token="a secret of ours") as node,
-        browser(tmp_path / "profile") as page,
+        browser(tmp_path / "profile", SMALL) as page,
     ):
         page.get(_address_of_view(address_of(node)))
         loaded = "return !!window._handle"
@@ -140,7 +140,7 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
         _viewer(ros_domain),
         Peer(ros_domain, "wheels") as wheels,
         steering(host="0.0.0.0") as node,
-        browser(tmp_path / "profile") as driver,
+        browser(tmp_path / "profile", SMALL) as driver,
     ):
         commands = wheels.hear(Twist, "/velocity_controller/cmd_vel", 1000)
         own = urlsplit(address_of(node))
@@ -213,7 +213,7 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         NodeProcess("onebot_bringup.viewer.rerun_viewer", *viewer),
         Peer(ros_domain, "robot") as robot,
         steering() as node,
-        browser(tmp_path / "profile") as driver,
+        browser(tmp_path / "profile", SMALL) as driver,
         _Relay(urlsplit(address_of(node)).port or 0) as relay,
     ):
         page = Page(driver).open(f"http://127.0.0.1:{relay.port}/")
