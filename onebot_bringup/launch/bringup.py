@@ -33,6 +33,7 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
+    from onebot_bringup.launch.robots import PlacedRobot
     from onebot_description.description import Description
 
 
@@ -119,7 +120,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     description.require_tree()
-    if values.get("sim") == "true":
+    robots = _placed(values.get("robots", ""), description)
+    if values.get("sim") == "true" and not robots:
         check_wheels(description, values)
     if values.get("world"):
         values["world"] = load_world(values["world"]).source  # checked
@@ -132,12 +134,23 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         Launcher(command.program) as launcher,
     ):
         remove_stale_in_background()
-        make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
+        make = NodeFactory(
+            Path(folder), values, description, for_xacro, arguments.ros_args, known, robots
+        )
         return launcher.run(
             nodes_to_start(make),
-            started_message=summary_text(description, values),
+            started_message=summary_text(description, values, robots),
             temporary=[Path(folder)],
         )
+
+
+def _placed(robots: str, description: "Description") -> list["PlacedRobot"]:
+    """Return the robots of ``robots:=``; none where there is a single one, without the argument."""
+    if not robots:
+        return []
+    from onebot_bringup.launch.robots import placed_robots  # few need it, and numpy
+
+    return placed_robots(robots, description)
 
 
 def nodes_to_start(make: NodeFactory) -> list[NodeProcess]:
@@ -154,7 +167,7 @@ def nodes_to_start(make: NodeFactory) -> list[NodeProcess]:
         nodes.append(make.rerun_viewer())
     if make.steered:
         nodes.append(make.steering_page())
-    if values["reload"] == "true":
+    if values["reload"] == "true" and not make.robots:
         nodes.append(make.description_watcher())
     return nodes
 
@@ -292,7 +305,7 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
             config = replaced(config, name, written.values[name])
     except ConfigError as error:
         raise error.located(written.places) from None
-    if frames and "frame_prefix" not in given:
+    if frames and "frame_prefix" not in given and not values.get("robots"):
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
         found["frame_prefix"] = prefixed("", enabled, prefix, space)
     if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
@@ -354,8 +367,9 @@ def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
     """
     variables = discovery_variables(values, forced=forced)
     if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
-        # The launcher puts the node's name in front of each line.
-        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
+        # The launcher puts the node's name in front of each line, but not which robot's it is.
+        name = "[{name}] " if values.get("robots") else ""
+        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = f"[{{severity}}] {name}{{message}}"
     if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
         variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
     return variables
@@ -382,10 +396,24 @@ def help_text(
     return "\n\n".join(parts)
 
 
-def summary_text(description: "Description", values: Mapping[str, str]) -> str:
+def summary_text(
+    description: "Description", values: Mapping[str, str], robots: Sequence["PlacedRobot"] = ()
+) -> str:
     """Return what is running, where to find it and how to stop it."""
-    moving = [joint for joint in description.joints if joint.kind != "fixed"]
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
+    lines = _robots(robots, space) if robots else _robot(description, values, space)
+    if values.get("steer") == "true":
+        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
+        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
+    lines.append(f"  viewer   {_viewer_hint(values)}")
+    if values["record"]:
+        lines.append(f"  record   all topics to {values['record']}")
+    lines.append("  Ctrl-C stops everything")
+    return "\n".join(lines)
+
+
+def _robot(description: "Description", values: Mapping[str, str], space: str) -> list[str]:
+    moving = [joint for joint in description.joints if joint.kind != "fixed"]
     lines = [
         f'Robot "{description.robot_name}": {len(description.links)} links, '
         f"{len(moving)} of {len(description.joints)} joints can move",
@@ -405,14 +433,19 @@ def summary_text(description: "Description", values: Mapping[str, str]) -> str:
         lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
     else:
         lines.append(f"  joints   wait for {space}/joint_states")
-    if values.get("steer") == "true":
-        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
-        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
-    lines.append(f"  viewer   {_viewer_hint(values)}")
-    if values["record"]:
-        lines.append(f"  record   all topics to {values['record']}")
-    lines.append("  Ctrl-C stops everything")
-    return "\n".join(lines)
+    return lines
+
+
+def _robots(robots: Sequence["PlacedRobot"], space: str) -> list[str]:
+    first, last = robots[0].name, robots[-1].name
+    drive = f"{space}/{first}/velocity_controller/cmd_vel"
+    return [
+        f"{len(robots)} robots in one world, {first} to {last}",
+        f"  topics   /tf /tf_static, and in each robot's namespace, such as "
+        f"{space}/{first}/joint_states",
+        f"  frames   of each robot begin with its namespace, such as {f'{space}/'[1:]}{first}/odom",
+        f"  drive    onebot teleop {drive}, or a Twist on it",
+    ]
 
 
 def _viewer_hint(values: Mapping[str, str]) -> str:
