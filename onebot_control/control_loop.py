@@ -1,4 +1,4 @@
-"""The thread that runs the control cycles, and the only one that touches the robot.
+"""The thread that runs the control cycles, and the only one that touches the robots.
 
 A ``Pacer`` makes the cycles due on a monotonic clock; ``SystemStamps`` gives them stamps of the
 system clock that are as evenly spaced.
@@ -8,12 +8,13 @@ import ctypes
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from operator import itemgetter
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.driven_robot import Snapshot
+from onebot_control.fleet import Fleet
 from onebot_description.errors import OneBotError
 from onebot_description.wire.cdr import NANO
 
@@ -143,20 +144,20 @@ class Divider:
 
 
 class ControlLoop:
-    """Drives a robot at a fixed pace in a thread of its own.
+    """Drives the robots of a world at a fixed pace in a thread of its own.
 
     Other threads pass it functions to call between two cycles, so that there is nothing to lock.
 
     Attributes:
-        robot: the robot; for other threads to read, not to change.
+        fleet: the robots; for other threads to read, not to change.
         simulated: whether stamps are simulated time, else the system's.
         paused: whether simulated time is stopped.
     """
 
     def __init__(
         self,
-        robot: DrivenRobot,
-        publish: Callable[[Snapshot, int], None],
+        fleet: Fleet,
+        publish: Callable[[Sequence[Snapshot], int], None],
         *,
         simulated: bool = False,
         late: Callable[[float], None] = lambda lag: None,
@@ -165,14 +166,14 @@ class ControlLoop:
         """Get ready; ``start`` starts.
 
         Args:
-            robot: the robot.
-            publish: called in each cycle with the robot's state and its stamp in ns, before the
-                robot moves on.
+            fleet: the robots.
+            publish: called in each cycle with the robots' states and their stamp in ns, before
+                the robots move on.
             simulated: whether stamps are simulated time.
             late: called with the seconds that cycles were left out for.
             failed: called with what ended the loop, if it was not ``stop``.
         """
-        self.robot, self.simulated, self.paused = robot, simulated, False
+        self.fleet, self.simulated, self.paused = fleet, simulated, False
         self._publish, self._late, self._failed = publish, late, failed
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
@@ -184,8 +185,8 @@ class ControlLoop:
 
     def start(self) -> None:
         """Start with the first cycle."""
-        config = self.robot.config
-        self._pacer = Pacer(1.0 / config.update_rate, config.real_time_factor)
+        factor = self.fleet.robots[0].config.real_time_factor
+        self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
         self._thread.start()
 
@@ -228,14 +229,9 @@ class ControlLoop:
             raise OneBotError("the control loop has failed")
         return result[0]
 
-    def use(self, robot: DrivenRobot) -> None:
-        """Replace the robot (call it by ``post`` or ``call``)."""
-        self.robot.plant.close()
-        self.robot = robot
-
     def set_factor(self, factor: float) -> None:
         """Change the real-time factor (call it by ``post`` or ``call``)."""
-        self._pacer.set(self.robot.period, factor)
+        self._pacer.set(self.fleet.period, factor)
 
     def step(self) -> None:
         """Do one cycle although paused (call it by ``call``)."""
@@ -247,7 +243,7 @@ class ControlLoop:
         """Return the current cycle's stamp, ns."""
         if self.simulated:
             # One period ahead, because a stamp of 0 means "not known" in ROS.
-            return round((self.robot.ticks + 1) * NANO / self.robot.config.update_rate)
+            return round((self.fleet.ticks + 1) * NANO / self.fleet.rate)
         return self._stamps.at(self._pacer.due)
 
     def _run(self) -> None:
@@ -258,27 +254,32 @@ class ControlLoop:
                 if not self.paused:
                     self._cycle(self.now_ns())
                 elif not self.simulated:
-                    self.robot.wait(self.robot.period)
-                    # The system's time goes on, and subscribers need transforms of now.
-                    self._publish(self.robot.snapshot(), self.now_ns())
+                    self._publish_paused()
                 self._pacer.next(self._wait)
                 if self._pacer.lag:
                     self._skip(self._pacer.lag)
         except BaseException as error:
             self._failed(error)
         finally:
-            self.robot.plant.close()
+            self.fleet.close()
 
     def _skip(self, lag: float) -> None:
         """Count the cycles that were left out."""
         if not self.simulated:  # simulated time has not passed
-            self.robot.stalled(lag)
+            for robot in self.fleet.robots:
+                robot.stalled(lag)
         self._late(lag)
 
+    def _publish_paused(self) -> None:
+        """Publish although paused: the system's time goes on, for transforms of now, too."""
+        for robot in self.fleet.robots:
+            robot.wait(robot.period)
+        self._publish([robot.snapshot() for robot in self.fleet.robots], self.now_ns())
+
     def _cycle(self, stamp: int) -> None:
-        snapshot = self.robot.begin()
-        self._publish(snapshot, stamp)
-        self.robot.finish()
+        snapshots = self.fleet.begin()
+        self._publish(snapshots, stamp)
+        self.fleet.finish()
 
     def _call_posted(self) -> None:
         while not self._inbox.empty():

@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
-from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.poses import WORLD_FRAME, PlanarPose, yaw_of
 from onebot_control.simulation import (
     JointStates,
     Pose,
-    RobotSpawn,
+    SceneBodies,
     Settings,
     Simulation,
     Twist,
-    World,
 )
 from onebot_control.simulation.drivable import drivable
 from onebot_control.wheels.geometry import WheelGeometry, Wheels
@@ -43,8 +42,15 @@ class Plant(Protocol):
     def joints(self) -> tuple[str, ...]:
         """All joints that move."""
 
+    @property
+    def scene(self) -> SceneBodies | None:
+        """What stands around it."""
+
+    def turn(self, velocities: Mapping[str, float]) -> None:
+        """Have the wheels turn with these velocities, rad/s, from the next step on."""
+
     def step(self, velocities: Mapping[str, float], duration: float) -> None:
-        """Turn the wheels with these velocities, rad/s, for ``duration`` seconds."""
+        """Turn the wheels with these velocities for ``duration`` seconds."""
 
     def joint_states(self) -> JointStates:
         """State of ``joints``, in that order."""
@@ -167,7 +173,6 @@ class DrivenRobot:
         description: of the robot.
         broadcaster: chooses what joint_states holds.
         plant: what is driven.
-        odom_in_world: pose of the odometry frame in the world; changed by what sets the odometry.
         ticks: control cycles done.
     """
 
@@ -293,11 +298,15 @@ class DrivenRobot:
 
     def finish(self) -> None:
         """Turn the wheels for a control period."""
-        self.plant.step(self.wheel_velocities, self.period)
+        self.plant.step(self._wheel_velocities(), self.period)
         self.ticks += 1
 
-    @property
-    def wheel_velocities(self) -> dict[str, float]:
+    def turn(self) -> None:
+        """Set the velocities of the wheels for a control period of the world."""
+        self.plant.turn(self._wheel_velocities())
+        self.ticks += 1
+
+    def _wheel_velocities(self) -> dict[str, float]:
         """The velocity of each driven joint, rad/s, as ``begin`` has decided."""
         velocities = self._left.velocities(self._command.left)
         velocities.update(self._right.velocities(self._command.right))
@@ -338,20 +347,28 @@ class DrivenRobot:
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry to ``pose`` here and now; its covariance is zero."""
         self.controller.odometry.set_pose(*pose)
-        self.odom_in_world = self.true_pose.compose(pose.inverse())
+        self._odom_placed = self.true_pose.compose(pose.inverse())
 
-    def replaced(self, description: Description) -> "DrivenRobot":
-        """Return the same robot by another description, where this one is.
+    @property
+    def odom_in_world(self) -> PlanarPose:
+        """Pose of the odometry frame in the world.
 
-        Raises:
-            OneBotError: the description does not suit the parameters, or cannot be simulated.
+        It changes with what sets the odometry; in a scene, where wheels slip, all the time.
         """
-        robot = DrivenRobot.of(description, self.config)
-        robot.teleport(self.true_pose)
-        robot.controller.odometry.set_pose(*self.snapshot().odometry)
-        robot.controller.odometry.uncertainty = self.controller.odometry.uncertainty
-        robot.odom_in_world, robot.ticks = self.odom_in_world, self.ticks
-        return robot
+        if self.plant.scene is None:
+            return self._odom_placed
+        return self.true_pose.compose(self.snapshot().odometry.inverse())
+
+    @property
+    def world_frame(self) -> str:
+        """The frame of the truth; "" if that is the odometry's. A scene needs one."""
+        return self.config.world_frame_id or ("" if self.plant.scene is None else WORLD_FRAME)
+
+    def continue_from(self, other: "DrivenRobot") -> None:
+        """Continue another robot's odometry and count of cycles, where that one is."""
+        self.controller.odometry.set_pose(*other.snapshot().odometry)
+        self.controller.odometry.uncertainty = other.controller.odometry.uncertainty
+        self._odom_placed, self.ticks = other._odom_placed, other.ticks
 
     def _read_state(self) -> None:
         self._joints = self.plant.joint_states()
@@ -365,58 +382,3 @@ def wheels_of(description: Description, config: ControlConfig) -> Wheels:
         OneBotError: one is missing, or none are found.
     """
     return Wheels(description, config.left_wheel_names, config.right_wheel_names)
-
-
-class Fleet:
-    """Robots of one kind in one world, each with its controller, driven together.
-
-    ``world`` is what they share; ``robots`` take commands and parameters.
-    """
-
-    def __init__(
-        self,
-        description: Description,
-        config: ControlConfig,
-        starts: Sequence[PlanarPose],
-        settings: Settings = Settings(),  # noqa: B008 - it is frozen
-    ) -> None:
-        """Set a robot down at each of ``starts``, whose x, y and yaw count, not the config's.
-
-        The rate of ``settings`` is fitted to the config's update_rate.
-
-        Raises:
-            OneBotError: config and description do not suit each other, cannot be simulated, or two
-                robots start in the same place.
-        """
-        wheels = wheels_of(description, config)
-        simulated, held = drivable(wheels)
-        spawns = [RobotSpawn(simulated, wheels.names, *start) for start in starts]
-        self.world = World(spawns, settings.fitted(config.update_rate))
-        try:
-            self.robots = tuple(
-                DrivenRobot(wheels, config, plant, held) for plant in self.world.robots
-            )
-        except BaseException:
-            self.world.close()
-            raise
-
-    def cycle(self) -> list[Snapshot]:
-        """Do a control cycle of all robots; return them as they were at its beginning."""
-        snapshots = []
-        # One after the other, each while all that is its own is in the processor's caches.
-        for robot, plant in zip(self.robots, self.world.robots, strict=True):
-            snapshots.append(robot.begin())
-            plant.turn(robot.wheel_velocities)
-            robot.ticks += 1
-        self.world.step(self.robots[0].period)
-        return snapshots
-
-    def close(self) -> None:
-        """Free the world."""
-        self.world.close()
-
-    def __enter__(self) -> "Fleet":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

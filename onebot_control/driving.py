@@ -14,14 +14,17 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_control.control_loop import ControlLoop
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.control_loop import ControlLoop, Divider
+from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import (
     ControlConfig,
     ControlParameters,
 )
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.publishing import Publishers
+from onebot_control.publishing import Publishers, ScenePublisher
+from onebot_control.simulation.scene import load_scene
+from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError, printable
 from onebot_description.node import (
@@ -31,7 +34,7 @@ from onebot_description.node import (
     described_by,
     is_path,
 )
-from onebot_description.parameters.reader import ConfigError, refuse_undeclared
+from onebot_description.parameters.reader import ConfigError, Problem, refuse_undeclared
 from onebot_description.topic_subscription import TopicSubscription, choose_type, offers
 from onebot_description.wire.cdr import nanoseconds
 
@@ -49,93 +52,248 @@ _COMMAND_TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
 Warn = Callable[[str, str], None]  # key, text
 GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
+# Of the world, not of a robot: its parameters, one value for all.
+_OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world")
+
 
 class Driving:
-    """Drives the robot of velocity_controller, from its first description to its end."""
+    """Drives the robots of a world, from when all of them are described to their end.
 
-    def __init__(self, node: Node, file: str | None, arguments: RosArguments) -> None:
-        """Start driving as soon as the description is known.
+    Each robot is a node's: its commands, parameters and services. ~/pause and ~/step of any of them
+    are the world's, and so is real_time_factor: set for one, it is set for all.
+
+    Attributes:
+        nodes: of the robots.
+        loop: what drives them; None as long as a robot is not known.
+        simulated: whether stamps are simulated time.
+    """
+
+    def __init__(
+        self, nodes: Sequence[Node], file: str | None, arguments: Sequence[RosArguments]
+    ) -> None:
+        """Start driving as soon as all descriptions are known.
 
         Args:
-            node: velocity_controller.
-            file: URDF or xacro file; None to take the parameter or the topic.
-            arguments: parameter files and the names of parameters set on the command line.
+            nodes: velocity_controller, in the namespace of each robot.
+            file: URDF or xacro file; None to take each node's parameter or topic.
+            arguments: of each node, parameter files and the names of parameters set on the command
+                line.
 
         Raises:
-            OneBotError: the parameters or the description cannot be used.
+            OneBotError: the parameters or a description cannot be used.
         """
-        self._node = node
-        self._loop: ControlLoop | None = None
+        self.loop: ControlLoop | None = None
+        self._scene_publisher: ScenePublisher | None = None
+        self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
-        self._warn = Throttled(node.get_logger().warning)
-        self._refuse = Throttled(lambda text: node.get_logger().error(text))
-        self._settings = ControlParameters(node, arguments)
-        config = self._settings.config
-        self._simulated = node.get_parameter("use_sim_time").value or config.real_time_factor != 1.0
-        self._publishing = Publishers(node, self._simulated)
-        choice = config.cmd_vel_type
-        self._commands = CommandSubscription(node, choice, self._on_command, self._warn)
-        PoseTopics(node, lambda: self._loop, lambda: self._publishing.odom_frame, self._warn)
-        Services(node, lambda: self._loop)
-        refuse_undeclared(node, ControlConfig)
-        node.add_on_set_parameters_callback(self._validate)
-        node.add_post_set_parameters_callback(self._apply)
-        node.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._warn = Throttled(self._node.get_logger().warning)
+        settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
+        self.simulated = _is_simulated(nodes, settings)
+        self._scene = load_scene(settings[0].config.world)
+        self.robots = [
+            RobotDriving(self, row, node, settings[row]) for row, node in enumerate(nodes)
+        ]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(_POLL_PERIOD, self._poll, clock=steady)
         # Start last, when all members exist: ``stop`` may be called at any time from here on.
-        self._start(file)
+        for robot in self.robots:
+            robot.describe(file)
 
     def stop(self) -> None:
-        """Stop the control loop, and with it the robot."""
-        if self._loop is not None:
-            self._loop.stop()
+        """Stop the control loop, and with it the robots."""
+        if self.loop is not None:
+            self.loop.stop()
 
-    def _start(self, file: str | None) -> None:
-        """Drive the robot whose description is given, or wait for one on the topic."""
-        text = self._settings.values["robot_description"]
-        if file:
-            self._start_loop(load_description(file))
-        elif text:
-            self._start_loop(described_by(text))
-        if not file and not is_path(text):
-            DescriptionTopic(self._node, self._on_description, lambda: self._loop is not None)
+    def start_described(self) -> None:
+        """Start the control loop, if all robots are described.
 
-    def _start_loop(self, description: Description) -> None:
+        Raises:
+            OneBotError: they cannot be driven together.
+        """
+        members = [robot.member() for robot in self.robots if robot.description is not None]
+        if len(members) < len(self.robots):
+            return
+        fleet = Fleet.of(members, scene=self._scene)
+        for robot, driven in zip(self.robots, fleet.robots, strict=True):
+            robot.publishing.use(driven)
         try:
-            robot = DrivenRobot.of(description, self._settings.config)
-        except ConfigError as error:
-            raise self._settings.located(error) from None
-        self._publishing.use(robot)
-        self._loop = ControlLoop(
-            robot,
-            self._publishing.publish,
-            simulated=self._simulated,
+            self._scene_publisher = self._publish_scene(fleet)
+        except OneBotError:
+            fleet.close()
+            raise
+        self.loop = ControlLoop(
+            fleet,
+            self._publish,
+            simulated=self.simulated,
             late=self._warn_late,
             failed=self._fail,
         )
         # Exclude long-lived objects from garbage collection.
         gc.freeze()
-        self._loop.start()
+        self.loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        # Those of what robot_state_publisher has sent are in its log.
-        notices = description.notices if description.files else ()
-        for warning in (*notices, *self._settings.warnings):
+        warnings = [] if self._scene is None else [*self._scene.notices]
+        warnings += [text for robot in self.robots for text in robot.warnings]
+        for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
-        separation, radius = robot.geometry
-        self._node.get_logger().info(
-            f'driving robot "{printable(description.robot_name)}": wheels {separation:g} m apart, '
-            f"of radius {radius:g} m"
-        )
+        self._node.get_logger().info(_driven_text(fleet))
+
+    def _publish_scene(self, fleet: Fleet) -> ScenePublisher | None:
+        """Return what publishes the scene, if there is one.
+
+        Raises:
+            OneBotError: a link of it has the name of a frame of a robot.
+        """
+        scene, first = fleet.world.scene, fleet.robots[0]
+        if scene is None:
+            return None
+        frames = {frame for robot in self.robots for frame in robot.publishing.frames}
+        rate = Divider(first.config.publish_rate, first.config.update_rate)
+        return ScenePublisher(self._node, scene, first.world_frame, frames, rate)
+
+    def set_factor(self, factor: float) -> None:
+        """Have real_time_factor be the same for all robots."""
+        for robot in self.robots:
+            robot.set_factor(factor)
+
+    def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+        for robot, snapshot in zip(self.robots, snapshots, strict=True):
+            robot.publishing.publish(snapshot, stamp)
+        if self._scene_publisher is not None:
+            self._scene_publisher.publish(stamp)
+
+    def _poll(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        for robot in self.robots:
+            robot.commands.follow()
+
+    def _fail(self, error: BaseException) -> None:
+        self._failure = error
+
+    def _warn_late(self, lag: float) -> None:
+        if lag > _TOO_LATE:
+            text = f"control loop overrun: {lag:.3f} s skipped"
+            self._warn("late", f"{text}; the CPU is overloaded, or the process was stopped")
+
+
+def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
+    """Return whether the world's time is simulated.
+
+    Raises:
+        ConfigError: the nodes differ in what is the world's.
+    """
+    for name in _OF_THE_WORLD:
+        first, *others = [node.get_parameter(name).value for node in nodes]
+        for node, value in zip(nodes[1:], others, strict=True):
+            if value != first:
+                text = f"{value}, but {first} of {_full_name(nodes[0])}"
+                problem = f"{text}; it is the same for all robots of a world"
+                raise ConfigError([Problem(f"{_full_name(node)}: {name}", problem)])
+    factor = settings[0].config.real_time_factor
+    return bool(nodes[0].get_parameter("use_sim_time").value) or factor != 1.0
+
+
+def _full_name(node: Node) -> str:
+    return str(node.get_fully_qualified_name())
+
+
+def _driven_text(fleet: Fleet) -> str:
+    """Return what is driven, for the log."""
+    if len(fleet.robots) > 1:
+        return f"driving {len(fleet.robots)} robots in one world"
+    robot = fleet.robots[0]
+    separation, radius = robot.geometry
+    return (
+        f'driving robot "{printable(robot.description.robot_name)}": wheels {separation:g} m '
+        f"apart, of radius {radius:g} m"
+    )
+
+
+class RobotDriving:
+    """The ROS interface of one robot: its node's topics, parameters and services.
+
+    Attributes:
+        description: of the robot; None as long as it is not known.
+        publishing: what is published of it.
+        commands: its ~/cmd_vel.
+    """
+
+    def __init__(self, driving: Driving, row: int, node: Node, settings: ControlParameters) -> None:
+        """Subscribe, and offer the services.
+
+        Args:
+            driving: drives the world.
+            row: of the robot in its fleet.
+            node: the robot's.
+            settings: the node's parameters.
+        """
+        self._driving, self._row, self._node, self._settings = driving, row, node, settings
+        self.description: Description | None = None
+        self._warn = Throttled(node.get_logger().warning)
+        self._refuse = Throttled(lambda text: node.get_logger().error(text))
+        self.publishing = Publishers(node, clock=driving.simulated and row == 0)
+        choice = settings.config.cmd_vel_type
+        self.commands = CommandSubscription(node, choice, self._on_command, self._warn)
+        PoseTopics(node, lambda: driving.loop, row, lambda: self.publishing.odom_frame, self._warn)
+        Services(node, lambda: driving.loop, row)
+        refuse_undeclared(node, ControlConfig)
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def describe(self, file: str | None) -> None:
+        """Drive the robot whose description is given, or wait for one on the topic."""
+        text = self._settings.values["robot_description"]
+        if file:
+            self._start(load_description(file))
+        elif text:
+            self._start(described_by(text))
+        if not file and not is_path(text):
+            DescriptionTopic(self._node, self._on_description, lambda: self.description is not None)
+
+    def member(self) -> Member:
+        """Return the robot as the world gets it."""
+        assert self.description is not None
+        name = "" if len(self._driving.nodes) == 1 else _full_name(self._node)
+        return Member(self.description, self._settings.config, name, self._settings.places)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is surprising about the description and the parameters."""
+        assert self.description is not None
+        # Those of what robot_state_publisher has sent are in its log.
+        notices = self.description.notices if self.description.files else ()
+        return [*notices, *self._settings.warnings]
+
+    def set_factor(self, factor: float) -> None:
+        """Set real_time_factor."""
+        if self._settings.config.real_time_factor != factor:
+            self._node.set_parameters([Parameter("real_time_factor", value=factor)])
+
+    def _start(self, description: Description) -> None:
+        """Drive by a first description.
+
+        Raises:
+            OneBotError: it cannot be used.
+        """
+        self.description = description
+        try:
+            self._driving.start_described()
+        except OneBotError:
+            self.description = None
+            raise
 
     def _on_description(self, urdf: str) -> None:
-        loop = self._loop
-        if loop is not None and loop.robot.description.urdf == urdf:
+        loop, known = self._driving.loop, self.description
+        if known is not None and known.urdf == urdf:
             return
         try:
             description = parse_description(urdf, "robot_description")
             if loop is None:
-                self._start_loop(description)
-            elif description.urdf != loop.robot.description.urdf:
+                self._start(description)
+            elif known is None or description.urdf != known.urdf:
                 loop.call(lambda: self._replace(loop, description))
+                self.description = description
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
             reason = self._settings.located(error) if isinstance(error, ConfigError) else error
@@ -143,12 +301,11 @@ class Driving:
             self._refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
-        robot = loop.robot.replaced(description)
-        self._publishing.use(robot)
-        loop.use(robot)
+        loop.fleet.replace(self._row, description)
+        self.publishing.use(loop.fleet.robots[self._row])
 
     def _on_command(self, linear: float, angular: float, stamp: int | None) -> None:
-        loop = self._loop
+        loop = self._driving.loop
         if loop is None:
             return
         if stamp == 0:
@@ -158,17 +315,18 @@ class Driving:
 
     def _command(self, loop: ControlLoop, linear: float, angular: float, stamp: int | None) -> None:
         # The age when it takes effect: the process may have been stopped since it came.
-        now = loop.now_ns() if self._simulated else time.time_ns()
+        now = loop.now_ns() if loop.simulated else time.time_ns()
         age = (now - stamp) * 1e-9 if stamp else None
-        refused = loop.robot.accept(linear, angular, age)
+        refused = loop.fleet.robots[self._row].accept(linear, angular, age)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        loop = self._driving.loop
         try:
-            config = self._settings.changed(parameters, self._simulated)
-            if self._loop is not None:
-                robot = self._loop.robot
+            config = self._settings.changed(parameters, self._driving.simulated)
+            if loop is not None:
+                robot = loop.fleet.robots[self._row]
                 robot.measured(config)
                 robot.broadcasting(config)
         except OneBotError as error:
@@ -181,31 +339,21 @@ class Driving:
         for warning in self._settings.warnings:
             if warning not in warned:
                 self._node.get_logger().warning(warning)
-        config, loop = self._settings.config, self._loop
+        config, loop = self._settings.config, self._driving.loop
         if config == before:
             return
         if config.cmd_vel_type != before.cmd_vel_type:
-            self._commands.choose(config.cmd_vel_type)
+            self.commands.choose(config.cmd_vel_type)
         if loop is not None:
             loop.call(lambda: self._configure(loop, config))
+        if config.real_time_factor != before.real_time_factor:
+            self._driving.set_factor(config.real_time_factor)
 
     def _configure(self, loop: ControlLoop, config: ControlConfig) -> None:
-        loop.robot.configure(config)
+        robot = loop.fleet.robots[self._row]
+        robot.configure(config)
         loop.set_factor(config.real_time_factor)
-        self._publishing.use(loop.robot)
-
-    def _poll(self) -> None:
-        if self._failure is not None:
-            raise self._failure
-        self._commands.follow()
-
-    def _fail(self, error: BaseException) -> None:
-        self._failure = error
-
-    def _warn_late(self, lag: float) -> None:
-        if lag > _TOO_LATE:
-            text = f"control loop overrun: {lag:.3f} s skipped"
-            self._warn("late", f"{text}; the CPU is overloaded, or the process was stopped")
+        self.publishing.use(robot)
 
 
 class CommandSubscription:
@@ -232,6 +380,7 @@ class CommandSubscription:
         self._node, self._received, self._warn = node, received, warn
         self._topic = node.resolve_topic_name(_COMMAND_TOPIC)
         self._choice = choice
+        self._check = StampCheck.of(node, _COMMAND_TOPIC)
         self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
         self._subscription = TopicSubscription(
             node, _COMMAND_TOPIC, self._on_message, _COMMAND_TYPES.__getitem__, raw=False
@@ -278,8 +427,9 @@ class CommandSubscription:
         if kind == _TWIST:
             self._received(message.linear.x, message.angular.z, None)
         else:
-            twist = message.twist
-            self._received(twist.linear.x, twist.angular.z, nanoseconds(message.header.stamp))
+            twist, stamp = message.twist, nanoseconds(message.header.stamp)
+            self._check.take(stamp, time.time_ns())
+            self._received(twist.linear.x, twist.angular.z, stamp)
 
 
 class PoseTopics:
@@ -289,6 +439,7 @@ class PoseTopics:
         self,
         node: Node,
         loop: GetLoop,
+        row: int,
         odom_frame: Callable[[], str],
         warn: Warn,
     ) -> None:
@@ -297,10 +448,12 @@ class PoseTopics:
         Args:
             node: of which the topics are.
             loop: returns the loop that drives the robot.
+            row: of the robot in its fleet.
             odom_frame: returns the frame of the robot's odometry.
             warn: called with a key and a text to warn of.
         """
-        self._loop, self._odom_frame, self._warn = loop, odom_frame, warn
+        self._loop, self._row = loop, row
+        self._odom_frame, self._warn = odom_frame, warn
         node.create_subscription(PoseStamped, "~/teleport", self._on_teleport, _DEPTH)
         node.create_subscription(PoseStamped, "~/set_odometry", self._on_set_odometry, _DEPTH)
 
@@ -311,7 +464,7 @@ class PoseTopics:
         self._with_pose("set_odometry", message, self._place_odometry)
 
     def _with_pose(
-        self, topic: str, message: PoseStamped, use: Callable[[ControlLoop, str, PlanarPose], None]
+        self, topic: str, message: PoseStamped, use: Callable[[DrivenRobot, str, PlanarPose], None]
     ) -> None:
         loop, pose = self._loop(), planar_pose(message)
         if loop is None:
@@ -321,23 +474,24 @@ class PoseTopics:
             self._warn(topic, f"~/{topic} is ignored: {text}")
         else:
             try:
-                loop.call(lambda: use(loop, message.header.frame_id, pose))
+                robots = loop.fleet.robots
+                loop.call(lambda: use(robots[self._row], message.header.frame_id, pose))
             except (OneBotError, ValueError) as error:
                 self._warn(topic, f"~/{topic} is ignored: {error}")
 
-    def _teleport(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
-        world, odom = loop.robot.config.world_frame_id, self._odom_frame()
+    def _teleport(self, robot: DrivenRobot, frame: str, pose: PlanarPose) -> None:
+        world, odom = robot.world_frame, self._odom_frame()
         if frame == odom or not (frame or world):
-            pose = loop.robot.odom_in_world.compose(pose)
+            pose = robot.odom_in_world.compose(pose)
         elif frame not in ("", world):
             raise OneBotError(f'no frame "{frame}" here; write {world or odom} or {odom}')
-        loop.robot.teleport(pose)
+        robot.teleport(pose)
 
-    def _place_odometry(self, loop: ControlLoop, frame: str, pose: PlanarPose) -> None:
+    def _place_odometry(self, robot: DrivenRobot, frame: str, pose: PlanarPose) -> None:
         odom = self._odom_frame()
         if frame not in ("", odom):
             raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
-        loop.robot.place_odometry(pose)
+        robot.place_odometry(pose)
 
 
 def planar_pose(message: PoseStamped) -> PlanarPose:
@@ -349,32 +503,36 @@ def planar_pose(message: PoseStamped) -> PlanarPose:
 
 
 class Services:
-    """~/reset, ~/reset_odometry, ~/pause and ~/step: the start again, and simulated time."""
+    """~/reset and ~/reset_odometry of a robot, ~/pause and ~/step of its world."""
 
-    def __init__(self, node: Node, loop: GetLoop) -> None:
+    def __init__(self, node: Node, loop: GetLoop, row: int) -> None:
         """Offer them.
 
         Args:
             node: that offers them.
             loop: returns the loop that drives the robot.
+            row: of the robot in its fleet.
         """
-        self._loop = loop
+        self._loop, self._row = loop, row
         node.create_service(Trigger, "~/reset", self._on_reset)
         node.create_service(Trigger, "~/reset_odometry", self._on_reset_odometry)
         node.create_service(SetBool, "~/pause", self._on_pause)
         node.create_service(Trigger, "~/step", self._on_step)
 
     def _on_reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.robot.reset())
+        return self._answer(answer, lambda loop: self._robot(loop).reset())
 
     def _on_reset_odometry(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        return self._answer(answer, lambda loop: loop.robot.place_odometry(PlanarPose()))
+        return self._answer(answer, lambda loop: self._robot(loop).place_odometry(PlanarPose()))
 
     def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
         return self._answer(answer, lambda loop: setattr(loop, "paused", request.data))
 
     def _on_step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
         return self._answer(answer, lambda loop: loop.step())
+
+    def _robot(self, loop: ControlLoop) -> DrivenRobot:
+        return loop.fleet.robots[self._row]
 
     def _answer(
         self,

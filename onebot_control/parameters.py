@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from onebot_control.odometry import DiffDriveKinematics
+from onebot_control.poses import WORLD_FRAME
 from onebot_control.speed_limiter import SpeedLimits
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
@@ -141,7 +142,12 @@ class ControlConfig:
         1.0, "simulated seconds a second; 0: as fast as possible", at_least=0.0
     )
     world_frame_id: str = parameter(
-        "world", "frame of ~/ground_truth, parent of odom_frame_id; empty: the odometry's"
+        WORLD_FRAME, "frame of ~/ground_truth, parent of odom_frame_id; empty: the odometry's"
+    )
+    world: str = parameter(
+        "",
+        "walls, ramps and boxes around it: maze, ramp, or the path of a URDF or xacro file",
+        read_only=True,
     )
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
 
@@ -289,6 +295,7 @@ class ControlParameters:
 
     values: dict[str, Any]  # in force, by name
     config: ControlConfig  # the same, checked
+    places: dict[str, str]  # where those of the files were written
 
     def __init__(self, node: "Node", arguments: "RosArguments") -> None:
         """Declare them, with what the files and the command line have.
@@ -305,19 +312,19 @@ class ControlParameters:
         # that which comes last in the first of the files, whatever later files have.
         written = {name: v for name, v in file.values.items() if name not in given}
         self.values = declare(node, ControlConfig, file.values, fixed=written)
-        self._places = {
+        self.places = {
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
         }
-        self.config = read(ControlConfig, self.values, self._places)
+        self.config = read(ControlConfig, self.values, self.places)
 
     def located(self, error: ConfigError) -> ConfigError:
         """Return an error about these parameters, naming the lines they were written on."""
-        return error.located(self._places)
+        return error.located(self.places)
 
     @property
     def warnings(self) -> list[str]:
         """What is surprising about them."""
-        return [problem.message(self._places) for problem in self.config.surprises()]
+        return [problem.message(self.places) for problem in self.config.surprises()]
 
     def changed(self, parameters: Sequence["Parameter"], simulated: bool) -> ControlConfig:
         """Return the configuration there would be with these parameters set.
@@ -337,7 +344,7 @@ class ControlParameters:
         """Apply parameters that ``changed`` found nothing wrong with."""
         self.values.update(_own(parameters))
         for one in parameters:  # no longer as the file has it
-            self._places.pop(one.name, None)
+            self.places.pop(one.name, None)
         self.config = read(ControlConfig, self.values)
 
 

@@ -6,6 +6,10 @@ URDF or xacro file. Without it, the description is the parameter or the topic ro
 Without --params-file, OneBot's control.yaml is used. Simulation, diff_drive_controller and
 joint_state_broadcaster are one process: nothing moves on when it is killed.
 
+Several robots share one world, and collide, in one process of a node for each: ``... --robot -r
+__ns:=/robot1 -p x:=0.0 --robot -r __ns:=/robot2 -p x:=1.0 --ros-args ...``. The ROS arguments that
+follow --robot are one node's, those that follow --ros-args are all nodes'.
+
 Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
         linear.x and angular.z count. See cmd_vel_type.
@@ -20,8 +24,11 @@ Publishes (reliable, depth 10, unless noted):
     ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate; the covariance of
         the pose grows with the distance, unless pose_covariance_diagonal is given.
     ~/ground_truth (nav_msgs/msg/Odometry): the true ones, with ~/odom.
-    /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom.
-    /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id.
+    /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom; in a world also
+        world_frame_id -> odom_frame_id, by the truth, and the boxes that can be pushed.
+    /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id; in a
+        world instead its links that stand still.
+    /world_description (std_msgs/msg/String, transient local): the URDF of the world, if any.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
         publish_limited_velocity; else there is no such topic.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
@@ -29,23 +36,29 @@ Publishes (reliable, depth 10, unless noted):
         are the system's, and there is no /clock.
 
 Services:
-    ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command.
+    ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command; the
+        boxes of the world go back, too, unless a robot is in their place.
     ~/reset_odometry (std_srvs/srv/Trigger): odometry zero here and now.
     ~/pause (std_srvs/srv/SetBool): true stops simulated time, false lets it go on.
     ~/step (std_srvs/srv/Trigger): one control cycle of a paused simulation.
+Of several robots in one world, ~/pause and ~/step of any are all robots', and so is
+real_time_factor, which changes for all; update_rate, use_sim_time and world must be the same.
 
 Parameters: those of diff_drive_controller, and (* is read at the start only)
     cmd_vel_type (string, default auto): Twist, TwistStamped, or auto: the one that is published.
     robot_description* (string, default ""): the URDF to start with, before one is published, or the
         path of a URDF or xacro file.
     x*, y* (double, m), yaw* (double, rad; default 0.0): where the robot starts in the world.
+    world* (string, default ""): what stands around the robot: maze, ramp, or the path of a URDF or
+        xacro file with walls, ramps and boxes.
     update_rate* (double or integer, Hz, default 100): control cycles, 0.001 to 1000;
         controller_manager's.
     left_wheel_noise, right_wheel_noise (double, m, default 0.005): standard deviation of a distance
         of 1 m by these wheels; it grows with the root of the distance.
     real_time_factor (double, default 1.0): simulated seconds a second; 0.0 is as fast as possible.
     world_frame_id (string, default world): frame of ~/ground_truth and parent of odom_frame_id;
-        empty gives the truth in the odometry's frame and leaves odom_frame_id without parent.
+        empty gives the truth in the odometry's frame and leaves odom_frame_id without parent, but
+        is world where there is one.
     joint_state_broadcaster.joints, .interfaces, .extra_joints (string[]), .frame_id (string,
         default base_link): joint_state_broadcaster's.
 left_wheel_names* and right_wheel_names* are found in the URDF where they are empty, the default;
@@ -55,11 +68,17 @@ once, or is refused with the reason.
 """
 
 import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
 from onebot_control.parameters import default_control_file, read_control_files
-from onebot_description.node import RosArguments, run_described_node
+from onebot_description.node import RosArguments, ros_args, run_described_node, split_robots
+
+if TYPE_CHECKING:
+    from onebot_control.driving import Driving
 
 # s after which the interpreter passes its lock to the control thread; 5 ms by default.
 _SWITCH_INTERVAL = 0.0005
@@ -68,34 +87,55 @@ _SWITCH_INTERVAL = 0.0005
 class VelocityController(Node):
     """See the module's docstring for what it publishes, subscribes and takes."""
 
-    def __init__(self, file: str | None = None, arguments: RosArguments | None = None) -> None:
-        """Start driving as soon as the description is known; the arguments are ``Driving``'s.
-
-        Raises:
-            OneBotError: the parameters or the description cannot be used.
-        """
-        super().__init__("velocity_controller")
-        # Only now: this process and the others discover each other while it is imported.
-        from onebot_control.driving import Driving
-
-        self._driving = Driving(self, file, arguments or RosArguments())
+    def __init__(self, arguments: Sequence[str] | None = None) -> None:
+        """Make the node; ``arguments`` are ROS arguments of its own."""
+        super().__init__("velocity_controller", cli_args=ros_args(arguments))
+        self.driving: Driving | None = None
 
     def destroy_node(self) -> None:
-        """Stop the control loop, and with it the robot, and then the node."""
-        if hasattr(self, "_driving"):
-            self._driving.stop()
+        """Stop the control loop, and with it all robots of the world, and then the node."""
+        if self.driving is not None:
+            self.driving.stop()
         super().destroy_node()
+
+
+def velocity_controllers(
+    robots: Sequence[Sequence[str]] = (),
+    file: str | None = None,
+    arguments: RosArguments = RosArguments(),  # noqa: B008 - it is a tuple
+) -> list[VelocityController]:
+    """Return a node for each robot of a world, which start driving when all are described.
+
+    Args:
+        robots: the ROS arguments of each; none for a single robot, which needs none.
+        file: as ``Driving``'s.
+        arguments: of all nodes.
+
+    Raises:
+        OneBotError: the parameters or a description cannot be used.
+    """
+    nodes = [VelocityController(own) for own in robots] or [VelocityController()]
+    # Only now: this process and the others discover each other while it is imported.
+    from onebot_control.driving import Driving
+
+    each = [arguments.joined(own) for own in robots] or [arguments]
+    driving = Driving(nodes, file, each)
+    for node in nodes:
+        node.driving = driving
+    return nodes
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node; ``args`` are as in sys.argv. Return the exit code."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
+    own, robots = split_robots(sys.argv if args is None else args)
+    files = [file for each in robots for file in RosArguments().joined(each).files]
     return run_described_node(
         "velocity_controller",
         __doc__,
-        VelocityController,
-        lambda files: read_control_files(files, "/", "velocity_controller"),
-        args,
+        partial(velocity_controllers, robots),
+        lambda common: read_control_files([*common, *files], "/", "velocity_controller"),
+        own,
         default_file=default_control_file,
         events=True,
     )

@@ -17,31 +17,32 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.description.packages import (
-    cache_folder,
-    package_share,
-    use_environment_prefix,
-)
+from onebot_description.description.packages import cache_folder, use_environment_prefix
+from onebot_description.discovery import configure_discovery, question, server
 from onebot_description.errors import OneBotError, shortened
 from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")
+MakeNode = Callable[[], Node | Sequence[Node]]
+InvalidHandle = rclpy_implementation.InvalidHandle
 
 # For those who subscribe later than it was published: the description, a page's address.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600  # seconds
-_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_TAKE_MISSED = 1.0  # seconds between looking for new subscriptions
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
@@ -52,23 +53,28 @@ _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def run_node(
-    make_node: Callable[[], Node], args: Sequence[str] | None = None, *, events: bool = False
+    make_node: MakeNode,
+    args: Sequence[str] | None = None,
+    *,
+    events: bool = False,
+    whole_graph: bool = False,
 ) -> int:
-    """Run one node until Ctrl-C, SIGTERM or its own error.
+    """Run a node, or several in one process, until Ctrl-C, SIGTERM or an error of one.
 
     Args:
-        make_node: builds the node; rclpy is initialised by then. It, any callback of the node
-            (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends the
-            process with one line on stderr.
+        make_node: builds the node or nodes; rclpy is initialised by then. It, any callback of a
+            node (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends
+            the process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, about four times cheaper a message.
+        whole_graph: the node looks at others' topics (see ``configure_discovery``).
 
     Returns:
         The exit code: 0 when stopped by a signal, 1 for a user's mistake.
     """
     use_environment_prefix()
     use_writable_log_folder()
-    use_quick_discovery()
+    configure_discovery(whole_graph=whole_graph)
     ignore_impossible_times()
     stop: Future = Future()
     with StopSignals(lambda: _finish(stop)) as signals:
@@ -84,7 +90,7 @@ def run_node(
             rclpy.try_shutdown()
 
 
-def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool) -> int:
+def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> int:
     try:
         _spin_node(make_node, stop, signals, events)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -96,21 +102,23 @@ def _spin(make_node: Callable[[], Node], stop: Future, signals: StopSignals, eve
     return 0
 
 
-def _spin_node(
-    make_node: Callable[[], Node], stop: Future, signals: StopSignals, events: bool
-) -> None:
-    node: Node | None = None
+def _spin_node(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> None:
+    nodes: Sequence[Node] = ()
     executor: Executor | None = None
     try:
         with signals.interrupting():
-            node = make_node()
+            made = make_node()
+        nodes = [made] if isinstance(made, Node) else made
         executor = _make_executor(events)
-        executor.add_node(node)
+        for node in nodes:
+            executor.add_node(node)
+            if events:
+                MissedMessages(node)
         _spin_until(stop, executor)
     finally:
-        if executor is not None and node is not None:
-            executor.remove_node(node)
-        if node is not None:
+        for node in nodes:
+            if executor is not None:
+                executor.remove_node(node)
             node.destroy_node()
         if executor is not None:
             executor.shutdown()
@@ -122,6 +130,42 @@ def _make_executor(events: bool) -> Executor:
 
         return EventsExecutor()
     return SingleThreadedExecutor()
+
+
+class MissedMessages:
+    """Takes what was received while a latched subscription was added to the events executor.
+
+    rmw_fastrtps first counts what has been received and then asks to be notified of more. What
+    comes in between stays until the next message, and of a latched topic there may be no other.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Look after each new subscription of ``node`` once, when it has been there for a while."""
+        self._node = node
+        self._new: set[Subscription] = set()
+        self._done: set[Subscription] = set()
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_TAKE_MISSED, self._take_missed, clock=steady)
+
+    def _take_missed(self) -> None:
+        subscriptions = {each for each in self._node.subscriptions if _is_latched(each)}
+        due = self._new & subscriptions
+        self._done = self._done & subscriptions | due
+        self._new = subscriptions - self._done
+        for subscription in due:
+            _take_all(subscription)
+
+
+def _is_latched(subscription: Subscription) -> bool:
+    return bool(subscription.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def _take_all(subscription: Subscription) -> None:
+    """Call the subscription's callback with all that it has received."""
+    with suppress(InvalidHandle), subscription.handle:
+        while taken := subscription.handle.take_message(subscription.msg_type, subscription.raw):
+            subscription.callback(taken[0])
 
 
 def _spin_until(stop: Future, executor: Executor) -> None:
@@ -170,7 +214,7 @@ def _first_line(error: BaseException) -> str:
 def run_described_node(
     name: str,
     explanation: str | None,
-    make_node: Callable[[str | None, RosArguments], Node],
+    make_node: Callable[[str | None, RosArguments], Node | Sequence[Node]],
     check_files: Callable[[Sequence[Path]], object],
     args: Sequence[str] | None,
     *,
@@ -236,20 +280,6 @@ def use_writable_log_folder() -> None:
     os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
 
 
-def use_quick_discovery() -> None:
-    """Announce this process often; call it before rclpy is initialised.
-
-    Fast DDS 2.14 announces a participant before it listens, so that about every other first answer
-    is lost, and the next announcement is 3 s away. On this host alone, five small packets a second
-    cost nothing. A wider discovery range, and a profile of the user's own, are left as they are.
-    """
-    if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") != "LOCALHOST":
-        return
-    if not any(os.environ.get(name) for name in _PROFILES):
-        profile = package_share("onebot_description") / "config/quick_discovery.xml"
-        os.environ[_PROFILES[0]] = str(profile)
-
-
 @functools.cache
 def ignore_impossible_times() -> None:
     """Have nodes ignore a /clock that no clock can show, such as one before 1970.
@@ -271,6 +301,11 @@ class RosArguments(NamedTuple):
     files: tuple[Path, ...] = ()  # of --params-file, in order
     names: tuple[tuple[str, str], ...] = ()  # of the parameters set by -p: (node or "", parameter)
     others: tuple[str, ...] = ()  # arguments that are not for ROS, without the program's name
+
+    def joined(self, own: Sequence[str]) -> RosArguments:
+        """Return these with a node's ``own`` ROS arguments, which override."""
+        more = ros_arguments(["", *(ros_args(own) or ())])
+        return self._replace(files=self.files + more.files, names=self.names + more.names)
 
 
 def ros_arguments(arguments: Sequence[str]) -> RosArguments:
@@ -294,6 +329,32 @@ def ros_arguments(arguments: Sequence[str]) -> RosArguments:
         elif not inside:
             others.append(word)
     return RosArguments(tuple(files), tuple(names), tuple(others))
+
+
+def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+    """Split the command line of nodes of several robots, which is as in sys.argv.
+
+    Returns:
+        The arguments of the process, and those of each robot's node: what follows each --robot,
+        until --ros-args or the end. They are ROS arguments.
+    """
+    own: list[str] = []
+    robots: list[list[str]] = []
+    target, inside = own, False
+    for word in arguments:
+        if word == "--ros-args":
+            target, inside = own, True
+        elif word == "--robot" and not inside:
+            target = []
+            robots.append(target)
+            continue
+        target.append(word)
+    return own, robots
+
+
+def ros_args(own: Sequence[str] | None) -> list[str] | None:
+    """Return a node's ``own`` ROS arguments as rclpy takes them."""
+    return None if own is None else ["--ros-args", *own]
 
 
 def is_path(text: str) -> bool:
@@ -338,6 +399,27 @@ class DescriptionTopic:
             self._node.get_logger().warning(
                 f"waiting for the robot description on {topic}; is robot_state_publisher running?"
             )
+
+
+class DiscoveryServerCheck:
+    """Warns when no other node is discovered by the discovery server, and logs when one is."""
+
+    def __init__(self, node: Node) -> None:
+        """Watch, if there is a discovery server."""
+        self._node, self._warned = node, False
+        if server():
+            steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
+            self._timer = node.create_timer(_PATIENCE, self._poll, clock=steady)
+
+    def _poll(self) -> None:
+        alone = len(self._node.get_node_names()) < 2
+        if alone and not self._warned:
+            self._warned = True
+            self._node.get_logger().warning(f"no other node is discovered: {question()}")
+        elif not alone:
+            self._timer.cancel()
+            if self._warned:
+                self._node.get_logger().info("other nodes are discovered now")
 
 
 def warn_of_two_robots(node: Node, *, own: bool) -> None:

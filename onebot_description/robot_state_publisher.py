@@ -2,7 +2,9 @@
 """robot_state_publisher: joint states in, the robot's transforms out.
 
 Run it alone with ``python -m onebot_description.robot_state_publisher [FILE] --ros-args ...``;
-FILE is a URDF or xacro file, in place of the parameter robot_description.
+FILE is a URDF or xacro file, in place of the parameter robot_description. Nodes of several robots
+share a process so: ``... --robot -r __ns:=/robot1 --robot -r __ns:=/robot2 --ros-args ...``; what
+follows --robot are ROS arguments of one node.
 
 Publishes:
     robot_description (std_msgs/msg/String, reliable, transient local, depth 1): the URDF.
@@ -37,14 +39,18 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import (
     LATCHED,
+    DiscoveryServerCheck,
     Throttled,
+    ros_args,
     ros_arguments,
     run_node,
+    split_robots,
     warn_of_two_robots,
 )
 from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
@@ -68,14 +74,20 @@ class StateParameters:
 class RobotStatePublisher(Node):
     """See the module's docstring for what it publishes, subscribes and takes."""
 
-    def __init__(self, description: Description | None = None) -> None:
-        """Start publishing ``description``, or else the parameter robot_description.
+    def __init__(
+        self, description: Description | None = None, arguments: Sequence[str] | None = None
+    ) -> None:
+        """Start publishing.
+
+        Args:
+            description: of the robot; None to take the parameter robot_description.
+            arguments: ROS arguments of this node's own.
 
         Raises:
             DescriptionError: the description cannot be used.
             OneBotError: there is none.
         """
-        super().__init__("robot_state_publisher")
+        super().__init__("robot_state_publisher", cli_args=ros_args(arguments))
         self._warn = Throttled(self.get_logger().warning)
         given = {} if description is None else {"robot_description": description.urdf}
         self._values = declare(self, StateParameters, fixed=given)
@@ -98,10 +110,12 @@ class RobotStatePublisher(Node):
             ),
             post_callback=self._clock_jumped,
         )
+        self._check = StampCheck.of(self, "joint_states")
         self.create_subscription(
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
         warn_of_two_robots(self, own=True)
+        DiscoveryServerCheck(self)  # in every bringup there is this node, and only one
 
     def _apply(self) -> None:
         """Convert with the parameters as they are now."""
@@ -144,9 +158,11 @@ class RobotStatePublisher(Node):
             self._apply()
 
     def _on_joint_state(self, data: bytes) -> None:
-        message = self._converter.convert_bytes(data, time.time_ns())
+        now_ns = time.time_ns()
+        message = self._converter.convert_bytes(data, now_ns)
         if message is not None:
             self._tf.publish(message)
+        self._check.take_bytes(data, now_ns)
 
     def _clock_jumped(self, _jump: TimeJump) -> None:
         self._warn("clock", "the clock was set back; publishing the joints' transforms afresh")
@@ -167,14 +183,17 @@ def _parse(urdf: str) -> Description:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; returns the exit code."""
-    files = ros_arguments(sys.argv if args is None else args).others
+    own, robots = split_robots(sys.argv if args is None else args)
+    files = ros_arguments(own).others
 
-    def make_node() -> RobotStatePublisher:
+    def make_nodes() -> list[RobotStatePublisher]:
         if len(files) > 1:
             raise OneBotError(f"expected one URDF or xacro file, not {len(files)}: {files}")
-        return RobotStatePublisher(load_description(files[0]) if files else None)
+        description = load_description(files[0]) if files else None
+        nodes = [RobotStatePublisher(description, each) for each in robots]
+        return nodes or [RobotStatePublisher(description)]
 
-    return run_node(make_node, args, events=True)
+    return run_node(make_nodes, own, events=True)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import pytest
 
-from tests.benchmarks.domains import claimed_domain
+from onebot_bringup.introspection.domains import claimed_domain
 
 T = TypeVar("T")
 
@@ -48,10 +48,15 @@ def require_program(name: str, package: str = "") -> str:
 def require(there: bool, what: str, package: str) -> None:
     """Skip where something of a Debian package is missing, but fail in CI, which installs it."""
     if not there:
-        missing = f"this test needs {what}: apt-get install {package}"
-        if os.environ.get("CI"):
-            pytest.fail(missing)
-        pytest.skip(missing)
+        skip_for(f"{what}: apt-get install {package}")
+
+
+def skip_for(missing: str) -> None:
+    """Skip for what is missing, but fail in CI, where nothing may be."""
+    reason = f"this test needs {missing}"
+    if os.environ.get("CI"):
+        pytest.fail(reason)
+    pytest.skip(reason)
 
 
 @contextmanager

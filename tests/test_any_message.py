@@ -24,7 +24,7 @@ from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.message_text import Style, to_csv, to_yaml
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
-from onebot_control.velocity_controller import VelocityController
+from onebot_control.velocity_controller import velocity_controllers
 from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.node import RosArguments, ignore_impossible_times
@@ -136,23 +136,23 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
     """Commands, poses and descriptions, without any limit; then the robot still drives."""
     urdf = re.sub(r'velocity="[^"]*"', 'velocity="1e300"', load_description(ONEBOT).urdf)
     node = start_node(
-        lambda: VelocityController(None, RosArguments()),
+        lambda: velocity_controllers()[0],
         robot_description=json.dumps(urdf),
         cmd_vel_type=kind,
         left_wheel_names="[left_wheel_joint]",
         right_wheel_names="[right_wheel_joint]",
     )
-    published, driving = Published(node), node._driving
+    published, driving = Published(node), node.driving
 
     def driven() -> None:
         # The control loop takes the message before the next one comes.
-        driving._loop.call(lambda: None)
+        driving.loop.call(lambda: None)
         assert driving._failure is None
 
     feed(node, driven, ("teleport", "set_odometry", "description"))
     feed(node, driven, ("cmd_vel",), examples=100)
-    ticks = driving._loop.robot.ticks
-    wait_for(lambda: driving._failure or driving._loop.robot.ticks > ticks + 10, "control cycles")
+    ticks = driving.loop.fleet.ticks
+    wait_for(lambda: driving._failure or driving.loop.fleet.ticks > ticks + 10, "control cycles")
     assert driving._failure is None
     assert published.not_finite == []
 

@@ -12,7 +12,7 @@ from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.parameters import default_control_file
-from onebot_control.velocity_controller import VelocityController
+from onebot_control.velocity_controller import velocity_controllers
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.node import RosArguments
@@ -81,10 +81,10 @@ def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
 def test_velocity_controller(start_node: Callable[..., Node]) -> None:
     """What is read at the start only is read-only; no range where NaN is "no limit"."""
     arguments = RosArguments((default_control_file(),))
-    node = start_node(lambda: VelocityController(str(ONEBOT), arguments), x=1)
+    node = start_node(lambda: velocity_controllers((), str(ONEBOT), arguments)[0], x=1)
     found = described(node)
     read_only = {name for name, one in found.items() if one.read_only}
-    names = {"left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"}
+    names = {"left_wheel_names", "right_wheel_names", "robot_description", "world", "x", "y", "yaw"}
     assert read_only == {*names, "update_rate"}
     assert float_range(found["publish_rate"]) == (0.0, 10_000.0)
     (window,) = found["velocity_rolling_window_size"].integer_range

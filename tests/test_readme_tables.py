@@ -163,7 +163,7 @@ NODES = (
     ),
     Documented(
         "onebot_control.velocity_controller",
-        most={"publish_limited_velocity": True, "real_time_factor": 2.0},
+        most={"publish_limited_velocity": True, "real_time_factor": 2.0, "world": "maze"},
         description=ONEBOT,
     ),
     Documented(

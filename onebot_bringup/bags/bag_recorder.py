@@ -324,7 +324,7 @@ def _limit(duration: Any) -> int | None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until Ctrl-C."""
-    return run_node(BagRecorder, args, events=True)
+    return run_node(BagRecorder, args, events=True, whole_graph=True)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch, not_negative, positive
-from onebot_bringup.cli.session import Session, use_local_discovery
+from onebot_bringup.cli.session import Session
+from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from onebot_bringup.cli.main import version
 from onebot_bringup.cli.options import Parser, positive
-from onebot_bringup.cli.session import use_local_discovery
 from onebot_bringup.introspection.shared_memory import FOLDER, find_segments, remove_segments
+from onebot_description.discovery import RANGE, SERVER, use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean, listing
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
@@ -188,12 +188,15 @@ def domain(environment: Mapping[str, str]) -> Finding:
             NOTE, f"ROS_DOMAIN_ID={text}: Linux hands the ports of 102 to 215 out to others, too",
             "export ROS_DOMAIN_ID with 0 to 101",
         )  # fmt: skip
-    return Finding(OK, f"ROS_DOMAIN_ID={text}, discovery of {scope}")
+    by = environment.get(SERVER, "")
+    return Finding(OK, f"ROS_DOMAIN_ID={text}, discovery {f'by {by}' if by else f'of {scope}'}")
 
 
 def multicast(environment: Mapping[str, str]) -> Finding:
     """Send a packet to DDS's group, by loopback, or by the default route for a whole subnet."""
-    local = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
+    if by := environment.get(SERVER):
+        return Finding(OK, f"not needed with the discovery server at {by}")
+    local = environment.get(RANGE, "").upper() == "LOCALHOST"
     where = "loopback" if local else "the network"
     try:
         _multicast(socket.inet_aton("127.0.0.1" if local else "0.0.0.0"))

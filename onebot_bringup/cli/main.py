@@ -39,6 +39,7 @@ VERBS = {
     "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
     "doctor": "check what is wrong on this computer",
+    "soak": "drive for long, inject faults and judge what happens",
     "completion": "print the tab completion of a shell",
     "accuracy": "measure how accurately OneBot drives",
     "bench": "measure performance as ratios to floors",
@@ -170,6 +171,7 @@ def run_verb(words: list[str]) -> int:
         UsageError: the command line is wrong.
         OneBotError: the command fails for a reason that the user can fix.
     """
+    words = _take_settings(words)
     if not words:
         print(usage(), file=sys.stderr)
         return 2
@@ -189,6 +191,19 @@ def run_verb(words: list[str]) -> int:
     return int(import_module(f"{PACKAGE}.{first}").run(rest))
 
 
+def _take_settings(words: list[str]) -> list[str]:
+    """Apply ``discovery:=`` and ``domain_id:=`` before the verb; return the other words."""
+    count = next((n for n, word in enumerate(words) if ":=" not in word), len(words))
+    if count:
+        from onebot_bringup.launch.arguments import complete, discovery_settings, split
+        from onebot_description.discovery import discovery_variables
+
+        given = split(words[:count]).given
+        values = complete(discovery_settings(), given)
+        os.environ.update(discovery_variables(values, forced="discovery" in given))
+    return words[count:]
+
+
 def _instead(verb: str, rest: Sequence[str]) -> str:
     """What to write in place of a verb that does not exist."""
     if verb in _LAUNCH:
@@ -205,7 +220,7 @@ def usage() -> str:
     width = max(map(len, VERBS))
     verbs = "\n".join(f"  {name:{width}}  {summary}" for name, summary in VERBS.items())
     return (
-        "usage: onebot COMMAND ...\n\nCommands:\n"
+        "usage: onebot [discovery:=WHERE] [domain_id:=N] COMMAND ...\n\nCommands:\n"
         f"{verbs}\n\n"
         "onebot COMMAND --help shows the options of each; onebot --version shows the version."
     )

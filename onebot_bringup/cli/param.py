@@ -108,23 +108,7 @@ class ParameterClient:
         return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
 
 
-def frame_prefix(session: Session, topic: str) -> str:
-    """Return the prefix of a robot's frames, as the nodes that publish its description have it.
-
-    Args:
-        session: which has discovered one of these nodes.
-        topic: the full name of the description's topic.
-    """
-    from onebot_bringup.introspection.message_senders import publishers
-
-    found = _frame_prefix(session, publishers(session.node, topic).values())
-    if found is None:  # a foreign node; the robot's own may not be discovered yet
-        session.discover()
-        found = _frame_prefix(session, publishers(session.node, topic).values())
-    return found or ""
-
-
-def _frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:
+def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:
     """Return the parameter frame_prefix of the first of these nodes that has one."""
     for name in nodes:
         with suppress(OneBotError):  # it has no parameters

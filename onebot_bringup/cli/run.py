@@ -4,7 +4,7 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.cli.session import use_local_discovery
+from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import UsageError, did_you_mean
 
 # The executables that each package's CMakeLists.txt installs, and the modules that they are.

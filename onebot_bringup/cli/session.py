@@ -13,6 +13,12 @@ from typing import Any
 
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_description.description.packages import use_environment_prefix
+from onebot_description.discovery import (
+    configure_discovery,
+    question,
+    server,
+    use_local_discovery,
+)
 from onebot_description.errors import OneBotError, did_you_mean, nearest
 from onebot_description.signals import KeyboardInterrupts
 
@@ -22,12 +28,6 @@ _MOST = 2.0  # s of discovery
 _LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
 PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
-
-
-def use_local_discovery() -> None:
-    """Discover only this computer, as the bringups do, unless the environment has a range."""
-    if not os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
 class Session:
@@ -54,10 +54,10 @@ class Session:
         use_local_discovery()
         use_environment_prefix()
         # This imports rclpy, which is slow.
-        from onebot_description.node import use_quick_discovery, use_writable_log_folder
+        from onebot_description.node import use_writable_log_folder
 
         use_writable_log_folder()
-        use_quick_discovery()
+        configure_discovery(whole_graph=True)
         self._interrupts = KeyboardInterrupts().__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
             sys.stdout.reconfigure(line_buffering=True)  # a pipe gets each line at once
@@ -186,7 +186,7 @@ class Session:
         """Wait for a condition as long as discovery can take; return its last value."""
         found = self.spin(condition, PATIENCE)
         if not found:
-            print(f"looking for {what} ...", file=sys.stderr)
+            print(f"looking for {what} ...{self._hint()}", file=sys.stderr)
             found = self.spin(condition, _LOOKUP - PATIENCE)
         return found
 
@@ -194,9 +194,12 @@ class Session:
         """Wait for a condition without a timeout; print ``notice()`` if it takes long."""
         found = self.spin(condition, PATIENCE)
         if not found:
-            print(notice(), file=sys.stderr)
+            print(f"{notice()}{self._hint()}", file=sys.stderr)
             found = self.spin(condition)
         return found
+
+    def _hint(self) -> str:
+        return f" ({question()})" if server() and not self._sees_other_nodes() else ""
 
 
 def _visible(found: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:

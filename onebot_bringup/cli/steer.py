@@ -127,13 +127,19 @@ def _viewer_to_start(values: Mapping[str, str], ros_args: Sequence[str]) -> str 
                 session.full_name(values[name])
         if values["viewer"] == "none" or values["viewer"] == "auto" and _finds_viewer(session):
             return None
-        from onebot_bringup.cli.param import frame_prefix
-        from onebot_bringup.introspection.message_senders import publishers
+        return _frame_prefix(session, namespace)
 
-        topic = session.full_name("robot_description")
-        if session.spin(lambda: publishers(session.node, topic), PATIENCE):
-            return frame_prefix(session, topic)
-        return prefixed("", True, "", namespace)  # as a bringup, started later, names its frames
+
+def _frame_prefix(session: Session, namespace: str) -> str:
+    """Return the robot's; of one that is started later, as a bringup names its frames."""
+    from onebot_bringup.cli.param import frame_prefix
+    from onebot_bringup.introspection.message_senders import publishers
+
+    topic = session.full_name("robot_description")
+    nodes = session.spin(lambda: publishers(session.node, topic), PATIENCE)
+    if not nodes:
+        return prefixed("", True, "", namespace)
+    return frame_prefix(session, nodes.values()) or ""
 
 
 def _finds_viewer(session: Session) -> bool:

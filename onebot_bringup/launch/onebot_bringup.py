@@ -24,6 +24,7 @@ def command() -> "Bringup":
         model=str(description / "urdf/onebot.urdf.xacro"),
         joints=str(description / "config/joints.yaml"),
         view=str(description / "config/view.yaml"),
+        world_view=str(description / "config/world_view.yaml"),
         control=str(package_share("onebot_control") / "config/control.yaml"),
     )
 

@@ -7,6 +7,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.viewer.displays.display import WantedTopic
+from onebot_description.clock_check import StampCheck
 from onebot_description.errors import OneBotError
 from onebot_description.topic_subscription import (
     TopicSubscription,
@@ -16,7 +17,15 @@ from onebot_description.topic_subscription import (
     is_transient_local,
     offers,
 )
+from onebot_description.wire.cdr import HEADER
 
+# Types stamped with the time when they are sent, and the byte of the stamp in each.
+_STAMPED = {
+    "sensor_msgs/msg/JointState": HEADER,
+    "nav_msgs/msg/Odometry": HEADER,
+    "geometry_msgs/msg/TwistStamped": HEADER,
+    "tf2_msgs/msg/TFMessage": HEADER + 4,  # of the first transform, after their number
+}
 _DEPTH = 100  # messages; of latched topics also publishers, each with a last message of its own
 # Topic (its full name), type, message, and when it was received, nanoseconds.
 Take = Callable[[str, str, bytes, int], None]
@@ -63,8 +72,14 @@ class TopicSubscriptions:
             raise OneBotError("; ".join(problems))
 
     def _make(self, name: str) -> TopicSubscription:
+        check = StampCheck.of(self._node, name)
+        stamped = {} if self._wanted[name].latched else _STAMPED
+
         def received(kind: str, data: bytes) -> None:
-            self._take(name, kind, data, int(self._node.get_clock().now().nanoseconds))
+            now_ns = int(self._node.get_clock().now().nanoseconds)
+            if kind in stamped:
+                check.take_bytes(data, now_ns, stamped[kind])
+            self._take(name, kind, data, now_ns)
 
         return TopicSubscription(self._node, name, received, message_class)
 

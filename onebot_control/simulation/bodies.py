@@ -7,7 +7,7 @@ joints are added up as written, and each rigid body becomes one link.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -31,8 +31,20 @@ from onebot_description.model import quaternions
 
 Floats = NDArray[np.float64]
 
+HUB = "hub"  # with which the names of hubs and of their joints begin
+_HUB = 0.01  # of a wheel that skids: the share of its mass that turns with the base
 # Tolerance of moments of inertia, as in the description's checks: they are written with few digits.
 _ROUNDING = 0.01
+
+
+@dataclass(frozen=True)
+class SkidAxle(Joint):
+    """The joint of a wheel that skids, on a hub that can slide along the axle.
+
+    A motor holds the hub. PyBullet's friction counters the sliding of a contact in each direction
+    as far as the bodies resist there. A wheel gives way where it rolls: unless it does sideways,
+    too, the friction is not opposite to the sliding.
+    """
 
 
 @dataclass
@@ -168,7 +180,9 @@ def physics_urdf(
     for body in bodies.values():
         try:
             inertial = _immovable() if fixed else _inertial(description, body)
-            robot.append(_link(body, numbers[body.link], inertial, meshes, concave=fixed))
+            link = _link(numbers[body.link], inertial)
+            _add_collisions(link, body, meshes, concave=fixed)
+            robot.append(link)
         except OneBotError as error:
             unfit.append(str(error))
     if unfit:
@@ -176,35 +190,41 @@ def physics_urdf(
     poses = link_poses(description)
     for row, joint in enumerate(description.moving_joints):
         parent, pose = poses[joint.parent]
-        element = _joint(joint, pose)
-        element.set("name", str(row))
-        SubElement(element, "parent", link=numbers[parent])
-        SubElement(element, "child", link=numbers[joint.child])
-        robot.append(element)
+        place, carrier = pose @ matrix(joint.origin), numbers[parent]
+        if isinstance(joint, SkidAxle):
+            hub = f"{HUB}{row}"
+            robot.append(_link(hub, _inertial(description, bodies[joint.child], _HUB)))
+            # Without limits: the lower one is the greater.
+            slide = replace(joint, kind="prismatic", lower=1.0, upper=-1.0)
+            robot.append(_joint(slide, hub, place, carrier, hub))
+            place, carrier = np.eye(4), hub
+        robot.append(_joint(joint, str(row), place, carrier, numbers[joint.child]))
     return to_text(robot)
 
 
-def _link(
-    body: Body, name: str, inertial: Element, meshes: Mapping[str, str], *, concave: bool
-) -> Element:
+def _link(name: str, inertial: Element) -> Element:
     link = Element("link", name=name)
     link.append(inertial)
+    return link
+
+
+def _add_collisions(link: Element, body: Body, meshes: Mapping[str, str], *, concave: bool) -> None:
     for shape, where in body.collisions:
         part = SubElement(link, "collision")
         if concave and isinstance(shape, Mesh):
             part.set("concave", "yes")
         part.append(_origin(where))
         SubElement(part, "geometry").append(_shape(shape, meshes))
-    return link
 
 
-def _inertial(description: Description, body: Body) -> Element:
+def _inertial(description: Description, body: Body, share: float = 1.0) -> Element:
+    """``<inertial>`` of a ``share`` of a body."""
     moments, turn = _principal(description, body)
     inertial = Element("inertial")
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, body.center
     inertial.append(_origin(pose))
-    _add_mass(inertial, body.mass, moments)
+    _add_mass(inertial, share * body.mass, share * moments)
     return inertial
 
 
@@ -267,10 +287,12 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     return moments, axes
 
 
-def _joint(joint: Joint, pose: Floats) -> Element:
-    """``joint`` without a name, in the body in which its parent link is at ``pose``."""
-    result = Element("joint", type=joint.kind)
-    result.append(_origin(pose @ matrix(joint.origin)))
+def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> Element:
+    """``joint`` at ``place`` in the body called ``parent``."""
+    result = Element("joint", name=name, type=joint.kind)
+    SubElement(result, "parent", link=parent)
+    SubElement(result, "child", link=child)
+    result.append(_origin(place))
     SubElement(result, "axis", xyz=_words(joint.axis))
     limits = {name: getattr(joint, name) for name in ("lower", "upper", "effort", "velocity")}
     if joint.kind == "continuous":

@@ -2,9 +2,8 @@
 
 URDF does not say what a simulation needs. Motors without a limit get the torque at which the wheels
 slip. A wide or faceted wheel touches the ground at changing places, so that driven wheels roll on a
-thin cylinder instead. Wheels that skid get the inertia of a geared motor: PyBullet's friction
-counters the sliding of a contact in each direction as far as the bodies resist there, and a light
-wheel would resist sideways only. What else touches the ground glides, unless its <lateral_friction>
+thin cylinder instead. Wheels that skid give way sideways as much as they do where they roll; see
+``SkidAxle``. What else touches the ground glides, unless its <lateral_friction>
 is given. Arms, grippers and heads are held still: nobody controls them here.
 """
 
@@ -16,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.simulation.bodies import link_poses, matrix, origin_of
+from onebot_control.simulation.bodies import Body, SkidAxle, link_poses, matrix, origin_of
+from onebot_control.simulation.engine import logger
 from onebot_control.simulation.loading import mesh_corners
 from onebot_control.wheels.geometry import Wheels
 from onebot_control.wheels.shapes import Tyre
@@ -25,6 +25,7 @@ from onebot_description.description.description import (
     Cylinder,
     Description,
     Geometry,
+    Inertial,
     Joint,
     Link,
     Mesh,
@@ -42,10 +43,15 @@ _GLIDING = 0.01  # coefficient of friction
 # m. Rigid casters before and behind the wheels would carry the robot alone. What is lower than the
 # wheels, if by less than the first, is lifted until the wheels stand lower by the second.
 _LEVEL, _LIFT = 0.005, 0.0002
+# The same, m, of the base's meshes and boxes where round shapes support it: of a mesh PyBullet has
+# the convex hull, which fills what is between the wheels.
+_DEEP, _CLEAR = 0.02, 0.002
 _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
 _GRAVITY = 9.81  # m/s^2
-# Inertia of a wheel that skids, in masses of the robot at its rim: with less it turns too little.
-_GEARED = 2.0
+# Least moment of inertia of a wheel, in masses of the robot at its rim: with less, the solver's
+# iterations do not reach the wheel's speed.
+_LIGHTEST = 0.005
+_LEAST = 0.2  # of the mobility of a wheel that skids, due to its own turning
 
 
 class Drivable(NamedTuple):
@@ -58,7 +64,7 @@ class Drivable(NamedTuple):
 def drivable(wheels: Wheels) -> Drivable:
     """Return a robot as the simulation drives it by these wheels."""
     description, tyres = wheels.description, {name: wheels.tyres.of(name) for name in wheels.names}
-    weight = _GRAVITY * _mass(description)
+    weight = _GRAVITY * wheels.robot.mass
     free = _free(description, tyres)
     held = {
         joint.name: min(max(0.0, joint.lower or 0.0), _upper(joint))
@@ -70,16 +76,13 @@ def drivable(wheels: Wheels) -> Drivable:
         if joint.name in held:
             joints.append(_fixed(joint, held[joint.name]))
         elif joint.name in tyres:
-            joints.append(_motor(joint, weight, tyres[joint.name]))
+            motor = _motor(joint, weight, tyres[joint.name])
+            joints.append(SkidAxle(**vars(motor)) if len(tyres) > 2 else motor)
         else:
             joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
-    links = tuple(_links(rigid, tyres, free))
+    links = tuple(_turning(wheels, _links(rigid, tyres, free)))
     return Drivable(replace(rigid, links=links), held)
-
-
-def _mass(description: Description) -> float:
-    return sum(link.inertial.mass for link in description.links if link.inertial is not None)
 
 
 def _upper(joint: Joint) -> float:
@@ -129,6 +132,8 @@ def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
         kind="continuous",
         effort=joint.effort or weight * radius,
         velocity=joint.velocity or None,
+        damping=0.0,
+        friction=0.0,
         mimic=None,
     )
 
@@ -139,23 +144,25 @@ def _links(
     """Return the links, with what the ground touches changed."""
     joints = {joint.child: joint for joint in description.joints}
     bodies = {link: first for link, (first, _) in link_poses(description).items()}
-    mass, skids = _mass(description), len(tyres) > 2
     # Of one caster the load is determined by the mass.
     several = sum(_swivels(joint, free, bodies, joints) for joint in joints.values()) > 1
     ground, poses = _ground(description, tyres), link_poses(description)
+    base = [link for link in description.links if joints.get(bodies[link.name]) is None]
+    gaps = [gap for link in base for gap in _gaps(link, poses[link.name][1], ground)]
+    supported = any(_is_round(shape) and abs(gap) < _LEVEL for shape, gap in gaps)
+    depth, lift = (_DEEP, _CLEAR) if supported else (_LEVEL, _LIFT)
     for link in description.links:
         first = joints.get(bodies[link.name])
         if first is not None and first.name in tyres:
             tyre = tyres[first.name]
-            if tyre and skids:
-                link = _inert(link, first, _GEARED * mass * tyre.radius**2)
             if tyre and not _is_thin(description, bodies, first.child):
                 rolls = [_thin(first, tyre)] if link.name == first.child else []
                 link = replace(link, collisions=tuple(rolls))
             yield link
         elif link.friction is None and not _swivels(first, free, bodies, joints):
-            lifted = link if first is not None else _lifted(link, poses[link.name][1], ground)
-            yield replace(lifted, friction=_GLIDING)
+            if first is None:
+                link = _lifted(link, poses[link.name][1], ground, depth, lift)
+            yield replace(link, friction=_GLIDING)
         else:
             yield _smaller(link) if several else link
 
@@ -171,17 +178,44 @@ def _ground(description: Description, tyres: Mapping[str, Tyre | None]) -> float
     return max(heights)
 
 
-def _lifted(link: Link, pose: Floats, ground: float) -> Link:
-    """Return a link of the base, at ``pose`` there, with what is as low as the wheels lifted."""
-    collisions = []
-    for geometry in link.collisions:
-        place = pose @ matrix(geometry.origin)
-        gap = _bottom(geometry.shape, place) - ground
-        if -_LEVEL < gap < _LIFT:
-            place[2, 3] += _LIFT - gap
+def _gaps(link: Link, pose: Floats, ground: float) -> Iterator[tuple[Shape, float]]:
+    """Return the shapes of a link at ``pose``, with their heights above the ground, m."""
+    for each in link.collisions:
+        yield each.shape, _bottom(each.shape, pose @ matrix(each.origin)) - ground
+
+
+def _is_round(shape: Shape) -> bool:
+    return not isinstance(shape, Mesh | Box)
+
+
+def _lifted(link: Link, pose: Floats, ground: float, depth: float, lift: float) -> Link:
+    """Return a link of the base, at ``pose`` there, with what is as low as the wheels lifted.
+
+    Args:
+        link: of the base.
+        pose: of the link.
+        ground: height on which the wheels roll.
+        depth: below the ground, to which what is not round is lifted.
+        lift: above the ground, to which it is lifted.
+    """
+    collisions, raised = [], 0.0
+    for geometry, (shape, gap) in zip(link.collisions, _gaps(link, pose, ground), strict=True):
+        least, height = (-_LEVEL, _LIFT) if _is_round(shape) else (-depth, lift)
+        if least < gap < height:
+            raised = max(raised, height - gap)
+            place = pose @ matrix(geometry.origin)
+            place[2, 3] += height - gap
             origin = origin_of(np.linalg.inv(pose) @ place)
             geometry = replace(geometry, origin=origin)
         collisions.append(geometry)
+    if raised > _LEVEL:
+        logger.warning(
+            '%s: a collision shape of link "%s" reaches below the wheels; the simulation lifts it '
+            "by %.0f mm, so that the wheels carry the robot",
+            link.where,
+            link.name,
+            1e3 * raised,
+        )
     return replace(link, collisions=tuple(collisions))
 
 
@@ -210,17 +244,68 @@ def _bottom(shape: Shape, pose: Floats) -> float:
     return height - abs(float(up[2])) * shape.length / 2.0 - around
 
 
-def _inert(link: Link, joint: Joint, moment: float) -> Link:
-    """Return a wheel with a further ``moment`` of inertia about its axle, as of a geared motor."""
-    if link.name != joint.child or link.inertial is None:
+def _turning(wheels: Wheels, links: Iterable[Link]) -> Iterator[Link]:
+    """Return the links, with the mass of each wheel on its own one, and with its inertia."""
+    turned = {wheels.axles[name].joint.child: name for name in wheels.names}
+    poses = link_poses(wheels.description)
+    for link in links:
+        first, _ = poses[link.name]
+        name = turned.get(first, "")
+        if not (name and (tyre := wheels.tyres.of(name))):
+            yield link
+        elif len(turned) > 2:
+            ring = _ring(wheels, name, tyre) if link.name == first else None
+            yield replace(link, inertial=ring)
+        elif link.name == first:
+            least = _LIGHTEST * wheels.robot.mass * tyre.radius**2
+            yield _no_lighter(link, wheels.axles[name].joint, least)
+        else:
+            yield link
+
+
+def _no_lighter(link: Link, joint: Joint, least: float) -> Link:
+    """Return a wheel whose moment of inertia about its axle is not below ``least``."""
+    if link.inertial is None:
         return link
     along = matrix(link.inertial.origin)[:3, :3].T @ np.array(joint.axis)
-    # Half of it across: a thin disc.
-    added = moment / 2.0 * (np.outer(along, along) + np.eye(3))
     rows, columns = np.triu_indices(3)
-    inertia = np.array(link.inertial.inertia) + added[rows, columns]
-    moments = tuple(inertia.tolist())
-    return replace(link, inertial=replace(link.inertial, inertia=moments))
+    tensor = np.zeros((3, 3))
+    tensor[rows, columns] = tensor[columns, rows] = link.inertial.inertia
+    missing = max(0.0, least - float(along @ tensor @ along))
+    # Half of it across: a thin ring.
+    tensor += missing / 2.0 * (np.outer(along, along) + np.eye(3))
+    return replace(
+        link, inertial=replace(link.inertial, inertia=tuple(tensor[rows, columns].tolist()))
+    )
+
+
+def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
+    """Return the mass of a wheel, all of it on the wheel's own link; None if it has none."""
+    joint, body = wheels.axles[name].joint, Body(name)
+    poses = link_poses(wheels.description)
+    for link in wheels.description.links:
+        if poses[link.name][0] == joint.child:
+            body.add(link, poses[link.name][1])
+    if body.mass <= 0.0:
+        return None
+    axis = np.array(joint.axis)
+    tensor = _moment(wheels, name, tyre, body.mass) / 2.0 * (np.outer(axis, axis) + np.eye(3))
+    x, y, z = body.center.tolist()
+    return Inertial(Origin((x, y, z)), body.mass, tuple(tensor[np.triu_indices(3)].tolist()))
+
+
+def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
+    """Return the moment of inertia of a wheel about its axle with which it skids rightly.
+
+    An impulse at its contact moves that as much along the robot, where the wheel turns, as across,
+    where it slides on its axle; see ``SkidAxle``.
+    """
+    whole = wheels.robot
+    _, y, z = wheels.axles[name].middle(tyre) - whole.center
+    roll, pitch, yaw = np.diag(whole.inertia)
+    sideways = 1.0 / mass + tyre.radius**2 / roll
+    base = 1.0 / whole.mass + y**2 / yaw + z**2 / pitch
+    return float(tyre.radius**2 / max(sideways - base, _LEAST * sideways))
 
 
 def _is_thin(description: Description, bodies: Mapping[str, str], body: str) -> bool:

@@ -1,7 +1,8 @@
 """Creates PyBullet worlds with level ground, and loads robots into them."""
 
+import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -11,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, inverse
-from onebot_control.simulation.bodies import Body, physics_urdf, rigid_bodies
+from onebot_control.simulation.bodies import (
+    HUB,
+    Body,
+    SkidAxle,
+    physics_urdf,
+    rigid_bodies,
+)
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
 from onebot_description.description.description import Description, Mesh
@@ -23,6 +30,10 @@ from onebot_description.errors import OneBotError, listing
 # at 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
 
+_HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
+# m by which wheels that skid yield to their load. More than three rigid wheels have no definite
+# loads, and the friction decides which of them carry the robot.
+_SAG = 1e-4
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -31,6 +42,7 @@ class LoadedRobot(NamedTuple):
 
     body: int
     joints: Mapping[str, int]  # the moving ones, by name
+    hubs: Sequence[int]  # the joints on which the hubs of wheels that skid slide
     ground: int
     # Centre of mass and principal axes of the root body in the root link's frame; that frame, not
     # the link's, is PyBullet's base.
@@ -87,9 +99,13 @@ def load_robot(
     body = _load(client, description, bodies)
     names = [joint.name for joint in description.moving_joints]
     root, *moved = bodies.values()
-    joints = {}
+    joints, hubs = {}, []
     for index in range(engine.getNumJoints(body, physicsClientId=client)):
         info = engine.getJointInfo(body, index, physicsClientId=client)
+        if info[1].decode().startswith(HUB):
+            hubs.append(index)
+            _hold(client, body, index)
+            continue
         row = int(info[1])
         joints[names[row]] = index
         # The joint's friction: a motor with target 0 and that torque.
@@ -98,12 +114,37 @@ def load_robot(
         )
         _set_contact(client, body, index, moved[row], description, settings)
     _set_contact(client, body, -1, root, description, settings)
+    skidding = [
+        joints[joint.name] for joint in description.moving_joints if isinstance(joint, SkidAxle)
+    ]
+    _soften(client, body, skidding, sum(each.mass for each in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
         # One key per call: with either of these PyBullet ignores the link index.
         engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
     dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
     mass_frame = dynamics[3], dynamics[4]
-    return LoadedRobot(body, joints, ground, mass_frame, inverse(mass_frame))
+    return LoadedRobot(body, joints, hubs, ground, mass_frame, inverse(mass_frame))
+
+
+def _soften(client: int, body: int, wheels: Sequence[int], mass: float, settings: Settings) -> None:
+    """Let wheels share the weight of ``mass`` as tyres do: by springs, critically damped."""
+    for index in wheels:
+        share = mass / len(wheels)
+        stiffness = share * settings.gravity / _SAG
+        engine.changeDynamics(
+            body,
+            index,
+            contactStiffness=stiffness,
+            contactDamping=2.0 * math.sqrt(stiffness * share),
+            physicsClientId=client,
+        )
+
+
+def _hold(client: int, body: int, index: int) -> None:
+    """Hold a joint at 0."""
+    engine.setJointMotorControl2(
+        body, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING, physicsClientId=client
+    )
 
 
 def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:

@@ -52,6 +52,8 @@ def place(client: int, robot: LoadedRobot, pose: Transform) -> None:
     mass_pose = compose(pose, robot.mass_frame)
     engine.resetBasePositionAndOrientation(robot.body, *mass_pose, physicsClientId=client)
     engine.resetBaseVelocity(robot.body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
+    for index in robot.hubs:
+        engine.resetJointState(robot.body, index, 0.0, 0.0, physicsClientId=client)
 
 
 def settle(

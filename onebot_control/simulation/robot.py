@@ -139,6 +139,7 @@ class RobotBody:
     driven: tuple[str, ...]  # the joints with a motor, in the given order
     finite: bool  # whether the last state was finite
     parts: LoadedRobot
+    _efforts: list[float]  # of the motors, by row of ``joints``
 
     def __init__(self, description: Description, driven: Sequence[str]) -> None:
         """Find the joints; ``enter`` adds the robot to a world.
@@ -233,6 +234,18 @@ class RobotBody:
         positions = [0.0] * len(self.joints) if start else self._positions
         place(self._client, self.parts, pose)
         self._set_joints(positions)
+
+    def assume(self, other: "RobotBody") -> None:
+        """Move as ``other`` does, the same robot in another world."""
+        client, body = self._client, self.parts.body
+        place(client, self.parts, other.pose)
+        engine.resetBaseVelocity(body, *other._velocity, physicsClientId=client)
+        states = zip(self._indices, other._positions, other._velocities, strict=True)
+        for index, position, velocity in states:
+            engine.resetJointState(body, index, position, velocity, client)
+        self._drive(other._targets)
+        self._efforts = other._efforts
+        self._update(self._read_joints())
 
     def brake(self) -> None:
         """Stop at once: all velocities are exactly 0, positions do not change."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from onebot_control.poses import Transform
 from onebot_control.simulation.engine import engine
 from onebot_control.simulation.loading import load_robot, make_world
-from onebot_control.simulation.rest_pose import RestPose, place, settle
+from onebot_control.simulation.rest_pose import RestPose, link_pose, place, settle
 from onebot_control.simulation.robot import JointStates, Pose, RobotBody, Twist
 from onebot_control.simulation.scene import SceneBodies
 from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose, checked_spawn_pose
@@ -226,6 +226,32 @@ class World:
         if self.scene is not None and where is None:
             self.scene.put_back([body.parts for body in self.bodies])
 
+    def replaced(self, row: int, spawn: RobotSpawn) -> "World":
+        """Return a world with ``spawn``, at rest, in place of the robot of ``row``.
+
+        The others move on as they do in this one, which stays as it is; starts do, too. The scene's
+        boxes are where they are now, at rest.
+
+        Raises:
+            OneBotError: the robot cannot be simulated, or another one is in the way.
+        """
+        start = self._spawns[row]._replace(description=spawn.description, driven=spawn.driven)
+        spawns = [*self._spawns[:row], start, *self._spawns[row + 1 :]]
+        scene = self.scene
+        world = World(spawns, self.settings, scene.description if scene else None)
+        try:
+            if scene is not None and world.scene is not None:
+                world.scene.put(scene.poses)
+            world.stand(row, (spawn.x, spawn.y, spawn.yaw))
+            for other, (body, old) in enumerate(zip(world.bodies, self.bodies, strict=True)):
+                if other != row:
+                    body.assume(old)
+            world.check_overlaps(row)
+        except BaseException:
+            world.close()
+            raise
+        return world
+
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
         self._disconnect()
@@ -276,7 +302,10 @@ class World:
         if self.scene is not None:
             self.scene.enter(client, ground, settings)
         self._start_poses = list(map(self._pose_at, range(len(self.bodies)), self._starts))
-        self._check_overlaps()
+        if not self._alone:
+            for body, pose in zip(self.bodies, self._start_poses, strict=True):
+                place(client, body.parts, pose)
+        self.check_overlaps()
 
     def _pose_at(self, row: int, where: SpawnPose) -> Transform:
         """Return the pose of the robot of ``row`` at rest there.
@@ -315,21 +344,27 @@ class World:
             body.stand(pose, start=True)
         self.check_usable()
 
-    def _check_overlaps(self) -> None:
+    def check_overlaps(self, robot: int | None = None) -> None:
+        """Raise OneBotError if two robots, or the one of row ``robot`` and another, overlap."""
         if len(self.bodies) == 1:
             return
-        for body, pose in zip(self.bodies, self._start_poses, strict=True):
-            place(self.client, body.parts, pose)
         engine.performCollisionDetection(physicsClientId=self.client)
         rows = {body.parts.body: row for row, body in enumerate(self.bodies)}
         for point in engine.getContactPoints(physicsClientId=self.client):
             if point[1] != point[2] and point[1] in rows and point[2] in rows and point[8] < 0.0:
                 first, second = sorted((rows[point[1]], rows[point[2]]))
-                x, y, _ = self._starts[second]
-                raise OneBotError(
-                    f"robots {first + 1} and {second + 1} of the world stand in the same place, "
-                    f"x {x:g} m, y {y:g} m; move one of them"
-                )
+                if robot in (None, first, second):
+                    raise OneBotError(self._overlap(first, second))
+
+    def _overlap(self, first: int, second: int) -> str:
+        (x, y, _), _ = link_pose(self.client, self.bodies[second].parts)
+        return (
+            f"robots {self._name(first)} and {self._name(second)} of the world stand in the same "
+            f"place, x {round(x, 6) + 0.0:g} m, y {round(y, 6) + 0.0:g} m; move one of them"
+        )
+
+    def _name(self, row: int) -> str:
+        return self._spawns[row].name or str(row + 1)
 
 
 def _rest_poses(spawns: Sequence[RobotSpawn], settings: Settings) -> list[RestPose]:

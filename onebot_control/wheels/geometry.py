@@ -1,12 +1,13 @@
 """The wheels that drive a robot, and their separation and radius, read from its description."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.simulation.bodies import Body
 from onebot_control.wheels.finding import DriveWheels, axles, find_wheels, link_places
 from onebot_control.wheels.shapes import Tyres
 from onebot_description.description.description import Description
@@ -35,6 +36,7 @@ class Wheels:
         description: of the robot.
         left: the driven joints on the left.
         right: those on the right.
+        axles: the joints that turn, by name.
         tyres: the round shapes of the robot's links.
         directions: of each driven joint 1 if a positive velocity drives forward, -1 if backward.
     """
@@ -49,16 +51,16 @@ class Wheels:
         """
         self.description, self.tyres = description, Tyres(description)
         self._places = link_places(description)
-        self._axles = axles(description, self._places)
+        self.axles = axles(description, self._places)
         if left or right:
             self._check_names(left_wheel_names=left, right_wheel_names=right)
             chosen = DriveWheels(tuple(left), tuple(right))
         else:
-            chosen = find_wheels(description, self._axles, self.tyres)
+            chosen = find_wheels(description, self.axles, self.tyres)
         self.left, self.right = chosen
         for name in self.names:
             self._check_axle(name)
-        self.directions = {name: self._axles[name].direction for name in self.names}
+        self.directions = {name: self.axles[name].direction for name in self.names}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,6 +76,14 @@ class Wheels:
         return WheelGeometry(separation or self.separation, radius or self.radius)
 
     @cached_property
+    def robot(self) -> Body:
+        """The robot as one rigid body in the frame of its root link, all joints at 0."""
+        whole = Body(self.description.root_link)
+        for link in self.description.links:
+            whole.add(link, self._places[link.name])
+        return whole
+
+    @cached_property
     def separation(self) -> float:
         """The distance between the wheels of the two sides, m.
 
@@ -85,7 +95,7 @@ class Wheels:
             OneBotError: left is not left of right.
         """
         lefts, rights = (
-            np.array([self._axles[name].middle(self.tyres.of(name)) for name in names])
+            np.array([self.axles[name].middle(self.tyres.of(name)) for name in names])
             for names in (self.left, self.right)
         )
         left, right = lefts.mean(axis=0), rights.mean(axis=0)
@@ -102,7 +112,7 @@ class Wheels:
         if len(self.left) == 1:
             return across
         along = np.concatenate([lefts, rights])[:, 0]
-        return skid_separation(across, along, _center(self.description, self._places))
+        return skid_separation(across, along, float(self.robot.center[0]))
 
     @cached_property
     def radius(self) -> float:
@@ -127,17 +137,17 @@ class Wheels:
             Problem(
                 parameter,
                 f'robot "{self.description.robot_name}" has no joint "{name}" that turns'
-                f"{did_you_mean(name, list(self._axles), 'it has')}",
+                f"{did_you_mean(name, list(self.axles), 'it has')}",
             )
             for parameter, names in sides.items()
             for name in names
-            if name not in self._axles
+            if name not in self.axles
         ]
         if problems:
             raise ConfigError(problems)
 
     def _check_axle(self, name: str) -> None:
-        axle = self._axles[name]
+        axle = self.axles[name]
         if axle.across:
             return
         shown = " ".join(f"{value:g}" for value in np.round(axle.axis, 3) + 0.0)
@@ -152,7 +162,7 @@ class Wheels:
             return tyre.radius
         raise OneBotError(
             f'robot "{self.description.robot_name}", joint "{name}": link '
-            f'"{self._axles[name].joint.child}" has no one sphere, cylinder or round mesh to read '
+            f'"{self.axles[name].joint.child}" has no one sphere, cylinder or round mesh to read '
             "the wheel's radius from; set wheel_radius (m)"
         )
 
@@ -184,14 +194,3 @@ def skid_separation(across: float, along: Floats, center: float) -> float:
         slip = 2.0 / across * float(np.average(sideways**2, weights=weights))
         turning = float(np.average(along, weights=weights))
     return across + 2.0 * slip
-
-
-def _center(description: Description, places: Mapping[str, Floats]) -> float:
-    """Return the position of the robot's centre of mass along the robot, m."""
-    masses = moment = 0.0
-    for link in description.links:
-        if link.inertial is not None:
-            x, _, _, _ = places[link.name] @ (*link.inertial.origin.xyz, 1.0)
-            masses += link.inertial.mass
-            moment += link.inertial.mass * float(x)
-    return moment / masses if masses > 0.0 else 0.0

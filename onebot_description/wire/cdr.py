@@ -24,10 +24,12 @@ from onebot_description.wire.remembered import Remembered
 Floats = NDArray[np.float64]
 
 NANO = 1_000_000_000  # nanoseconds in a second
+SYSTEM_TIME_NS = 10**18  # of the year 2001: stamps of simulated time are less
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _BODY = len(ENCAPSULATION)
-STAMP = slice(_BODY, _BODY + 8)  # of a message that begins with a header
+HEADER = _BODY  # byte of the stamp in a message that begins with a header
+STAMP = slice(HEADER, HEADER + 8)
 DOUBLES_PER_TRANSFORM = 7
 
 _U32 = struct.Struct("<I")
@@ -48,6 +50,14 @@ class Stamp(Protocol):
 def nanoseconds(stamp: Stamp) -> int:
     """Return builtin_interfaces/Time as nanoseconds."""
     return int(stamp.sec) * NANO + int(stamp.nanosec)
+
+
+def stamp_at(data: bytes, at: int) -> int:
+    """Return the stamp at a byte of a serialized message, nanoseconds; 0 if there is none."""
+    if not data.startswith(ENCAPSULATION[:2]) or len(data) < at + _STAMP.size:
+        return 0
+    seconds, nanosec = _STAMP.unpack_from(data, at)
+    return int(seconds * NANO + nanosec)
 
 
 class Reader:

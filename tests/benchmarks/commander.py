@@ -16,7 +16,7 @@ from geometry_msgs.msg import Twist
 from rclpy.publisher import Publisher
 
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.node import use_quick_discovery
+from onebot_description.discovery import configure_discovery
 
 _PAUSES = (0.04, 0.06)  # s; a command is no older than cmd_vel_timeout, and meets all phases
 _LEAST, _STEP = 0.1, 0.0001  # m/s
@@ -50,7 +50,7 @@ def command(publisher: Publisher, seconds: float, hold: float) -> list[tuple[flo
 def main(topic: str) -> None:
     """Send what is ordered until the input ends."""
     use_environment_prefix()
-    use_quick_discovery()
+    configure_discovery()
     rclpy.init(args=[])
     node = rclpy.create_node("commander")
     publisher = node.create_publisher(Twist, topic, 10)

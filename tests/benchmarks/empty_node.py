@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.node import use_quick_discovery
+from onebot_description.discovery import configure_discovery
 
 _PERIOD = 0.01  # s, as the controller's
 
@@ -20,7 +20,7 @@ _PERIOD = 0.01  # s, as the controller's
 def main(topic: str) -> None:
     """Publish until Ctrl-C."""
     use_environment_prefix()
-    use_quick_discovery()
+    configure_discovery()
     pybullet.connect(pybullet.DIRECT)
     rclpy.init(args=[])
     node = rclpy.create_node("empty")

@@ -23,7 +23,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.node import use_quick_discovery
+from onebot_description.discovery import configure_discovery
 from onebot_description.wire.tf_message import TFMessage
 
 _TYPES = {"nav_msgs/Odometry": Odometry, "tf2_msgs/TFMessage": TFMessage}
@@ -80,7 +80,7 @@ def _say(content: dict[str, Any]) -> None:
 def main(topics: list[str]) -> None:
     """Listen until standard input ends."""
     use_environment_prefix()
-    use_quick_discovery()
+    configure_discovery()
     rclpy.init(args=[])
     node = rclpy.create_node("benchmark_listener")
     listener = Listener(node, topics)

@@ -28,7 +28,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_description.description.packages import use_environment_prefix
-from onebot_description.node import use_quick_discovery
+from onebot_description.discovery import configure_discovery
 from onebot_description.wire.tf_message import TFMessage
 from tests.benchmarks.answers import AnswerChecker
 from tests.benchmarks.chains import Chain, Floats
@@ -264,7 +264,7 @@ def main() -> int:
     joints = int(sys.argv[1])
     constant = Path(sys.argv[2]).read_bytes() if len(sys.argv) > 2 else None
     use_environment_prefix()
-    use_quick_discovery()
+    configure_discovery()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     generator = LoadGenerator(joints, constant)
     try:

@@ -11,9 +11,11 @@ import gc
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
-from onebot_control.driven_robot import Fleet, Snapshot
+from onebot_control.driven_robot import Snapshot
+from onebot_control.fleet import Fleet, Member
 from onebot_control.odometry import Odometry
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose, yaw_of
@@ -105,11 +107,14 @@ def measure(
         WrongAnswer: a robot is not where it was commanded to.
     """
     side = math.ceil(math.sqrt(robots))
-    starts = [
-        PlanarPose(_APART * (row % side), _APART * (row // side), 0.1 * row)
+    members = [
+        Member(
+            description,
+            replace(config, x=_APART * (row % side), y=_APART * (row // side), yaw=0.1 * row),
+        )
         for row in range(robots)
     ]
-    with Fleet(description, config, starts) as fleet:
+    with Fleet.of(members) as fleet:
         error = check_drive(fleet, 0.3 if options.quick else _DRIVEN)
         # As the node does: what lives need not be looked through for garbage again and again.
         gc.collect()

@@ -26,7 +26,7 @@ def install(watch: Watch) -> None:
             super().next(wait)
             watch.woke(time.monotonic() - self.due, self.lag)
 
-    accept, finish = DrivenRobot.accept, DrivenRobot.finish
+    accept, turn = DrivenRobot.accept, DrivenRobot.turn
 
     def timed_accept(
         robot: DrivenRobot, linear: float, angular: float, age: float | None = None
@@ -36,13 +36,13 @@ def install(watch: Watch) -> None:
             watch.commanded(linear)
         return refused
 
-    def timed_finish(robot: DrivenRobot) -> None:
+    def timed_turn(robot: DrivenRobot) -> None:
         watch.told_wheels(robot.controller.odometry.linear)
-        finish(robot)
+        turn(robot)
 
     setattr(control_loop, "Pacer", TimedPacer)  # noqa: B010 - the loop makes its own
     DrivenRobot.accept = timed_accept  # type: ignore
-    DrivenRobot.finish = timed_finish  # type: ignore
+    DrivenRobot.turn = timed_turn  # type: ignore
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/odometry.py": _control("odometry"),
     "onebot_control/diff_drive.py": _control("diff_drive"),
     "onebot_control/driven_robot.py": _control("driven_robot", "fleet", "joint_state_broadcaster"),
+    "onebot_control/fleet.py": _control("fleet"),
     "onebot_control/control_loop.py": _control("control_loop"),
     "onebot_control/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/wheels/geometry.py": _control("wheels_geometry"),

@@ -152,6 +152,26 @@ def test_check_reports_a_bad_robot(tmp_path: Path) -> None:
     assert warning.startswith("warning: ") and 'unknown attribute "nmae"' in warning
 
 
+def test_settings_before_the_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is discovered can be said for any command; a mistake is one error."""
+    names = ("ROS_DISCOVERY_SERVER", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID")
+    for name in names:
+        monkeypatch.setenv(name, "")
+    assert main(["discovery:=10.0.0.7:11811", "domain_id:=7", "--version"]) == 0
+    assert [os.environ[name] for name in names] == ["10.0.0.7:11811", "SUBNET", "7"]
+    for word, error in (
+        ("discovery:=subnett", "write localhost, subnet, or HOST:PORT of a discovery server"),
+        ("discovry:=subnet", 'did you mean "discovery"'),
+        ("domain_id:=233", "write an integer from 0 to 232"),
+    ):
+        capsys.readouterr()
+        assert main([word, "topic", "list"]) == 2
+        assert error in capsys.readouterr().err
+    assert main(["discovery:=localhost"]) == 2 and os.environ["ROS_DISCOVERY_SERVER"] == ""
+
+
 @pytest.mark.parametrize("home", ["/dev/null", None])
 def test_check_works_without_a_home_or_a_locale(tmp_path: Path, home: str | None) -> None:
     """Nor does it need a folder that can be written; what cannot be shown is escaped."""

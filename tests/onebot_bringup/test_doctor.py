@@ -60,6 +60,7 @@ def test_dependencies(requirement: str, level: str, part: str) -> None:
         ({"ROS_DOMAIN_ID": "120"}, NOTE, "ports of 102 to 215"),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCLHOST"}, PROBLEM, 'did you mean "LOCALHOST"'),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "off"}, PROBLEM, "do not discover each other"),
+        ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, OK, "discovery by 10.0.0.1:11811"),
         ({"ROS_LOCALHOST_ONLY": "1"}, NOTE, "overrides ROS_AUTOMATIC_DISCOVERY_RANGE"),
     ],
 )

@@ -1,7 +1,7 @@
 """A small robot, an ideal plant and a configuration, for tests of the controller."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -75,12 +75,16 @@ class IdealPlant:
     """Wheels that turn as told at once, and never slip."""
 
     joints = ("left_wheel_joint", "right_wheel_joint")
+    scene = None
 
     def __init__(self, left: float = 0.0, right: float = 0.0) -> None:
         self.left, self.right = left, right
         self.speeds = (0.0, 0.0)
         self.closed = False
         self.reset()
+
+    def turn(self, velocities: Mapping[str, float]) -> None:
+        self.targets = velocities
 
     def step(self, velocities: Mapping[str, float], duration: float) -> None:
         left, right = (velocities[name] for name in self.joints)
@@ -110,6 +114,21 @@ class IdealPlant:
 
     def close(self) -> None:
         self.closed = True
+
+
+class IdealWorld:
+    """Moves ideal plants together."""
+
+    def __init__(self, plants: Sequence[IdealPlant]) -> None:
+        self.plants = plants
+
+    def step(self, duration: float) -> None:
+        for plant in self.plants:
+            plant.step(plant.targets, duration)
+
+    def close(self) -> None:
+        for plant in self.plants:
+            plant.close()
 
 
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
+from typing import cast
 
 import pytest
 from hypothesis import given
@@ -19,9 +20,11 @@ from onebot_control.control_loop import (
     wake_exactly,
 )
 from onebot_control.driven_robot import Snapshot
+from onebot_control.fleet import Fleet
+from onebot_control.simulation import World
 from onebot_description.errors import OneBotError
 from onebot_description.wire.cdr import NANO
-from tests.onebot_control.control_support import IdealPlant, ideal_drive
+from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive
 from tests.support import wait_for
 
 
@@ -30,12 +33,13 @@ class Run:
 
     def __init__(self, *, simulated: bool = False, factor: float = 1.0, **values: float) -> None:
         self.plant = IdealPlant()
+        self.drive = ideal_drive(self.plant, real_time_factor=factor, **values)
         self.lags: list[float] = []
         self.published: list[tuple[Snapshot, int]] = []
         self.failures: list[BaseException] = []
         self.loop = ControlLoop(
-            ideal_drive(self.plant, real_time_factor=factor, **values),
-            lambda snapshot, stamp: self.published.append((snapshot, stamp)),
+            Fleet([self.drive], cast(World, IdealWorld([self.plant]))),
+            lambda snapshots, stamp: self.published.append((snapshots[0], stamp)),
             simulated=simulated,
             late=self.lags.append,
             failed=self.failures.append,
@@ -65,17 +69,17 @@ def test_as_fast_as_possible_still_answers() -> None:
     """At a factor of 0 jobs are done between cycles."""
     with Run(simulated=True, factor=0.0) as run:
         for _ in range(20):
-            assert run.loop.call(lambda: run.loop.robot.ticks) >= 0
+            assert run.loop.call(lambda: run.loop.fleet.ticks) >= 0
 
 
 def test_pause_and_step() -> None:
     """Paused, the robot's time stands still; each step is one cycle."""
     with Run(simulated=True) as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
-        ticks = run.loop.call(lambda: run.loop.robot.ticks)
+        ticks = run.loop.call(lambda: run.loop.fleet.ticks)
         run.loop.call(run.loop.step)
         run.loop.call(run.loop.step)
-        assert run.loop.call(lambda: run.loop.robot.ticks) == ticks + 2
+        assert run.loop.call(lambda: run.loop.fleet.ticks) == ticks + 2
         run.loop.call(lambda: setattr(run.loop, "paused", False))
         with pytest.raises(OneBotError, match="pause it first"):
             run.loop.call(run.loop.step)
@@ -85,9 +89,9 @@ def test_paused_on_the_systems_time_keeps_publishing() -> None:
     """Listeners get the standing robot with stamps of now."""
     with Run() as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
-        count, ticks = len(run.published), run.loop.robot.ticks
+        count, ticks = len(run.published), run.loop.fleet.ticks
         wait_for(lambda: len(run.published) > count + 5, "messages while paused")
-        assert run.loop.robot.ticks == ticks
+        assert run.loop.fleet.ticks == ticks
         stamps = [stamp for _, stamp in run.published]
         assert stamps == sorted(set(stamps))
 
@@ -116,7 +120,7 @@ def test_what_ends_the_loop_is_reported() -> None:
 def test_each_cycle_is_published_as_it_begins() -> None:
     """What is published is the state before the robot moves on, with the command to come."""
     run = Run(simulated=True, factor=0.0)
-    run.loop.post(lambda: run.loop.robot.accept(0.6, 0.0))
+    run.loop.post(lambda: run.drive.accept(0.6, 0.0))
     with run:
         wait_for(lambda: len(run.published) > 3, "cycles")
     assert run.ticks() == list(range(len(run.published)))
@@ -172,14 +176,14 @@ def test_real_time_factor_changes_while_it_runs() -> None:
         assert run.lags == []
         began = time.monotonic()
         run.loop.call(lambda: run.loop.set_factor(2.0))
-        first = run.loop.robot.ticks
-        wait_for(lambda: run.loop.robot.ticks >= first + 20, "20 cycles of 5 ms")
+        first = run.loop.fleet.ticks
+        wait_for(lambda: run.loop.fleet.ticks >= first + 20, "20 cycles of 5 ms")
         # The one that the call fell into may have ended at once.
         assert time.monotonic() - began >= 17 * 0.005
         run.loop.call(lambda: run.loop.set_factor(0.1))
         run.loop.call(lambda: run.loop.set_factor(0.0))
-        first = run.loop.robot.ticks
-        wait_for(lambda: run.loop.robot.ticks > first + 700, "700 cycles, not of 0.1 s each")
+        first = run.loop.fleet.ticks
+        wait_for(lambda: run.loop.fleet.ticks > first + 700, "700 cycles, not of 0.1 s each")
 
 
 def test_cycles_left_out_are_reported() -> None:
@@ -213,7 +217,7 @@ def test_a_command_ages_by_the_clock_in_force(simulated: bool) -> None:
     with Run(simulated=simulated, cmd_vel_timeout=0.2) as run:
 
         def stall() -> int:
-            run.loop.robot.accept(0.6, 0.0, 0.0)
+            run.drive.accept(0.6, 0.0, 0.0)
             spin(0.3)
             return len(run.published)
 
@@ -227,7 +231,7 @@ def test_a_command_ages_while_paused_on_the_systems_time() -> None:
     """After the pause it is as old as its clock says."""
     with Run(cmd_vel_timeout=0.2) as run:
         run.loop.call(lambda: setattr(run.loop, "paused", True))
-        run.loop.call(lambda: run.loop.robot.accept(0.6, 0.0))
+        run.loop.call(lambda: run.drive.accept(0.6, 0.0))
         count = len(run.published)
         wait_for(lambda: len(run.published) > count + 30, "0.3 s of pause")
         at = run.loop.call(lambda: setattr(run.loop, "paused", False) or len(run.published))
@@ -244,22 +248,22 @@ def test_stamps_of_the_systems_time_are_the_systems() -> None:
         assert began - 10_000_000 <= stamp <= time.time_ns() + 10_000_000
 
 
-def test_another_robot_takes_over() -> None:
-    """The first one's simulation is closed, the second is driven from then on, at its ticks."""
-    with Run(simulated=True, factor=0.0) as run:
-        first, plant = run.plant, IdealPlant()
-
-        def use() -> int:
-            run.loop.use(ideal_drive(plant, real_time_factor=0.0))
-            run.loop.robot.ticks = 1_000_000
-            return len(run.published)
-
-        at = run.loop.call(use)
-        assert first.closed and not plant.closed
-        wait_for(lambda: len(run.published) > at + 3, "cycles of the second robot")
-    assert plant.closed
-    assert run.ticks()[at : at + 3] == [1_000_000, 1_000_001, 1_000_002]
-    assert run.published[at][1] == 10_000_000 * 1_000_001
+def test_all_robots_of_a_fleet_are_driven() -> None:
+    """Each by its own commands, with one stamp; all of them also wait while the loop is paused."""
+    plants = [IdealPlant(), IdealPlant()]
+    drives = [ideal_drive(plant, real_time_factor=0.0) for plant in plants]
+    published: list[tuple[Sequence[Snapshot], int]] = []
+    fleet = Fleet(drives, cast(World, IdealWorld(plants)))
+    loop = ControlLoop(fleet, lambda *each: published.append(each), simulated=True)
+    loop.post(lambda: drives[1].accept(0.6, 0.0))
+    loop.start()
+    wait_for(lambda: len(published) > 3, "cycles")
+    loop.stop()
+    assert [stamp for _, stamp in published[:3]] == [10_000_000, 20_000_000, 30_000_000]
+    resting, driving = published[2][0]
+    assert resting.joints.positions == pytest.approx(0.0) and resting.tick == 2
+    assert driving.joints.positions == pytest.approx(0.2) and driving.tick == 2
+    assert all(plant.closed for plant in plants)
 
 
 def test_a_job_that_fails_ends_the_loop_and_who_waits_for_it_is_told() -> None:

@@ -14,7 +14,6 @@ from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import (
-    CASTER,
     IdealPlant,
     config,
     ideal_drive,
@@ -340,30 +339,6 @@ def test_same_commands_give_the_same_bits() -> None:
         return log
 
     assert once() == once()
-
-
-def test_replaced_robot_stands_where_the_old_one_stood() -> None:
-    """Another description is taken up in place: truth and odometry stay."""
-    drive = DrivenRobot.of(robot(), config(x=1.0, y=-2.0, yaw=2.0, **LIMITS))
-    run(drive, 0.3, 0.5, 100)
-    drive.place_odometry(PlanarPose(3.0, 2.0, 1.0))
-    before = run(drive, 0.3, 0.5, 100).odometry
-    truth, origin, ticks = drive.true_pose, drive.odom_in_world, drive.ticks
-    shape = '<sphere radius="0.07"/>'
-    caster = CASTER.replace("-0.2 0 -0.03", "-0.2 0 -0.04")
-    wheels = wheel("left", 0.2, shape), wheel("right", -0.2, shape)
-    other = drive.replaced(robot(*wheels, caster))
-    assert other.geometry == pytest.approx((0.4, 0.07))
-    assert other.true_pose == pytest.approx(truth, abs=1e-9)
-    assert (other.odom_in_world, other.ticks, other.config) == (origin, ticks, drive.config)
-    assert other.snapshot().covariance == drive.snapshot().covariance != (0.0,) * 6
-    for _ in range(3):  # at rest, without a command
-        snapshot = other.cycle()
-        assert snapshot.odometry == pytest.approx(before, abs=1e-6)
-        assert snapshot.command == (0.0, 0.0, 0.0, 0.0)
-    assert run(other, 0.3, 0.0, 1).command.linear == pytest.approx(0.01)
-    other.plant.close()
-    drive.plant.close()
 
 
 def test_onebot_drives_by_its_own_control_yaml() -> None:

@@ -1,20 +1,46 @@
-"""Robots of one kind, driven together."""
+"""Robots of one world, driven together."""
 
 from typing import Any
 
 import pytest
 
-from onebot_control.driven_robot import Fleet
+from onebot_control.driven_robot import DrivenRobot, Snapshot
+from onebot_control.fleet import Fleet, Member
 from onebot_control.poses import PlanarPose
+from onebot_description.description import Description
+from onebot_description.description.worlds import load_world
 from onebot_description.errors import OneBotError
-from tests.onebot_control.control_support import config, robot
+from tests.onebot_control.control_support import CASTER, config, robot, wheel
 
 STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
+LIMITS = {"linear_x_max_acceleration": 1.0, "angular_z_max_acceleration": 1.0}
+
+
+def fleet_of(*starts: PlanarPose, **values: Any) -> Fleet:
+    """Small robots at these places."""
+    chosen = [config(**{**start._asdict(), **values}) for start in starts or STARTS]
+    names = [f"/r{row + 1}" for row in range(len(chosen))]
+    return Fleet.of([Member(robot(), *each) for each in zip(chosen, names, strict=True)])
+
+
+def larger(separation: float = 0.4) -> Description:
+    """A robot whose wheels are of radius 0.07 m."""
+    shape = '<sphere radius="0.07"/>'
+    wheels = wheel("left", separation / 2, shape), wheel("right", -separation / 2, shape)
+    return robot(*wheels, CASTER.replace("-0.2 0 -0.03", "-0.2 0 -0.04"))
+
+
+def run(fleet: Fleet, row: int, linear: float, angular: float, cycles: int) -> list[Snapshot]:
+    """Drive one robot; the last snapshots."""
+    for _ in range(cycles):
+        fleet.robots[row].accept(linear, angular)
+        snapshots = fleet.cycle()
+    return snapshots
 
 
 def test_a_cycle_is_one_of_each_robot() -> None:
     """Seen as it begins, one period long; who is not commanded stands."""
-    with Fleet(robot(), config(update_rate=50, x=9.0, y=9.0, yaw=9.0), STARTS) as fleet:
+    with fleet_of(update_rate=50) as fleet:
         for drive, start in zip(fleet.robots, STARTS, strict=True):
             assert drive.true_pose == drive.odom_in_world == pytest.approx(start, abs=1e-6)
         fleet.robots[1].accept(0.3, 0.2)
@@ -30,9 +56,36 @@ def test_a_cycle_is_one_of_each_robot() -> None:
         assert turned[1] == pytest.approx([4.5, 5.5], abs=0.2)
 
 
+def test_a_fleet_of_one_drives_as_a_robot_alone() -> None:
+    """In every bit."""
+    alone = DrivenRobot.of(robot(), config(**LIMITS))
+    with fleet_of(PlanarPose(), **LIMITS) as fleet:
+        for _ in range(100):
+            alone.accept(0.3, 0.5)
+            ours, theirs = run(fleet, 0, 0.3, 0.5, 1)[0], alone.cycle()
+            assert repr(ours) == repr(theirs)
+    alone.plant.close()
+
+
+def test_robots_of_several_kinds() -> None:
+    """Each by its own wheels: both drive as commanded."""
+    members = [
+        Member(robot(), config()),
+        Member(larger(), config(x=2.0, publish_rate=10.0)),
+    ]
+    with Fleet.of(members) as fleet:
+        assert [drive.geometry for drive in fleet.robots] == [
+            pytest.approx((0.3, 0.06)),
+            pytest.approx((0.4, 0.07)),
+        ]
+        for row in (0, 1):
+            run(fleet, row, 0.2, 0.3, 40)
+            assert fleet.robots[row].snapshot().twist == pytest.approx((0.2, 0.3), abs=2e-3)
+
+
 def test_reset_of_one_leaves_the_others() -> None:
     """It stands at its own start with its odometry at zero, and time goes on for all."""
-    with Fleet(robot(), config(), STARTS) as fleet:
+    with fleet_of() as fleet:
         for _ in range(20):
             for drive in fleet.robots:
                 drive.accept(0.3, 0.2)
@@ -49,20 +102,86 @@ def test_reset_of_one_leaves_the_others() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"left_wheel_names": ["arm"]}, 'left_wheel_names: .*no joint "arm" that turns'),
-        ({"right_wheel_names": ["arm"]}, 'right_wheel_names: .*no joint "arm" that turns'),
-        ({"joint_state_broadcaster.joints": ["arm"]}, 'no joint "arm"'),
+        ({"left_wheel_names": ["arm"]}, '/r1: f.yaml:3: left_wheel_names: .*no joint "arm"'),
+        ({"joint_state_broadcaster.joints": ["arm"]}, '/r1: .*no joint "arm"'),
     ],
 )
-def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: str) -> None:
-    """As of a single robot."""
+def test_what_does_not_suit_a_robot_is_refused(values: dict[str, Any], said: str) -> None:
+    """The robot is named, and the line where it was written."""
+    places = {"left_wheel_names": "f.yaml:3"}
+    members = [Member(robot(), config(x=1.0)), Member(robot(), config(**values), "/r1", places)]
     with pytest.raises(OneBotError, match=said):
-        Fleet(robot(), config(**values), STARTS)
+        Fleet.of(members)
+
+
+def test_robots_in_one_place_are_refused_by_name() -> None:
+    """Both names, and where."""
+    with pytest.raises(OneBotError, match=r"robots /r1 and /r3 .*x 0.1 m, y 0 m; move one"):
+        fleet_of(PlanarPose(), PlanarPose(0.0, 2.0, 0.0), PlanarPose(0.1, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("starts", [[PlanarPose(1.0, -2.0, 2.0)], STARTS])
+def test_another_description_is_driven_where_the_robot_is(starts: list[PlanarPose]) -> None:
+    """Its truth and odometry stay, at rest; the others do not notice."""
+    with fleet_of(*starts, cmd_vel_timeout=5.0, **LIMITS) as fleet:
+        last = len(starts) - 1
+        run(fleet, last, 0.3, 0.5, 60)
+        fleet.robots[last].place_odometry(PlanarPose(3.0, 2.0, 1.0))
+        for drive in fleet.robots:
+            drive.accept(0.2, 0.1)
+        before = run(fleet, last, 0.3, 0.5, 60)
+        old = fleet.robots[last]
+        others = [drive.plant.base_pose() for drive in fleet.robots[:last]]
+        truth = old.true_pose
+        fleet.replace(last, larger())
+        new = fleet.robots[last]
+        assert new.geometry == pytest.approx((0.4, 0.07))
+        assert new.true_pose == pytest.approx(truth, abs=1e-9)
+        assert (new.odom_in_world, new.ticks, new.config) == (
+            old.odom_in_world,
+            old.ticks,
+            old.config,
+        )
+        assert new.snapshot().covariance == old.snapshot().covariance != (0.0,) * 6
+        for pose, drive in zip(others, fleet.robots, strict=False):
+            assert repr(drive.plant.base_pose()) == repr(pose)
+        after = fleet.cycle()
+        assert after[last].odometry == pytest.approx(before[last].odometry, abs=0.01)
+        assert after[last].command == (0.0, 0.0, 0.0, 0.0)
+        for one, other in zip(before[:last], after, strict=False):
+            assert other.twist == pytest.approx(one.twist, abs=0.02)
+            assert other.command.linear == pytest.approx(0.2)
+        assert run(fleet, last, 0.3, 0.0, 1)[last].command.linear == pytest.approx(0.01)
+
+
+def test_a_description_without_room_changes_nothing() -> None:
+    """The robot drives on as it was."""
+    with fleet_of(PlanarPose(), PlanarPose(0.0, 0.5, 0.0)) as fleet:
+        world, drives = fleet.world, list(fleet.robots)
+        with pytest.raises(OneBotError, match="robots /r1 and /r2 of .*same place"):
+            fleet.replace(1, larger(0.8))
+        assert fleet.world is world and fleet.robots == drives
+        assert run(fleet, 1, 0.3, 0.0, 10)[1].twist[0] > 0.1
 
 
 def test_the_world_is_freed_with_the_fleet() -> None:
     """By close, or at the end of with."""
-    with Fleet(robot(), config(), STARTS) as fleet:
+    with fleet_of() as fleet:
         fleet.cycle()
     with pytest.raises(OneBotError, match="closed"):
         fleet.cycle()
+
+
+def test_the_boxes_of_a_world_stay_where_they_were_pushed_when_a_robot_is_replaced() -> None:
+    """And go back with its reset, of which a lone robot is the only one."""
+    with Fleet.of([Member(robot(), config(**LIMITS))], scene=load_world("maze")) as fleet:
+        assert fleet.robots[0].world_frame == "world"
+        run(fleet, 0, 0.5, 0.0, 500)
+        scene = fleet.world.scene
+        assert scene is not None and scene.poses[0][0][0] > 1.6
+        fleet.replace(0, larger())
+        replaced = fleet.world.scene
+        assert replaced is not None and replaced is not scene
+        assert replaced.poses[0][0] == pytest.approx(scene.poses[0][0], abs=1e-9)
+        fleet.robots[0].reset()
+        assert replaced.poses[0][0] == pytest.approx((1.52, 0.0, 0.1))

@@ -82,7 +82,7 @@ class Subscriptions:
     """Publishers, and subscriptions of another node to all they publish."""
 
     def __init__(self, peer: Peer, listener: Peer) -> None:
-        self.publishers = Publishers(peer.node, simulated=True)
+        self.publishers = Publishers(peer.node, clock=True)
         self.publishers.use(
             driven()[0]
         )  # ~/cmd_vel_out is there because a robot's parameters want it
@@ -177,7 +177,7 @@ def test_covariance_of_the_odometry(subscriptions: Subscriptions) -> None:
 
 def test_the_limited_command_has_a_topic_only_while_it_is_published(peer: Peer) -> None:
     """The parameter decides, while it runs too."""
-    publishers = Publishers(peer.node, simulated=False)
+    publishers = Publishers(peer.node, clock=False)
     for wanted in (False, True, True, False, True):
         drive, snapshot = driven(publish_limited_velocity=wanted)
         publishers.use(drive)

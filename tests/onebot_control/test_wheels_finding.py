@@ -126,6 +126,17 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             ),
             'it is no differential drive: joint "hinge_joint" steers the wheel of "tyre_joint"',
         ),
+        (
+            (swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")),
+            'all of its wheels swivel, by joint "fork_l_joint", "fork_r_joint"',
+        ),
+        (
+            tuple(
+                wheel.replace('"front_', '"mecanum_front_').replace('"rear_', '"mecanum_rear_')
+                for wheel in FOUR
+            ),
+            "by their names, its wheels are omnidirectional",
+        ),
     ],
 )
 def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
@@ -228,11 +239,38 @@ def test_two_wheels_drive(axis: str, casters: tuple[str, ...]) -> None:
         assert truth == pytest.approx(odometry, rel=1e-3)
 
 
-def test_four_wheels_skid() -> None:
-    """The truth follows the odometry, whose separation is the effective one."""
-    straight, turn = drive(base(*FOUR))
+BALLAST = part("ballast", "-0.1 0 0.1", '<box size="0.1 0.1 0.1"/>', kind="fixed").replace(
+    'mass value="0.5"', 'mass value="10"'
+)
+MIDDLE = wheel("middle_l", 0.0, 0.2), wheel("middle_r", 0.0, -0.2)
+
+
+@pytest.mark.parametrize(
+    "parts", [FOUR, (*FOUR, BALLAST), (*FOUR, *MIDDLE), (*FOUR, *MIDDLE, BALLAST)]
+)
+def test_several_wheels_a_side_skid(parts: tuple[str, ...]) -> None:
+    """The truth follows the odometry, whose separation is the effective one, wherever the mass is.
+
+    Friction opposes the sliding, and each wheel carries its share, as the separation assumes.
+    """
+    straight, turn = drive(base(*parts))
     assert straight[1] == pytest.approx(straight[0], rel=1e-4)
-    assert turn[1] == pytest.approx(turn[0], rel=0.05)
+    assert turn[1] == pytest.approx(turn[0], rel=0.01)
+
+
+def test_a_hub_is_no_joint_of_the_robot() -> None:
+    """The wheels' inertia follows from their mass, and what holds them is not published."""
+    drive = DrivenRobot.of(base(*FOUR), CONFIG)
+    try:
+        assert sorted(drive.plant.joints) == sorted(drive.broadcaster.names)
+        assert sorted(drive.plant.joints) == sorted(Wheels(base(*FOUR)).names)
+        for _ in range(100):
+            drive.accept(0.2, 0.5)
+            drive.cycle()
+        drive.reset()
+        assert (drive.snapshot().joints.velocities == 0.0).all()
+    finally:
+        drive.plant.close()
 
 
 def test_joints_that_are_held_are_published() -> None:
@@ -245,6 +283,36 @@ def test_joints_that_are_held_are_published() -> None:
         assert velocities[2:] == [0.0, 0.0]
     finally:
         drive.plant.close()
+
+
+def box(width: float, length: float, height: float, z: float) -> str:
+    """A body whose lower side is at ``z`` below the axles."""
+    shape = f'<box size="{length} {width} {height}"/>'
+    return part("body", f"-0.02 0 {z + height / 2}", shape, kind="fixed")
+
+
+@pytest.mark.parametrize("bottom", [-0.1, -0.108])
+def test_a_body_that_lies_on_the_ground(bottom: float, caplog: pytest.LogCaptureFixture) -> None:
+    """The wheels and the caster carry the robot; where it is deeper than rounding, that is logged.
+
+    Meshes of bases reach down to the ground between the wheels, or include the casters.
+    """
+    robot = base(*TWO, box(0.36, 0.5, 0.1, bottom), BALLS[0], BALLAST)
+    for odometry, truth in drive(robot):
+        assert truth == pytest.approx(odometry, rel=1e-3)
+    lifted = 'a collision shape of link "body" reaches below the wheels; the simulation lifts it'
+    assert (lifted in caplog.text) == (bottom < -0.1)
+
+
+def test_damping_and_light_wheels() -> None:
+    """Of a driven wheel, damping far above its inertia, or too small an inertia, do no harm."""
+    dynamics = "<dynamics damping='21.75' friction='10.5'/>"
+    light = tuple(
+        wheel.replace("</joint>", f"{dynamics}</joint>").replace('"0.01"', '"0.00005"')
+        for wheel in TWO
+    )
+    for odometry, truth in drive(base(*light, *BALLS, BALLAST)):
+        assert truth == pytest.approx(odometry, rel=1e-3)
 
 
 CONFIG = ControlConfig.from_parameters({})

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from onebot_control.driven_robot import Fleet
+from onebot_control.fleet import Fleet, Member
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.simulation import RobotSpawn, World
 from onebot_control.simulation.engine import engine
@@ -197,9 +197,10 @@ def test_only_whole_physics_steps(duration):
 
 
 def test_a_fleet_drives_as_commanded_each_on_its_own():
-    """Odometry and truth agree; who is not commanded stays; other places than the config's."""
+    """Odometry and truth agree; who is not commanded stays."""
     starts = [PlanarPose(), PlanarPose(2.0, 0.0, 1.5)]
-    with Fleet(small_robot(), config(linear_x_max_acceleration=0.5), starts) as fleet:
+    configs = [config(linear_x_max_acceleration=0.5, **start._asdict()) for start in starts]
+    with Fleet.of([Member(small_robot(), each) for each in configs]) as fleet:
         for _ in range(150):
             fleet.robots[1].accept(0.2, 0.4)
             snapshots = fleet.cycle()

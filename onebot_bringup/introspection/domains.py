@@ -5,20 +5,32 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from onebot_description.errors import OneBotError
+
 # Beyond 101 the ports of a domain (RTPS 2.2, section 9.6.1.1) meet those that Linux hands out.
 _DOMAINS = range(1, 101)
+_FIRST_PORT, _PORTS = 7400, 250  # of multicast discovery, in domain 0; and for each domain
 
 
 @contextmanager
 def claimed_domain() -> Iterator[int]:
-    """A domain that no other test or benchmark on this machine has, though several run at once."""
+    """A domain that no other test, benchmark or soak has, though several run at once, nor a robot.
+
+    Raises:
+        OneBotError: all are in use.
+    """
     for domain in random.sample(_DOMAINS, len(_DOMAINS)):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
+        with (
+            socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe,
+        ):
             try:
                 # A name in the abstract namespace goes when its process does, however it ends.
                 claim.bind(f"\0onebot-test-domain-{domain}")
+                probe.bind(("", _FIRST_PORT + _PORTS * domain))
             except OSError:
                 continue
+            probe.close()
             yield domain
             return
-    raise RuntimeError(f"all {len(_DOMAINS)} ROS domains are in use by tests")
+    raise OneBotError(f"all {len(_DOMAINS)} ROS domains are in use on this computer")

@@ -1,0 +1,118 @@
+"""``onebot soak``: a robot drives for long while faults are injected; a verdict at the end."""
+
+import argparse
+import os
+import random
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from onebot_bringup.cli.options import Parser, count, not_negative, positive
+from onebot_bringup.cli.session import Session
+from onebot_bringup.introspection.domains import claimed_domain
+from onebot_bringup.introspection.shared_memory import remove_stale_in_background
+from onebot_bringup.soak.faults import FAULTS, GENTLE, possible, shuffled
+from onebot_bringup.soak.network import enter_own_network
+from onebot_bringup.soak.watch import Limits, Watch, clock
+from onebot_bringup.soak.watched_bringup import WatchedBringup
+from onebot_description.errors import OneBotError
+
+_GENTLE = 0.6  # of the time with faults that leave all processes running: leaks show
+_PROGRESS = 30.0  # s
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command; return 0 if nothing was found, else 1.
+
+    Raises:
+        UsageError: the command line is wrong.
+    """
+    parser = Parser("onebot soak", "drive a robot for long, inject faults, and judge what happens")
+    parser.add_argument("--minutes", type=positive, default=30.0, metavar="M", help="30")
+    parser.add_argument("--robots", type=count, default=1, metavar="N", help="1")
+    parser.add_argument("--seed", type=int, default=1, help="of faults and commands (1)")
+    parser.add_argument("--every", type=not_negative, default=15.0, metavar="S",
+                        help="seconds of driving between two faults (15)")  # fmt: skip
+    parser.add_argument("--fault", action="append", choices=FAULTS, metavar="FAULT",
+                        help=f"only this one, or several: {', '.join(FAULTS)}")  # fmt: skip
+    parser.add_argument("--patience", type=positive, default=1.0, metavar="FACTOR",
+                        help="for what is to happen in time, on a slow machine (1)")  # fmt: skip
+    parser.add_argument("--log", type=Path, metavar="FILE", help="for the output of the bringups")
+    parser.add_argument("arguments", nargs="*", metavar="name:=value", help="of onebot_bringup")
+    args = parser.parse(argv)
+    with claimed_domain() as domain, tempfile.TemporaryDirectory(prefix="onebot-soak-") as folder:
+        own_network = enter_own_network()
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        # Within one host alone, rmw has DDS use shared memory, which cannot be cut.
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET" if own_network else "LOCALHOST"
+        watch = Watch(Limits(gap=args.patience, warm_up=min(60.0, 12.0 * args.minutes)))
+        with Session(args.ros_args) as session:
+            robot = WatchedBringup(
+                session, watch, Path(folder), args.arguments,
+                robots=args.robots, seed=args.seed, patience=args.patience, log=args.log,
+            )  # fmt: skip
+            injected = _soak(robot, args, own_network)
+            print(_verdict(robot, injected, args.seed), flush=True)
+    return 1 if watch.findings else 0
+
+
+def _soak(robot: WatchedBringup, args: argparse.Namespace, own_network: bool) -> int:
+    """Drive and inject faults until the time is over, or Ctrl-C; return how many there were."""
+    injected = 0
+    try:
+        robot.start()
+        names = possible(args.fault or FAULTS, robot.nodes, own_network)
+        robot.report(f"faults: {', '.join(sorted(names))}")
+        chance = random.Random(args.seed)
+        gentle = shuffled(names & set(GENTLE) or names, chance)
+        everything = shuffled(names, chance)
+        seconds = 60.0 * args.minutes
+        began, reported = robot.now, robot.now
+        while (passed := robot.now - began) < seconds:
+            robot.run_for(min(args.every, seconds - passed))
+            harsh = args.fault or passed > _GENTLE * seconds
+            if names:
+                _inject(robot, next(everything if harsh else gentle))
+                injected += 1
+            if robot.now - reported > _PROGRESS:
+                reported = robot.now
+                robot.report(f"of {clock(seconds)}: {_progress(robot, injected)}")
+    except KeyboardInterrupt:
+        print("stopping; the verdict so far:", flush=True)
+    except OneBotError as error:
+        robot.find(str(error))
+    robot.stop()
+    robot.watch.judge_growth()
+    remove_stale_in_background().join(1.0)
+    return injected
+
+
+def _inject(robot: WatchedBringup, name: str) -> None:
+    """Inject a fault and print what came of it."""
+    before = robot.watch.count
+    began = robot.now
+    FAULTS[name](robot)
+    found = robot.watch.count - before
+    result = f"{found} findings" if found else "ok"
+    robot.report(f"{name} ({robot.now - began:.0f} s): {result}")
+
+
+def _progress(robot: WatchedBringup, injected: int) -> str:
+    now, found = robot.watch.used_now(), len(robot.watch.findings)
+    memory, handles = sum(each["memory"] for each in now), sum(each["handles"] for each in now)
+    return (
+        f"{injected} faults, {found} findings; {len(now)} processes with {memory:.0f} MB "
+        f"and {handles:.0f} handles"
+    )
+
+
+def _verdict(robot: WatchedBringup, injected: int, seed: int) -> str:
+    watch = robot.watch
+    lines = [f"{clock(robot.now)} with seed {seed}: {injected} faults, {robot.starts} starts"]
+    if robot.machine_busy:
+        lines.append(
+            f"  for {robot.machine_busy:.0f} s rates were not judged: no processor was free"
+        )
+    lines += [*watch.report(), *map(str, watch.findings.values())]
+    result = f"FAIL: {len(watch.findings)} findings" if watch.findings else "PASS"
+    return "\n".join([*lines, result])

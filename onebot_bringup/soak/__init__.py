@@ -1,0 +1,1 @@
+"""Robots that run for long while faults are injected, and what is measured meanwhile."""

@@ -1,0 +1,187 @@
+"""The faults that a soak injects: what each does to the bringup, and what is to happen then.
+
+A fault is a function that returns when the robot is well again, or when what was to happen has not
+happened in time, which is a finding.
+"""
+
+import random
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
+from pathlib import Path
+
+from onebot_bringup.soak.network import set_link
+from onebot_bringup.soak.processes import send, usage
+from onebot_bringup.soak.watched_bringup import STOPPED, WatchedBringup
+
+_STALLED, _CUT = 4.0, 5.0  # seconds
+_PATIENCE = 20.0  # until what is to happen has not
+_BRAKES = 6.0  # after the last command: the timeout, and 1 m/s at 0.5 m/s^2, with some more
+_MOVING, _AT_REST = 0.1, 0.01  # m/s
+
+# What stalls, and the topics that are silent meanwhile.
+_STALLS = {
+    "velocity_controller": ("",),
+    "robot_state_publisher": ("robot_state_publisher/tf",),
+    "rerun_viewer": (),
+    "steering_page": (),
+}
+# What happens when a node is killed: another starts, the others go on without it, or all ends.
+_RESTARTED, _IGNORED = ("steering_page",), ("rerun_viewer", "description_watcher")
+_KILLS = (*_RESTARTED, *_IGNORED, "robot_state_publisher", "velocity_controller", "launcher")
+_FILES = {  # that are broken: who reads it, what it logs then, and when it is whole again
+    "model": ("description_watcher", "The robot stays as it was", "mended, the robot is"),
+    "view": ("rerun_viewer", "keeping the view shown so far", "is right again"),
+}
+_PAYLOAD = """  <link name="payload"><inertial><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="payload_joint" type="fixed"><parent link="base_link"/><child link="payload"/></joint>
+"""
+
+
+def stall(name: str, robot: WatchedBringup) -> None:
+    """A process stands still for some seconds, with all that it has open."""
+    pid = robot.require(name)
+    with robot.excused(*_STALLS[name]):
+        send(pid, signal.SIGSTOP)
+        robot.run_for(_STALLED)
+        send(pid, signal.SIGCONT)
+        robot.expect(robot.is_alive, _PATIENCE, f"messages after {name} stood still")
+
+
+def break_file(name: str, robot: WatchedBringup) -> None:
+    """A file that is followed is saved half, and then whole; the robot stays as it was."""
+    reader, refused, mended = _FILES[name]
+    robot.require(reader)
+    file = robot.files[name]
+    whole = file.read_text()
+    _save(robot, file, whole[: len(whole) // 2] + "\n]<{", refused)
+    _save(robot, file, whole, mended)
+
+
+def _save(robot: WatchedBringup, file: Path, text: str, logged: str) -> None:
+    before = len(robot.bringup.output)
+    file.write_text(text)
+    robot.expect(
+        lambda: logged in robot.bringup.output[before:], _PATIENCE, f'"{logged}" in the output'
+    )
+
+
+def edit_model(robot: WatchedBringup) -> None:
+    """The robot gets a payload, or loses it, as it drives."""
+    robot.require("description_watcher")
+    file, count = robot.files["model"], robot.descriptions
+    text, end = file.read_text(), "</robot>"
+    file.write_text(
+        text.replace(_PAYLOAD, "") if _PAYLOAD in text else text.replace(end, _PAYLOAD + end)
+    )
+    robot.expect(lambda: robot.descriptions > count, _PATIENCE, "the edited robot_description")
+
+
+def lose_driver(robot: WatchedBringup) -> None:
+    """The process that drives is killed as it commands full speed: the robot brakes."""
+    topic, kind = robot.command_topic, "geometry_msgs/msg/Twist"
+    command = "{linear: {x: 0.5}, angular: {z: 0.5}}"
+    words = ("topic", "pub", "-r", "20", topic, kind, command)
+    with robot.other_driver():
+        driver = subprocess.Popen(
+            [sys.executable, "-m", "onebot_bringup.cli.main", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+        )
+        try:
+            robot.run_for(1.0)
+            robot.expect(lambda: robot.speed > _MOVING, _PATIENCE, "the robot to drive")
+            robot.remember_segments(driver.pid)
+        finally:
+            driver.kill()
+            driver.wait()
+        robot.expect(
+            lambda: robot.speed < _AT_REST, _BRAKES, "the robot to stop when its driver is lost"
+        )
+
+
+def kill(name: str, robot: WatchedBringup) -> None:
+    """A process is killed; what that ends is started again, by the launcher or by the robot."""
+    if name == "launcher":
+        with robot.excused(""):
+            robot.missing |= robot.nodes
+            left = list(robot.bringup.nodes().values())
+            robot.kill(robot.bringup.process.pid)
+            robot.expect(
+                lambda: not any(usage(pid) for pid in left), STOPPED, "the end of all nodes"
+            )
+            robot.start()
+        return
+    pid = robot.require(name)
+    if name in (*_RESTARTED, *_IGNORED):
+        robot.missing.add(name)
+        robot.kill(pid)
+        if name in _IGNORED:
+            robot.run_for(1.0)
+        elif robot.expect(
+            lambda: robot.bringup.nodes().get(name, pid) != pid, _PATIENCE, f"another {name}"
+        ):
+            robot.missing.discard(name)
+        return
+    with robot.excused(""):
+        robot.missing |= robot.nodes
+        robot.kill(pid)
+        robot.expect(lambda: robot.bringup.ended, STOPPED, f"the end without {name}")
+        failed = robot.bringup.output.rpartition("failed: ")[2]
+        if robot.bringup.process.returncode != 1 or f"{name} (" not in failed:
+            robot.find(f"the end without {name}: not with exit code 1 and its name last")
+        robot.start()
+
+
+def cut_link(robot: WatchedBringup) -> None:
+    """The network is away for some seconds, under processes that have nothing else to talk by."""
+    if not robot.over_network:
+        robot.restart(FASTDDS_BUILTIN_TRANSPORTS="UDPv4")
+    with robot.excused(""):
+        set_link(False)
+        try:
+            robot.run_for(_CUT)
+        finally:
+            set_link(True)
+        robot.expect(robot.is_alive, _PATIENCE, "messages after the link was cut")
+    robot.expect(lambda: robot.speed > _MOVING / 10, _PATIENCE, "the robot to drive again")
+
+
+Fault = Callable[[WatchedBringup], None]
+# Those that leave all processes running come alone at first, so that leaks show.
+GENTLE: dict[str, Fault] = {
+    **{f"stall-{name}": partial(stall, name) for name in _STALLS},
+    **{f"break-{name}": partial(break_file, name) for name in _FILES},
+    "edit-model": edit_model,
+    "lose-driver": lose_driver,
+}
+HARSH: dict[str, Fault] = {
+    **{f"kill-{name}": partial(kill, name) for name in _KILLS},
+    "restart": lambda robot: robot.restart(),
+    "cut-link": cut_link,
+}
+FAULTS = GENTLE | HARSH
+
+
+def possible(names: Collection[str], nodes: Collection[str], can_cut: bool) -> set[str]:
+    """Return the faults that can be injected here, where the bringup has these nodes."""
+    needed = {"model": "description_watcher", "view": "rerun_viewer"}
+    found = set()
+    for name in names:
+        kind, _, subject = name.partition("-")
+        if kind in ("stall", "kill") and subject != "launcher":
+            there = subject in nodes
+        else:
+            there = can_cut if kind == "cut" else needed.get(subject, next(iter(nodes))) in nodes
+        if there:
+            found.add(name)
+    return found
+
+
+def shuffled(names: Collection[str], chance: random.Random) -> Iterator[str]:
+    """Yield names without end, each once before any comes again."""
+    while True:
+        yield from chance.sample(sorted(names), len(names))

@@ -1,0 +1,170 @@
+"""Robots in one world, each with its controller, one control cycle at a time. No ROS here.
+
+with Fleet.of([Member(description, ControlConfig.from_parameters({...}))]) as fleet:
+    fleet.robots[0].accept(0.2, 0.0)
+    snapshots = fleet.cycle()
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+from onebot_control.driven_robot import DrivenRobot, Plant, Snapshot, wheels_of
+from onebot_control.parameters import ControlConfig
+from onebot_control.simulation import RobotSpawn, Settings, World
+from onebot_control.simulation.drivable import drivable
+from onebot_control.wheels.geometry import Wheels
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import ConfigError
+
+
+class Member(NamedTuple):
+    """A robot of a fleet; it starts at the x, y and yaw of its config."""
+
+    description: Description
+    config: ControlConfig
+    name: str = ""  # for errors; empty if there is no other robot
+    places: Mapping[str, str] = MappingProxyType({})  # where its parameters were written
+
+
+class _Part(NamedTuple):
+    """A robot as it enters a world."""
+
+    wheels: Wheels
+    spawn: RobotSpawn
+    held: Mapping[str, float]  # joints that do not move, to their positions
+
+
+class Fleet:
+    """Robots in one world, driven together; their configs have one update_rate.
+
+    ``robots`` take commands and parameters. One robot alone is a fleet, too.
+    """
+
+    def __init__(self, robots: Sequence[DrivenRobot], world: World) -> None:
+        """Drive ``robots``, whose plants are in ``world``."""
+        self.robots, self.world = list(robots), world
+
+    @classmethod
+    def of(
+        cls,
+        members: Sequence[Member],
+        settings: Settings = Settings(),  # noqa: B008 - it is frozen
+        scene: Description | None = None,
+    ) -> "Fleet":
+        """Return robots in a world of their own.
+
+        Args:
+            members: the robots.
+            settings: of the simulation; their rate is fitted to the robots' update_rate.
+            scene: what stands around them; see ``World``.
+
+        Raises:
+            OneBotError: config and description of a robot do not suit each other, it cannot be
+                simulated, or two robots start in the same place.
+        """
+        parts = [_part(member) for member in members]
+        fitted = settings.fitted(members[0].config.update_rate)
+        world = World([part.spawn for part in parts], fitted, scene)
+        try:
+            robots = map(_driven, members, parts, world.robots)
+            return cls(list(robots), world)
+        except BaseException:
+            world.close()
+            raise
+
+    @property
+    def rate(self) -> float:
+        """Control cycles a second, Hz."""
+        return self.robots[0].config.update_rate
+
+    @property
+    def period(self) -> float:
+        """Seconds of a control cycle."""
+        return self.robots[0].period
+
+    @property
+    def ticks(self) -> int:
+        """Control cycles done."""
+        return self.robots[0].ticks
+
+    def cycle(self) -> list[Snapshot]:
+        """Do a control cycle of all robots; return them as they were at its beginning."""
+        snapshots = self.begin()
+        self.finish()
+        return snapshots
+
+    def begin(self) -> list[Snapshot]:
+        """Read the robots' states and update the controllers with them."""
+        return [robot.begin() for robot in self.robots]
+
+    def finish(self) -> None:
+        """Turn the wheels of all robots for a control period."""
+        for robot in self.robots:
+            robot.turn()
+        self.world.step(self.period)
+
+    def replace(self, row: int, description: Description) -> None:
+        """Drive the robot of ``row`` by another description, where it is; the others move on.
+
+        Raises:
+            OneBotError: the description does not suit the parameters, cannot be simulated, or
+                another robot is in the way; then nothing has changed.
+        """
+        old = self.robots[row]
+        member = Member(description, old.config)
+        part = _part(member)
+        here = part.spawn._replace(**old.true_pose._asdict())
+        world = self.world.replaced(row, here)
+        try:
+            robot = _driven(member, part, world.robots[row])
+        except BaseException:
+            world.close()
+            raise
+        robot.continue_from(old)
+        self.world.close()
+        self.world, self.robots[row] = world, robot
+        for each, plant in zip(self.robots, world.robots, strict=True):
+            each.plant = plant
+
+    def close(self) -> None:
+        """Free the world."""
+        self.world.close()
+
+    def __enter__(self) -> "Fleet":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _part(member: Member) -> _Part:
+    config = member.config
+    with _located(member):
+        wheels = wheels_of(member.description, config)
+        wheels.geometry(config.wheel_separation, config.wheel_radius)
+        simulated, held = drivable(wheels)
+    if member.name:  # for errors of the simulation
+        simulated = replace(simulated, source=f"{member.name}: {simulated.source}")
+    place = config.x, config.y, config.yaw
+    return _Part(wheels, RobotSpawn(simulated, wheels.names, *place, member.name), held)
+
+
+def _driven(member: Member, part: _Part, plant: Plant) -> DrivenRobot:
+    with _located(member):
+        return DrivenRobot(part.wheels, member.config, plant, part.held)
+
+
+@contextmanager
+def _located(member: Member) -> Iterator[None]:
+    """Have errors about a robot name it, and the lines that its parameters were written on."""
+    try:
+        yield
+    except OneBotError as error:
+        located = error.located(member.places) if isinstance(error, ConfigError) else error
+        if not member.name:
+            raise located from None
+        raise OneBotError(f"{member.name}: {located}") from None

@@ -1,0 +1,125 @@
+"""Several robots in one process of velocity_controller, on real DDS."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_control.control_support import urdf
+from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.support import PATIENCE, wait_for
+
+MODULE = "onebot_control.velocity_controller"
+# b drives against a, c turns elsewhere.
+PLACES = {"a": (0.0, 0.0), "b": (-0.8, 0.0), "c": (0.0, 3.0)}
+
+
+def robots(**values: dict[str, Any]) -> list[str]:
+    """The arguments of each robot, with further parameters of one."""
+    words = []
+    for name, (x, y) in PLACES.items():
+        words += ["--robot", "-r", f"__ns:=/{name}"]
+        for key, value in {"x": x, "y": y, **values.get(name, {})}.items():
+            words += ["-p", f"{key}:={value}"]
+    return words
+
+
+def call(peer: Peer, kind: Any, name: str, **request: Any) -> Any:
+    client = peer.node.create_client(kind, name)
+    assert client.wait_for_service(PATIENCE), f"no service {name}"
+    future = client.call_async(kind.Request(**request))
+    wait_for(future.done, f"{name} to answer")
+    return future.result()
+
+
+def keep_sending(peer: Peer, robot: str, linear: float, angular: float) -> Callable[[], object]:
+    """Command a robot; what is returned ends it."""
+    message = Twist()
+    message.linear.x, message.angular.z = linear, angular
+    publisher = peer.publisher(Twist, f"/{robot}/velocity_controller/cmd_vel")
+    return peer.node.create_timer(0.02, lambda: publisher.publish(message)).cancel
+
+
+@pytest.mark.slow
+def test_robots_of_one_world(ros_domain: int, tmp_path: Path) -> None:
+    """Each has topics, frames and services of its own; collisions, clock and pace are shared."""
+    model = tmp_path / "bot.urdf"
+    model.write_text(urdf())
+    common = ros_args(use_sim_time=True, cmd_vel_timeout=2.0, world_frame_id="world")
+    with (
+        Peer(ros_domain) as peer,
+        NodeProcess(MODULE, str(model), *robots(c={"publish_rate": 100.0}), *common) as node,
+    ):
+        topics = {
+            name: {
+                topic: peer.hear(kind, f"/{name}/{topic}", 1000)
+                for topic, kind in {
+                    "joint_states": JointState,
+                    "velocity_controller/odom": Odometry,
+                    "velocity_controller/ground_truth": Odometry,
+                }.items()
+            }
+            for name in PLACES
+        }
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        tf, static = peer.hear(TFMessage, "/tf", 1000), peer.hear(TFMessage, "/tf_static", latched)
+        clock = peer.hear(Clock, "/clock")
+
+        def pose(name: str, what: str = "ground_truth") -> Any:
+            return topics[name][f"velocity_controller/{what}"][-1].pose.pose
+
+        wait_for(lambda: all(all(each.values()) for each in topics.values()), "all topics")
+        frames = {(f"{name}/odom", f"{name}/base_link") for name in PLACES}
+        wait_for(lambda: {(t.header.frame_id, t.child_frame_id) for m in tf for t in m.transforms}
+            == frames, "the transforms")  # fmt: skip
+        origins = {("world", f"{name}/odom") for name in PLACES}
+        wait_for(lambda: {(t.header.frame_id, t.child_frame_id) for m in static
+            for t in m.transforms} == origins, "the odometry frames' places")  # fmt: skip
+        wait_for(lambda: clock, "the clock")
+        assert peer.node.count_publishers("/clock") == 1
+        for name, (x, y) in PLACES.items():
+            assert (pose(name).position.x, pose(name).position.y) == pytest.approx((x, y), abs=1e-3)
+
+        stop = keep_sending(peer, "b", 0.3, 0.0)
+        keep_sending(peer, "c", 0.0, 1.0)
+        wait_for(lambda: pose("b", "odom").position.x > 0.9, "b to drive, as its wheels have it")
+        assert pose("b").position.x == pytest.approx(-0.12, abs=0.02)  # a is in its way
+        assert pose("a").position.x == pytest.approx(0.0, abs=0.02)
+        wait_for(lambda: pose("c", "odom").orientation.z > 0.3, "c to turn")
+        assert pose("c").position.x == pytest.approx(0.0, abs=0.05)
+
+        stop()
+        assert call(peer, Trigger, "/b/velocity_controller/reset").success
+        wait_for(lambda: pose("b").position.x < -0.75, "b at its start")
+        assert call(peer, SetBool, "/a/velocity_controller/pause", data=True).success
+        assert call(peer, Trigger, "/b/velocity_controller/step").success
+        assert call(peer, SetBool, "/c/velocity_controller/pause", data=False).success
+        assert peer.set_parameters("/b/velocity_controller", real_time_factor=2.0)[0].successful
+        answer = call(
+            peer, GetParameters, "/c/velocity_controller/get_parameters", names=["real_time_factor"]
+        )
+        assert answer.values[0].double_value == 2.0
+        assert "driving 3 robots in one world" in node.output
+
+
+@pytest.mark.slow
+def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) -> None:
+    """One error names both robots and their values."""
+    model = tmp_path / "bot.urdf"
+    model.write_text(urdf())
+    words = robots(c={"update_rate": 50})
+    with NodeProcess(MODULE, str(model), *words, *ros_args(), check=False) as node:
+        wait_for(lambda: node.process.poll() == 1, "the end")
+        assert node.output.splitlines() == [
+            "error: /c/velocity_controller: update_rate: 50, but 100 of /a/velocity_controller; "
+            "it is the same for all robots of a world"
+        ]

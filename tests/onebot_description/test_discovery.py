@@ -1,0 +1,106 @@
+"""The variables by which ROS and Fast DDS discover nodes."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from onebot_description import discovery
+from onebot_description.discovery import (
+    RANGE,
+    SERVER,
+    configure_discovery,
+    discovery_variables,
+    question,
+    use_local_discovery,
+)
+from onebot_description.errors import OneBotError
+
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+NAMES = (RANGE, SERVER, PROFILE, "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
+
+
+@pytest.fixture(autouse=True)
+def empty_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in (*NAMES, "ROS_SUPER_CLIENT"):
+        monkeypatch.setenv(name, "")  # for what the code sets to be unset afterwards
+        monkeypatch.delenv(name)
+
+
+@pytest.mark.parametrize(
+    ("argument", "expected"),
+    [
+        ("localhost", {RANGE: "LOCALHOST", SERVER: ""}),
+        ("subnet", {RANGE: "SUBNET", SERVER: ""}),
+        ("10.0.0.7:11811", {RANGE: "SUBNET", SERVER: "10.0.0.7:11811"}),
+        ("localhost:1", {RANGE: "SUBNET", SERVER: "127.0.0.1:1"}),
+    ],
+)
+def test_variables_of_an_argument(argument: str, expected: dict[str, str]) -> None:
+    """A range ends the use of a server; a host's name becomes its address."""
+    assert discovery_variables({"discovery": argument, "domain_id": ""}, forced=True) == expected
+
+
+@pytest.mark.parametrize(
+    ("argument", "problem"),
+    [
+        ("10.0.0.7:0", "0 is no port; write 1 to 65535"),
+        ("10.0.0.7:65536", "65536 is no port"),
+        ("no-such-host.invalid:1", "no host no-such-host.invalid"),
+    ],
+)
+def test_bad_servers(argument: str, problem: str) -> None:
+    """One error names the argument and what is wrong."""
+    with pytest.raises(OneBotError, match=f"discovery:={argument}: {problem}"):
+        discovery_variables({"discovery": argument, "domain_id": ""}, forced=True)
+
+
+@pytest.mark.parametrize("chosen", [{RANGE: "SUBNET"}, {SERVER: "10.0.0.7:11811"}])
+def test_the_environment_overrides_the_default(
+    monkeypatch: pytest.MonkeyPatch, chosen: dict[str, str]
+) -> None:
+    """Both of the arguments and of commands without any."""
+    [(name, value)] = chosen.items()
+    monkeypatch.setenv(name, value)
+    values = {"discovery": "localhost", "domain_id": "7"}
+    assert discovery_variables(values, forced=False) == {"ROS_DOMAIN_ID": "7"}
+    use_local_discovery()
+    assert {name: os.environ[name] for name in (RANGE, SERVER) if name in os.environ} == chosen
+
+
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [
+        ({RANGE: "LOCALHOST"}, "one_computer.xml"),
+        ({RANGE: "LOCALHOST", SERVER: "10.0.0.7:11811"}, "network.xml"),
+        ({RANGE: "SUBNET"}, "network.xml"),
+        ({}, "network.xml"),
+        ({RANGE: "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, ""),
+        ({RANGE: "SUBNET", PROFILE: "/mine.xml"}, "mine.xml"),
+    ],
+)
+def test_profiles(
+    monkeypatch: pytest.MonkeyPatch, variables: dict[str, str], expected: str
+) -> None:
+    """One for this computer, one for a network; none in place of the user's own settings."""
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    configure_discovery()
+    found = Path(os.environ.get(PROFILE, ""))
+    assert found.name == expected
+    assert expected in ("", "mine.xml") or found.is_file()
+
+
+def test_introspection_by_a_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes the whole graph; other nodes take what concerns them. The user's choice counts."""
+    configure_discovery(whole_graph=True)
+    assert "ROS_SUPER_CLIENT" not in os.environ and discovery.server() == ""
+    monkeypatch.setenv(SERVER, ";10.0.0.7:11812")
+    configure_discovery()
+    assert "ROS_SUPER_CLIENT" not in os.environ
+    configure_discovery(whole_graph=True)
+    assert os.environ["ROS_SUPER_CLIENT"] == "TRUE"
+    assert "the discovery server at 10.0.0.7:11812 run" in question()
+    monkeypatch.setenv("ROS_SUPER_CLIENT", "FALSE")
+    configure_discovery(whole_graph=True)
+    assert os.environ["ROS_SUPER_CLIENT"] == "FALSE"
