@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 # Parameters of the controller that name the frames, and those that concern all nodes.
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
 _OF_ALL_NODES = (*_FRAME_PREFIX, "use_sim_time", "robot_description")
+_TURNING = ("continuous", "revolute")  # kinds of joints
 _LONG = 100_000  # bytes of a parameter file
 
 
@@ -120,6 +121,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     description = load_description(model, for_xacro)
     description.require_tree()
     robots = _placed(values.get("robots", ""), description)
+    if values.get("sim") == "true" and not robots:
+        check_wheels(description, values)
     if values.get("world"):
         values["world"] = load_world(values["world"]).source  # checked
         values["view"] = own.get("view", command.world_view)
@@ -311,6 +314,35 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
         text = "robot_description is not used by a bringup; write model:=FILE"
         print(f"warning: {place}: {text}", file=sys.stderr)
     return found
+
+
+def check_wheels(description: "Description", values: Mapping[str, str]) -> None:
+    """Refuse a robot that cannot have wheels, or has not those that are named.
+
+    Finding the wheels takes numpy, and reading meshes: that is left to the controller, except for
+    an error that is certain without.
+
+    Args:
+        description: of the robot.
+        values: of the launch arguments.
+
+    Raises:
+        OneBotError: naming the joints that there are.
+    """
+    left, right = (
+        [each.strip() for each in values[side].split(",") if each.strip()]
+        for side in ("left_wheel", "right_wheel")
+    )
+    turning = [joint.name for joint in description.joints if joint.kind in _TURNING]
+    endless = [joint for joint in description.joints if joint.kind == "continuous"]
+    if left or right:
+        possible = {*left, *right} <= {*turning}
+    else:
+        possible = len(endless) > 1 or _mentions(Path(values["params_file"]), ("wheel_names",))
+    if not possible:
+        from onebot_control.wheels.geometry import Wheels
+
+        Wheels(description, left, right)
 
 
 def _mentions(file: Path, names: Sequence[str]) -> bool:

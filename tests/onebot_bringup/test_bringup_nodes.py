@@ -26,6 +26,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.bringup import (
     Bringup,
     bring_up,
+    check_wheels,
     help_text,
     nodes_to_start,
     summary_text,
@@ -216,6 +217,40 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
     }
     swing = parameters(make().joint_state_publisher())
     assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({}, 'robot "arm" cannot be driven: no wheel on the left'),
+        ({"left_wheel": "shoulder, elbow", "right_wheel": "shoulder"}, 'has no joint "elbow"'),
+    ],
+)
+def test_a_robot_without_wheels_is_refused_at_once(
+    arm: Path, given: dict[str, str], problem: str
+) -> None:
+    """Before any node is started, with the controller's own error."""
+    file = arm.parent / "control.yaml"
+    values = {"left_wheel": "", "right_wheel": "", "params_file": str(file), **given}
+    file.write_text("")
+    with pytest.raises(OneBotError, match=problem):
+        check_wheels(load_description(arm), values)
+    if not given:  # the file may name wheels: the controller reads it
+        file.write_text("/**:\n  ros__parameters:\n    left_wheel_names: [shoulder]\n")
+        check_wheels(load_description(arm), values)
+
+
+def test_looking_for_wheels_does_not_delay_the_start() -> None:
+    """Of a robot that may have wheels, nothing is computed: numpy alone takes 100 ms."""
+    code = (
+        "import sys; from onebot_bringup.launch.bringup import check_wheels;"
+        "from onebot_bringup.launch.onebot_bringup import command;"
+        "from onebot_description.description import load_description;"
+        "values = {'left_wheel': '', 'right_wheel': '', 'params_file': command().control};"
+        "check_wheels(load_description(command().model), values);"
+        "sys.exit('numpy' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
 def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
