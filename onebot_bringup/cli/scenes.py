@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from onebot_bringup.cli.param import frame_prefix
+from onebot_bringup.cli.robots import description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.introspection.message_senders import publishers
@@ -272,9 +273,9 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
         OneBotError: there is none; or there are several, and one prefix.
     """
     own = session.node.get_namespace().rstrip("/")
-    topics = _look_for_robot(session, lambda: _published(session, own))
+    topics = _look_for_robot(session, lambda: description_topics(session, own))
     session.discover()
-    topics = _published(session, own) or topics
+    topics = description_topics(session, own) or topics
     if prefix and len(topics) > 1:
         spaces = [topic.rpartition("/")[0] or "/" for topic in topics]
         raise OneBotError(
@@ -290,17 +291,6 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
         found.append(RobotToShow(space, of_robot))
     return found
-
-
-def _published(session: Session, within: str) -> list[str]:
-    """Return the topics of descriptions in a namespace and below; a robot's of its own first."""
-    there = [
-        name
-        for name, _ in session.topics()
-        if name.startswith(f"{within}/") and name.endswith(f"/{ROBOT_DESCRIPTION}")
-    ]
-    found = filter(session.node.count_publishers, there)
-    return sorted(found, key=lambda name: (name.count("/"), name))
 
 
 def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
@@ -321,7 +311,7 @@ def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
 
 def _elsewhere(session: Session) -> str:
     """Where descriptions are published, if in other namespaces."""
-    there = _published(session, "")
+    there = description_topics(session)
     if not there:
         return ""
     space = there[0].rpartition("/")[0] or "/"

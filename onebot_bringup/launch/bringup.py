@@ -444,7 +444,7 @@ def _robots(robots: Sequence["PlacedRobot"], space: str) -> list[str]:
         f"  topics   /tf /tf_static, and in each robot's namespace, such as "
         f"{space}/{first}/joint_states",
         f"  frames   of each robot begin with its namespace, such as {f'{space}/'[1:]}{first}/odom",
-        f"  drive    onebot teleop {drive}, or a Twist on it",
+        f"  drive    onebot teleop {f'{space}/'[1:]}{first}, or a Twist on {drive}",
     ]
 
 

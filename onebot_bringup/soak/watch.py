@@ -156,12 +156,18 @@ class Watch:
             self.find(at, f"{topic}: NaN or infinite")
 
     def poll(self, now: float, *, busy: bool = False) -> None:
-        """Judge silence, and rates unless the machine is ``busy``; call it every second or so."""
+        """Judge silence and rates; call it every second or so.
+
+        Args:
+            now: s.
+            busy: the machine did not run this process as it should: messages may wait unread.
+        """
         for topic, stream in self.streams.items():
-            self._gap(topic, stream, now, now)
             if busy:
                 stream.window, stream.in_window = now, 0
-            elif now - stream.window >= _WINDOW:
+                continue
+            self._gap(topic, stream, now, now)
+            if now - stream.window >= _WINDOW:
                 self._judge_rate(topic, stream, now)
                 stream.window, stream.in_window = now, 0
 
@@ -234,10 +240,9 @@ class Watch:
         """Return what was measured, as lines."""
         lines = []
         for topic, stream in self.streams.items():
-            lines.append(
-                f"  {topic}: {stream.count} messages, at least {stream.slowest:.0f} Hz, "
-                f"longest gap {stream.longest:.2f} s"
-            )
+            slowest = "" if math.isinf(stream.slowest) else f"at least {stream.slowest:.0f} Hz, "
+            longest = f"longest gap {stream.longest:.2f} s"
+            lines.append(f"  {topic}: {stream.count} messages, {slowest}{longest}")
         for name, drive in self.drives.items():
             lines.append(
                 f"  {name}: {drive.distance:.1f} m driven, odometry within "

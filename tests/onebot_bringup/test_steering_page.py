@@ -25,7 +25,7 @@ from tests.onebot_bringup.steering_support import (
     steering,
 )
 from tests.ros_support import NodeProcess, Peer, ros_args
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 
 @pytest.fixture
@@ -198,7 +198,7 @@ def test_a_flood_of_messages_does_not_keep_the_robot_moving(peer):
             other.send("stop")
             robot.come_to_rest()
             over.set()
-            flooding.result(60.0)
+            flooding.result(PATIENCE)
 
 
 def test_ctrl_c_stops_the_robot_and_the_node(peer):
@@ -225,7 +225,7 @@ def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
     parts = urlsplit(address)
     try:
         request = Request(f"{parts.scheme}://{parts.netloc}{path}", headers=headers)
-        with urlopen(request, timeout=60.0) as answer:
+        with urlopen(request, timeout=PATIENCE) as answer:
             return answer.status, answer.read().decode()
     except HTTPError as error:
         return error.code, error.read().decode()
@@ -296,7 +296,7 @@ def test_page_is_served_with_a_strict_policy(ros_domain):
     with steering() as node:
         address = address_of(node)
         assert "127.0.0.1" in address and "token" not in address
-        with urlopen(address, timeout=60.0) as answer:
+        with urlopen(address, timeout=PATIENCE) as answer:
             policy = answer.headers["Content-Security-Policy"]
             assert "<html" in answer.read().decode()
             assert answer.headers["X-Content-Type-Options"] == "nosniff"
@@ -340,7 +340,7 @@ def test_other_computers_need_a_token(ros_domain):
             with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
                 PageClient(base)
             assert caught.value.status == 403
-            with urlopen(f"{base.partition('/?')[0]}/?token={token}", timeout=60.0) as answer:
+            with urlopen(f"{base.partition('/?')[0]}/?token={token}", timeout=PATIENCE) as answer:
                 cookie = answer.headers["Set-Cookie"]
             assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and token not in cookie
             with PageClient(base, Cookie=cookie.partition(";")[0]) as page:
