@@ -301,8 +301,14 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     where it slides on its axle; see ``SkidAxle``.
     """
     whole = wheels.robot
-    _, y, z = wheels.axles[name].middle(tyre) - whole.center
+    places = {
+        each: wheels.axles[each].middle(wheels.tyres.of(each)) - whole.center
+        for each in wheels.names
+    }
+    _, y, z = places[name]
     roll, pitch, yaw = np.diag(whole.inertia)
+    # Across, the wheels do not turn with the robot.
+    yaw = max(yaw - mass * sum(place[0] ** 2 for place in places.values()), _LEAST * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
     base = 1.0 / whole.mass + y**2 / yaw + z**2 / pitch
     return float(tyre.radius**2 / max(sideways - base, _LEAST * sideways))
