@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
-from onebot_control.poses import PlanarPose, yaw_of
+from onebot_control.poses import WORLD_FRAME, PlanarPose, yaw_of
 from onebot_control.simulation import (
     JointStates,
     Pose,
+    SceneBodies,
     Settings,
     Simulation,
     Twist,
@@ -40,6 +41,10 @@ class Plant(Protocol):
     @property
     def joints(self) -> tuple[str, ...]:
         """All joints that move."""
+
+    @property
+    def scene(self) -> SceneBodies | None:
+        """What stands around it."""
 
     def turn(self, velocities: Mapping[str, float]) -> None:
         """Have the wheels turn with these velocities, rad/s, from the next step on."""
@@ -168,7 +173,6 @@ class DrivenRobot:
         description: of the robot.
         broadcaster: chooses what joint_states holds.
         plant: what is driven.
-        odom_in_world: pose of the odometry frame in the world; changed by what sets the odometry.
         ticks: control cycles done.
     """
 
@@ -343,13 +347,28 @@ class DrivenRobot:
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry to ``pose`` here and now; its covariance is zero."""
         self.controller.odometry.set_pose(*pose)
-        self.odom_in_world = self.true_pose.compose(pose.inverse())
+        self._odom_placed = self.true_pose.compose(pose.inverse())
+
+    @property
+    def odom_in_world(self) -> PlanarPose:
+        """Pose of the odometry frame in the world.
+
+        It changes with what sets the odometry; in a scene, where wheels slip, all the time.
+        """
+        if self.plant.scene is None:
+            return self._odom_placed
+        return self.true_pose.compose(self.snapshot().odometry.inverse())
+
+    @property
+    def world_frame(self) -> str:
+        """The frame of the truth; "" if that is the odometry's. A scene needs one."""
+        return self.config.world_frame_id or ("" if self.plant.scene is None else WORLD_FRAME)
 
     def continue_from(self, other: "DrivenRobot") -> None:
         """Continue another robot's odometry and count of cycles, where that one is."""
         self.controller.odometry.set_pose(*other.snapshot().odometry)
         self.controller.odometry.uncertainty = other.controller.odometry.uncertainty
-        self.odom_in_world, self.ticks = other.odom_in_world, other.ticks
+        self._odom_placed, self.ticks = other._odom_placed, other.ticks
 
     def _read_state(self) -> None:
         self._joints = self.plant.joint_states()

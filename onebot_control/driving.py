@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_control.control_loop import ControlLoop
+from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import (
@@ -22,7 +22,8 @@ from onebot_control.parameters import (
     ControlParameters,
 )
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.publishing import Publishers
+from onebot_control.publishing import Publishers, ScenePublisher
+from onebot_control.simulation.scene import load_scene
 from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError, printable
@@ -52,7 +53,7 @@ Warn = Callable[[str, str], None]  # key, text
 GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
 # Of the world, not of a robot: its parameters, one value for all.
-_OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time")
+_OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world")
 
 
 class Driving:
@@ -82,11 +83,13 @@ class Driving:
             OneBotError: the parameters or a description cannot be used.
         """
         self.loop: ControlLoop | None = None
+        self._scene_publisher: ScenePublisher | None = None
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
         self._warn = Throttled(self._node.get_logger().warning)
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
+        self._scene = load_scene(settings[0].config.world)
         self.robots = [
             RobotDriving(self, row, node, settings[row]) for row, node in enumerate(nodes)
         ]
@@ -110,9 +113,14 @@ class Driving:
         members = [robot.member() for robot in self.robots if robot.description is not None]
         if len(members) < len(self.robots):
             return
-        fleet = Fleet.of(members)
+        fleet = Fleet.of(members, scene=self._scene)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
+        try:
+            self._scene_publisher = self._publish_scene(fleet)
+        except OneBotError:
+            fleet.close()
+            raise
         self.loop = ControlLoop(
             fleet,
             self._publish,
@@ -124,9 +132,24 @@ class Driving:
         gc.freeze()
         self.loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        for warning in dict.fromkeys(text for robot in self.robots for text in robot.warnings):
+        warnings = [] if self._scene is None else [*self._scene.notices]
+        warnings += [text for robot in self.robots for text in robot.warnings]
+        for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_driven_text(fleet))
+
+    def _publish_scene(self, fleet: Fleet) -> ScenePublisher | None:
+        """Return what publishes the scene, if there is one.
+
+        Raises:
+            OneBotError: a link of it has the name of a frame of a robot.
+        """
+        scene, first = fleet.world.scene, fleet.robots[0]
+        if scene is None:
+            return None
+        frames = {frame for robot in self.robots for frame in robot.publishing.frames}
+        rate = Divider(first.config.publish_rate, first.config.update_rate)
+        return ScenePublisher(self._node, scene, first.world_frame, frames, rate)
 
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
@@ -136,6 +159,8 @@ class Driving:
     def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
         for robot, snapshot in zip(self.robots, snapshots, strict=True):
             robot.publishing.publish(snapshot, stamp)
+        if self._scene_publisher is not None:
+            self._scene_publisher.publish(stamp)
 
     def _poll(self) -> None:
         if self._failure is not None:
@@ -455,7 +480,7 @@ class PoseTopics:
                 self._warn(topic, f"~/{topic} is ignored: {error}")
 
     def _teleport(self, robot: DrivenRobot, frame: str, pose: PlanarPose) -> None:
-        world, odom = robot.config.world_frame_id, self._odom_frame()
+        world, odom = robot.world_frame, self._odom_frame()
         if frame == odom or not (frame or world):
             pose = robot.odom_in_world.compose(pose)
         elif frame not in ("", world):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from onebot_control.odometry import DiffDriveKinematics
+from onebot_control.poses import WORLD_FRAME
 from onebot_control.speed_limiter import SpeedLimits
 from onebot_description.description.packages import package_share
 from onebot_description.errors import did_you_mean
@@ -141,7 +142,12 @@ class ControlConfig:
         1.0, "simulated seconds a second; 0: as fast as possible", at_least=0.0
     )
     world_frame_id: str = parameter(
-        "world", "frame of ~/ground_truth, parent of odom_frame_id; empty: the odometry's"
+        WORLD_FRAME, "frame of ~/ground_truth, parent of odom_frame_id; empty: the odometry's"
+    )
+    world: str = parameter(
+        "",
+        "walls, ramps and boxes around it: maze, ramp, or the path of a URDF or xacro file",
+        read_only=True,
     )
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
 

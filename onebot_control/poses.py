@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+WORLD_FRAME = "world"  # unless a parameter names another one
+
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Transform = tuple[Triple, Quaternion]

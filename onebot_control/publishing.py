@@ -4,7 +4,7 @@ The messages are made once and filled anew each cycle: rclpy has read them when 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -16,16 +16,19 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.odometry import PoseCovariance
-from onebot_control.poses import PlanarPose, prefixed
-from onebot_control.simulation import Twist
+from onebot_control.poses import PlanarPose, about_z, compose, inverse, prefixed
+from onebot_control.simulation import SceneBodies, Twist
+from onebot_description.errors import OneBotError
 from onebot_description.model import quaternions
+from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED, OnlyPublisher
 from onebot_description.wire.cdr import NANO
-from onebot_description.wire.messages import time_message
+from onebot_description.wire.messages import time_message, transforms_message
 from onebot_description.wire.tf_message import TFMessage
 
 _DEPTH = 10  # ROS's system default
@@ -63,7 +66,8 @@ class Publishers:
             prefixed(frame, config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace)
             for frame in (config.odom_frame_id, config.base_frame_id or robot.description.root_link)
         )
-        self.odom_frame, self._world = odom, config.world_frame_id
+        self.odom_frame, self._world = odom, robot.world_frame
+        self._among = robot.plant.scene is not None  # what stops and tilts it
         self._stamp = Time()  # one for all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
         self._constant = any(config.pose_covariance_diagonal)
@@ -72,10 +76,13 @@ class Publishers:
         self._truth_message = self._odometry(self._world or odom, base)
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
+        self._origin_transform = TransformStamped(child_frame_id=odom)
+        self._origin_message = TFMessage(transforms=[self._origin_transform])
         self._limited_message = TwistStamped()
         self._joint_message = JointState(name=robot.broadcaster.names)
         for message, frame in (
             (self._transform, odom),
+            (self._origin_transform, self._world),
             (self._limited_message, base),
             (self._joint_message, robot.broadcaster.frame_id),
         ):
@@ -83,6 +90,13 @@ class Publishers:
         self._advertise(config.publish_limited_velocity)
         self._due = Divider(config.publish_rate, config.update_rate)
         self._origin: PlanarPose | None = None
+
+    @property
+    def frames(self) -> set[str]:
+        """All frames of the robot."""
+        config, names = self._robot.config, self._robot.description.link_names
+        prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace
+        return {self.odom_frame, *(prefixed(name, *prefix) for name in names)}
 
     def _advertise(self, limited: bool) -> None:
         """Have a topic for the limited command, or none."""
@@ -121,7 +135,7 @@ class Publishers:
             self._limited.publish(self._limited_message)
         if self._due.due():
             self._publish_odometry(snapshot)
-        if robot.odom_in_world != self._origin:
+        if not self._among and robot.odom_in_world != self._origin:
             self._publish_origin(stamp_ns)
 
     def _publish_odometry(self, snapshot: Snapshot) -> None:
@@ -129,6 +143,8 @@ class Publishers:
         if self._robot.config.enable_odom_tf:
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
+        if self._among:
+            self._publish_true_origin(snapshot)
         _fill_pose(self._odom_message.pose.pose, pose)
         if not self._constant:
             _fill_covariance(self._odom_message.pose.covariance, snapshot.covariance)
@@ -155,6 +171,89 @@ class Publishers:
             message.header.stamp = time_message(stamp_ns)
             _fill_transform(message.transform, _transform_values(self._origin))
             self._tf_static.publish(TFMessage(transforms=[message]))
+
+    def _publish_true_origin(self, snapshot: Snapshot) -> None:
+        """Publish where the odometry's zero is for the robot to be where it really is.
+
+        At a wall wheels slip, and a ramp tilts the robot: neither is in its odometry.
+        """
+        (x, y, z), (a, b, c, d) = (
+            snapshot.pose.translation.tolist(),
+            snapshot.pose.rotation.tolist(),
+        )
+        odometry = snapshot.odometry
+        back = inverse(((odometry.x, odometry.y, 0.0), about_z(odometry.yaw)))
+        at, turn = compose(((x, y, z), (a, b, c, d)), back)
+        _fill_transform(self._origin_transform.transform, (*at, *turn))
+        self._tf.publish(self._origin_message)
+
+
+class ScenePublisher:
+    """Publishes what stands around the robots of a world, once for all of them.
+
+    The frames of its links are their names; the root link's may be the world's frame itself.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        scene: SceneBodies,
+        world_frame: str,
+        others: Collection[str],
+        rate: Divider,
+    ) -> None:
+        """Announce the topics, and publish the description.
+
+        Args:
+            node: publishes.
+            scene: the bodies.
+            world_frame: in which their poses are.
+            others: the frames of the robots.
+            rate: of the poses of what can be pushed.
+
+        Raises:
+            OneBotError: a link has the name of another frame.
+        """
+        for link in scene.description.links:
+            is_root = link.name == scene.description.root_link
+            if link.name in others or (link.name == world_frame and not is_root):
+                raise OneBotError(
+                    f'{link.where}: link "{link.name}": a frame of the robot, or of the world, has '
+                    "this name; rename the link"
+                )
+        self._scene, self._world, self._rate = scene, world_frame, rate
+        self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
+        self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self._description = node.create_publisher(String, "/world_description", LATCHED)
+        self._description.publish(String(data=scene.description.urdf))
+        self._stamp = Time()
+        self._transforms = [TransformStamped(child_frame_id=link) for link in scene.links]
+        for transform in self._transforms:
+            transform.header.frame_id, transform.header.stamp = world_frame, self._stamp
+        self._message = TFMessage(transforms=self._transforms)
+        self._announced = False
+
+    def publish(self, stamp_ns: int) -> None:
+        """Publish the poses if they are due; call it in each control cycle."""
+        if not self._announced:
+            self._announced = True
+            self._tf_static.publish(self._static(stamp_ns))
+        if not self._rate.due() or not self._transforms:
+            return
+        self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
+        for transform, (at, turn) in zip(self._transforms, self._scene.poses, strict=True):
+            _fill_transform(transform.transform, (*at, *turn))
+        self._tf.publish(self._message)
+
+    def _static(self, stamp_ns: int) -> TFMessage:
+        description = self._scene.description
+        joints = JointArrays.of([each for each in description.joints if each.kind == "fixed"])
+        parents, children, values = list(joints.parents), list(joints.children), joints.constant
+        if description.root_link != self._world:
+            parents.append(self._world)
+            children.append(description.root_link)
+            values = np.vstack([values, _transform_values(PlanarPose())])
+        return transforms_message(time_message(stamp_ns), parents, children, values)
 
 
 def _transform_values(pose: PlanarPose) -> tuple[float, ...]:

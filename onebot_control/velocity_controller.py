@@ -24,8 +24,11 @@ Publishes (reliable, depth 10, unless noted):
     ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate; the covariance of
         the pose grows with the distance, unless pose_covariance_diagonal is given.
     ~/ground_truth (nav_msgs/msg/Odometry): the true ones, with ~/odom.
-    /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom.
-    /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id.
+    /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom; in a world also
+        world_frame_id -> odom_frame_id, by the truth, and the boxes that can be pushed.
+    /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id; in a
+        world instead its links that stand still.
+    /world_description (std_msgs/msg/String, transient local): the URDF of the world, if any.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
         publish_limited_velocity; else there is no such topic.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
@@ -33,25 +36,29 @@ Publishes (reliable, depth 10, unless noted):
         are the system's, and there is no /clock.
 
 Services:
-    ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command.
+    ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command; the
+        boxes of the world go back, too, unless a robot is in their place.
     ~/reset_odometry (std_srvs/srv/Trigger): odometry zero here and now.
     ~/pause (std_srvs/srv/SetBool): true stops simulated time, false lets it go on.
     ~/step (std_srvs/srv/Trigger): one control cycle of a paused simulation.
 Of several robots in one world, ~/pause and ~/step of any are all robots', and so is
-real_time_factor, which changes for all; update_rate and use_sim_time must be the same for all.
+real_time_factor, which changes for all; update_rate, use_sim_time and world must be the same.
 
 Parameters: those of diff_drive_controller, and (* is read at the start only)
     cmd_vel_type (string, default auto): Twist, TwistStamped, or auto: the one that is published.
     robot_description* (string, default ""): the URDF to start with, before one is published, or the
         path of a URDF or xacro file.
     x*, y* (double, m), yaw* (double, rad; default 0.0): where the robot starts in the world.
+    world* (string, default ""): what stands around the robot: maze, ramp, or the path of a URDF or
+        xacro file with walls, ramps and boxes.
     update_rate* (double or integer, Hz, default 100): control cycles, 0.001 to 1000;
         controller_manager's.
     left_wheel_noise, right_wheel_noise (double, m, default 0.005): standard deviation of a distance
         of 1 m by these wheels; it grows with the root of the distance.
     real_time_factor (double, default 1.0): simulated seconds a second; 0.0 is as fast as possible.
     world_frame_id (string, default world): frame of ~/ground_truth and parent of odom_frame_id;
-        empty gives the truth in the odometry's frame and leaves odom_frame_id without parent.
+        empty gives the truth in the odometry's frame and leaves odom_frame_id without parent, but
+        is world where there is one.
     joint_state_broadcaster.joints, .interfaces, .extra_joints (string[]), .frame_id (string,
         default base_link): joint_state_broadcaster's.
 left_wheel_names* and right_wheel_names* are found in the URDF where they are empty, the default;

@@ -17,9 +17,11 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -33,12 +35,14 @@ from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")
 MakeNode = Callable[[], Node | Sequence[Node]]
+InvalidHandle = rclpy_implementation.InvalidHandle
 
 # For those who subscribe later than it was published: the description, a page's address.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600  # seconds
+_TAKE_MISSED = 1.0  # seconds between looking for new subscriptions
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
@@ -108,6 +112,8 @@ def _spin_node(make_node: MakeNode, stop: Future, signals: StopSignals, events: 
         executor = _make_executor(events)
         for node in nodes:
             executor.add_node(node)
+            if events:
+                MissedMessages(node)
         _spin_until(stop, executor)
     finally:
         for node in nodes:
@@ -124,6 +130,42 @@ def _make_executor(events: bool) -> Executor:
 
         return EventsExecutor()
     return SingleThreadedExecutor()
+
+
+class MissedMessages:
+    """Takes what was received while a latched subscription was added to the events executor.
+
+    rmw_fastrtps first counts what has been received and then asks to be notified of more. What
+    comes in between stays until the next message, and of a latched topic there may be no other.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Look after each new subscription of ``node`` once, when it has been there for a while."""
+        self._node = node
+        self._new: set[Subscription] = set()
+        self._done: set[Subscription] = set()
+        # Not ROS time: it may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_TAKE_MISSED, self._take_missed, clock=steady)
+
+    def _take_missed(self) -> None:
+        subscriptions = {each for each in self._node.subscriptions if _is_latched(each)}
+        due = self._new & subscriptions
+        self._done = self._done & subscriptions | due
+        self._new = subscriptions - self._done
+        for subscription in due:
+            _take_all(subscription)
+
+
+def _is_latched(subscription: Subscription) -> bool:
+    return bool(subscription.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def _take_all(subscription: Subscription) -> None:
+    """Call the subscription's callback with all that it has received."""
+    with suppress(InvalidHandle), subscription.handle:
+        while taken := subscription.handle.take_message(subscription.msg_type, subscription.raw):
+            subscription.callback(taken[0])
 
 
 def _spin_until(stop: Future, executor: Executor) -> None:

@@ -20,16 +20,24 @@ DRAWING_PATIENCE = 600.0
 _FLAGS = (
     "--headless=new --no-sandbox --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --use-angle=swiftshader "
-    "--enable-unsafe-swiftshader --disable-dev-shm-usage --window-size=1280,800"
+    "--enable-unsafe-swiftshader --disable-dev-shm-usage"
 )
+# Of a window, in pixels: what a page draws in software takes as long as it has pixels.
+SMALL = (800, 640)
 
 
 @contextmanager
-def browser(profile: Path) -> Iterator[webdriver.Chrome]:
-    """Start Chromium with an empty profile; skip where it is missing, but fail in CI."""
+def browser(profile: Path, size: tuple[int, int] = (1280, 800)) -> Iterator[webdriver.Chrome]:
+    """Start Chromium with an empty profile; skip where it is missing, but fail in CI.
+
+    Args:
+        profile: a folder of its own.
+        size: of the window, in pixels.
+    """
     options = webdriver.ChromeOptions()
     options.binary_location = require_program("chromium")
-    for flag in [*_FLAGS.split(), f"--user-data-dir={profile}"]:
+    width, height = size
+    for flag in (*_FLAGS.split(), f"--user-data-dir={profile}", f"--window-size={width},{height}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"performance": "ALL"})
     driver = webdriver.Chrome(

@@ -84,7 +84,7 @@ def test_velocity_controller(start_node: Callable[..., Node]) -> None:
     node = start_node(lambda: velocity_controllers((), str(ONEBOT), arguments)[0], x=1)
     found = described(node)
     read_only = {name for name, one in found.items() if one.read_only}
-    names = {"left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"}
+    names = {"left_wheel_names", "right_wheel_names", "robot_description", "world", "x", "y", "yaw"}
     assert read_only == {*names, "update_rate"}
     assert float_range(found["publish_rate"]) == (0.0, 10_000.0)
     (window,) = found["velocity_rolling_window_size"].integer_range

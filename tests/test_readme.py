@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from tests import readme
 from tests.readme import CHECKOUT
 from tests.ros_support import Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 from tests.support_rendering import require_renderer
 
 TEXTS = {
@@ -92,7 +92,7 @@ def _lay_out_checkout(folder):
 
 def _run(command, tmp_path):
     if readme.BRINGUP.search(command):
-        code, output = readme.run_until_up(command, tmp_path, timeout=120)
+        code, output = readme.run_until_up(command, tmp_path, timeout=PATIENCE)
         assert "Traceback" not in output
         assert code == 0
         return
@@ -113,7 +113,7 @@ def test_commands_beside_a_running_robot(robot, block, ros_domain, tmp_path):
     """In a second terminal, each ends with exit code 0, or runs until Ctrl-C and then does."""
     _lay_out_checkout(tmp_path)
     with RunningCommand(f"exec {robot}", tmp_path) as running:
-        wait_for(lambda: readme.is_up(robot, running.output), "the robot", timeout=120)
+        wait_for(lambda: readme.is_up(robot, running.output), "the robot")
         for command in block.splitlines():
             [printed] = [text for kind, text in ENDLESS.items() if re.search(kind, command)] or [""]
             if printed:
@@ -133,7 +133,7 @@ def test_your_own_robot_drives(ros_domain, tmp_path):
     with Peer(ros_domain) as peer, RunningCommand(block, tmp_path) as running:
         truth = peer.hear(Odometry, "/velocity_controller/ground_truth")
         odometry = peer.hear(Odometry, "/velocity_controller/odom")
-        wait_for(lambda: "driving robot" in running.output, "the robot", timeout=120)
+        wait_for(lambda: "driving robot" in running.output, "the robot")
         command = peer.publisher(Twist, "/velocity_controller/cmd_vel")
         twist = Twist()
         twist.linear.x = 0.2
@@ -142,7 +142,7 @@ def test_your_own_robot_drives(ros_domain, tmp_path):
             command.publish(twist)
             return truth and truth[-1].pose.pose.position.x > 0.5
 
-        wait_for(has_driven, "half a metre", timeout=120)
+        wait_for(has_driven, "half a metre")
         assert abs(truth[-1].pose.pose.position.y) < 0.01
         wait_for(lambda: odometry[-1].pose.pose.position.x > 0.5, "the odometry")
         wait_for(lambda: "[steering_page]" in running.output, "the steering page")
@@ -171,7 +171,7 @@ class RunningCommand:
 
     def __exit__(self, *_):
         os.killpg(self.process.pid, signal.SIGINT)
-        assert self.process.wait(30) == 0, self.output
+        assert self.process.wait(PATIENCE) == 0, self.output
         assert "Traceback" not in self.output
 
 

@@ -30,7 +30,7 @@ from onebot_description.description import load_description
 from tests.benchmarks.registry import BENCHMARKS
 from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 JOINTS = ("constant", "sine", "keyframes", "posed_keyframes", "pose", "follower", "free")
 MANY_JOINTS = '<robot name="many"><link name="base"/>{}</robot>'.format(
@@ -163,7 +163,7 @@ NODES = (
     ),
     Documented(
         "onebot_control.velocity_controller",
-        most={"publish_limited_velocity": True, "real_time_factor": 2.0},
+        most={"publish_limited_velocity": True, "real_time_factor": 2.0, "world": "maze"},
         description=ONEBOT,
     ),
     Documented(
@@ -287,7 +287,7 @@ def _live(ask: Any, node: str) -> dict[str, list[str]]:
 def _settled(ask: Any, names: set[str]) -> Any:
     """What there is, as soon as it is what it should be, or after a long time."""
     with suppress(AssertionError):
-        wait_for(lambda: set(ask()) == names, "the topics", timeout=30)
+        wait_for(lambda: set(ask()) == names, "the topics")
     return ask()
 
 
@@ -336,7 +336,7 @@ def _parameters(peer: Peer, node: str) -> dict[str, tuple[str, Any]]:
 
 def _call(peer: Peer, kind: Any, name: str, request: Any) -> Any:
     client = peer.node.create_client(kind, name)
-    assert client.wait_for_service(60.0), name
+    assert client.wait_for_service(PATIENCE), name
     future = client.call_async(request)
     wait_for(future.done, name)
     peer.node.destroy_client(client)

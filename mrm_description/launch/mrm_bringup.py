@@ -4,7 +4,7 @@
 import sys
 from collections.abc import Sequence
 
-from onebot_bringup.cli.main import run_command, start_process
+from onebot_bringup.cli.main import run_bringup
 
 TYPE_CHECKING = False  # as in typing, which is slow to import
 if TYPE_CHECKING:
@@ -28,17 +28,7 @@ def command() -> "Bringup":
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Bring MRM up until Ctrl-C; ``mrm_bringup --help`` lists the arguments."""
-    words = sys.argv[1:] if argv is None else argv
-    if argv is None:
-        start_process(interrupted=0)
-
-    def launch() -> int:
-        # Here, where Ctrl-C is already answered: importing takes a moment.
-        from onebot_bringup.launch.bringup import bring_up
-
-        return bring_up(command(), words)
-
-    return run_command(launch, see="mrm_bringup --help", interrupted=0)
+    return run_bringup(command, "mrm_bringup", argv)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Shows a bag in Rerun as the live viewer would have shown it, all of its time at once."""
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -13,6 +13,7 @@ from onebot_bringup.bags.reader import Bag, BagMessage
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
@@ -31,7 +32,7 @@ Log = Callable[[str], None]
 class Shown:
     """What of a recording is shown."""
 
-    robot: str  # its name; "" where the recording has no description
+    robot: str  # the first one's name; "" where the recording has no description
     messages: int  # that could be shown
     seconds: float  # from the first to the last of them
 
@@ -48,7 +49,7 @@ def log_bag(
     progress: Log = print,
     warn: Log = print,
 ) -> Shown:
-    """Log all that ``bag`` holds of a robot.
+    """Log all that ``bag`` holds of its robots.
 
     Args:
         bag: the recording.
@@ -57,7 +58,7 @@ def log_bag(
             installed.
         fixed_frame: the frame to show everything in; "" for the view's.
         frame_prefix: put before link names to get their frames; "" to find it out.
-        namespace: of the robot to show; "" for the first.
+        namespace: of the robot to show; "" for all.
         from_start: the viewer plays it from its beginning; False: it shows its end.
         progress: called with how far it is, when that takes over two seconds.
         warn: called with what cannot be shown, and with damage of the recording.
@@ -65,27 +66,27 @@ def log_bag(
     Raises:
         OneBotError: there is nothing to show in it or in the namespace, or the view is wrong.
     """
-    names = RobotTopics(bag, namespace)
+    recorded = robots_of(bag, namespace)
+    names = recorded[0]
     if not names.of_robot:
         raise OneBotError(
             f"{bag.source} holds nothing of a robot: no description, transforms or joint states "
             f"(topics: {listing(bag.topics)})"
         )
-    if len(names.spaces) > 1 and not namespace:
-        there = listing([space or "/" for space in names.spaces])
-        warn(
-            f"several robots are recorded, in {there}: showing that in {names.space or '/'} "
-            "(namespace:= chooses)"
-        )
+    if len(recorded) > 1:
+        there = listing([each.space or "/" for each in recorded])
+        if frame_prefix:
+            raise OneBotError(
+                f"frame_prefix:={frame_prefix} is one robot's, and several are recorded, in "
+                f"{there}: choose one by namespace:="
+            )
+        progress(f"showing the robots in {there}; namespace:= chooses one")
     elif not names.descriptions:
         warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the frames without the robot")
-    robot = robot_of(bag, names)
-    if robot is not None and not frame_prefix:
-        frames = frames_of(bag, names)
-        frame_prefix = frame_prefix_of(robot.root_link, robot.link_names, frames, names.space)
+    known = descriptions_in(bag, [topic for each in recorded for topic in each.descriptions[:1]])
     source = ViewSource("" if view is None else str(view))
-    if robot is not None:
-        source.set_robot(robot.robot_name)
+    if known:
+        source.set_robot(next(iter(known.values())).robot_name)
     config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
     for sentence in bag.warnings:
         warn(sentence)
@@ -95,7 +96,7 @@ def log_bag(
         stream,
         config,
         blueprint=source.blueprint_file,
-        frame_prefix=frame_prefix,
+        robots=_named_robots(bag, recorded, known, frame_prefix),
         resolve=names.resolved,
         clock=lambda: player.now_ns / 1e9,
         report=player.report,
@@ -197,12 +198,48 @@ class RobotTopics:
         return name if name.startswith("/") else f"{self.space}/{name}"
 
 
-def robot_of(bag: Bag, names: RobotTopics) -> Description | None:
-    """Return the robot by its first description, if that can be read."""
-    for message in bag.messages(names.descriptions[:1]):
-        with suppress(OneBotError, ValueError):  # it is reported when it is shown
-            return parse_description(_text(message), _DESCRIPTION_NAME)
-    return None
+def robots_of(bag: Bag, namespace: str = "") -> list[RobotTopics]:
+    """Return the robot in ``namespace``, or all, the first one of none if there is no description.
+
+    Raises:
+        OneBotError: there is none in the namespace.
+    """
+    first = RobotTopics(bag, namespace)
+    if namespace or len(first.spaces) < 2:
+        return [first]
+    return [RobotTopics(bag, space or "/") for space in first.spaces]
+
+
+def _named_robots(
+    bag: Bag,
+    recorded: Sequence[RobotTopics],
+    known: Mapping[str, Description],
+    frame_prefix: str,
+) -> list[RobotToShow]:
+    """Return the names of the robots; the prefixes of their frames are found out, if not given."""
+    frames = set() if frame_prefix or not known else frames_of(bag, recorded[0])
+    found: list[RobotToShow] = []
+    for each in recorded:
+        robot = known.get(each.descriptions[0]) if each.descriptions else None
+        prefix = frame_prefix
+        if robot is not None and not prefix:
+            prefix = frame_prefix_of(robot.root_link, robot.link_names, frames, each.space)
+        # Of one alone, names.resolved knows where its joint states are.
+        space = each.space if len(recorded) > 1 else ""
+        found.append(RobotToShow(space, prefix, plotted=len(found) < MOST_PLOTTED))
+    return found
+
+
+def descriptions_in(bag: Bag, topics: Collection[str]) -> dict[str, Description]:
+    """Return the first description on each of these topics that can be read."""
+    found: dict[str, Description] = {}
+    for message in bag.messages(topics) if topics else ():
+        if message.topic not in found:
+            with suppress(OneBotError, ValueError):  # it is reported when it is shown
+                found[message.topic] = parse_description(_text(message), _DESCRIPTION_NAME)
+        if len(found) == len(topics):
+            break
+    return {topic: found[topic] for topic in topics if topic in found}
 
 
 def frames_of(bag: Bag, names: RobotTopics) -> set[str]:

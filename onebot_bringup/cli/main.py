@@ -13,6 +13,10 @@ from collections.abc import Callable, Sequence
 
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
 
+TYPE_CHECKING = False  # as in typing, which is slow to import
+if TYPE_CHECKING:
+    from onebot_bringup.launch.bringup import Bringup
+
 USAGE = 2
 INTERRUPTED = 128 + 2  # as shells report SIGINT
 PIPE_CLOSED = 128 + 13  # as shells report SIGPIPE
@@ -117,6 +121,26 @@ def run_command(
         # Python would flush stdout again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return PIPE_CLOSED
+
+
+def run_bringup(command: "Callable[[], Bringup]", program: str, argv: Sequence[str] | None) -> int:
+    """Run a bringup command until Ctrl-C and return its exit code.
+
+    Args:
+        command: called when Ctrl-C is already handled: what it imports takes a moment.
+        program: its name.
+        argv: its arguments; None for those of this process, which is prepared first.
+    """
+    words = sys.argv[1:] if argv is None else argv
+    if argv is None:
+        start_process(interrupted=0)
+
+    def launch() -> int:
+        from onebot_bringup.launch.bringup import bring_up
+
+        return bring_up(command(), words)
+
+    return run_command(launch, see=f"{program} --help", interrupted=0)
 
 
 def _print_problems(error: OneBotError) -> None:

@@ -30,7 +30,7 @@ ARGUMENTS = (
     Argument("view", "", "what is shown and from where, .yaml or .rbl; empty: the robot's own"),
     Argument("fixed_frame", "", "the frame that stands still; empty: the view's"),
     Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
-    Argument("namespace", "", "of the robot to show, where several are recorded"),
+    Argument("namespace", "", "of one robot, where several are recorded; empty: all"),
     port("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),
     port("web_port", "9090", "of the page on 127.0.0.1; 0: any"),
     Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),

@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from onebot_bringup.cli.param import frame_prefix
+from onebot_bringup.cli.robots import description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.introspection.message_senders import publishers
@@ -26,10 +27,12 @@ from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.pictures import Framing, UnreadableError, render
-from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
+from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_source import ViewSource
+from onebot_control.poses import prefixed
 from onebot_description.description import Description
 from onebot_description.description.description import Mesh
 from onebot_description.errors import OneBotError, listing
@@ -103,15 +106,16 @@ def _draw_running(args: Namespace, scene: Path) -> None:
 
 
 def _record_running(args: Namespace, session: Session, scene: Path) -> "RunningViewer | None":
-    """Record the robot as it is now; return a viewer in its place, which has its trails as well."""
+    """Record the robots as they are now; or return a viewer, which has their trails as well."""
     recording = open_recording(save=scene)
     try:
-        prefix = args.frame_prefix or _published_prefix(session)
-        robot = RunningRobot(session, args.view, recording.stream, prefix)
-        robot.await_description()
+        shown = RunningRobots(
+            session, args.view, recording.stream, running_robots(session, args.frame_prefix)
+        )
+        shown.await_descriptions()
         viewer = None if args.view or args.frame_prefix else find_viewer(session)
         if viewer is None:
-            _warn_of(robot.record())
+            _warn_of(shown.record())
         return viewer
     finally:
         recording.close()
@@ -132,17 +136,20 @@ def _warn_of(messages: Sequence[str]) -> None:
 
 # --- the running robot --------------------------------------------------------------------------
 
-_DESCRIPTION_TOPIC = "robot_description"
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
 _LISTED = 5
 
 
-class RunningRobot:
-    """Shows a running robot until all of its links have a transform."""
+class RunningRobots:
+    """Shows running robots until all of their links have a transform."""
 
     def __init__(
-        self, session: Session, view: str, recording: "rr.RecordingStream", frame_prefix: str
+        self,
+        session: Session,
+        view: str,
+        recording: "rr.RecordingStream",
+        robots: Sequence[RobotToShow],
     ) -> None:
         """Subscribe, relative to the session's namespace.
 
@@ -150,19 +157,19 @@ class RunningRobot:
             session: whose node subscribes.
             view: as for ``ViewSource``.
             recording: where to log.
-            frame_prefix: put before link names to get their frames.
+            robots: those to show.
 
         Raises:
             OneBotError: there is no such view, or it is wrong.
         """
         self._session = session
-        self._prefix = frame_prefix
+        self._robots = robots
         self._source = ViewSource(view)
         self._view = RobotView(
             recording,
             self._source.view,
             blueprint=self._source.blueprint_file,
-            frame_prefix=frame_prefix,
+            robots=robots,
             resolve=session.node.resolve_topic_name,
             report=self._report,
         )
@@ -173,15 +180,15 @@ class RunningRobot:
         self._topics.set_topics(self._view.topics)
 
     def record(self) -> list[str]:
-        """Log the robot as it is now.
+        """Log the robots as they are now.
 
         Returns:
             What could not be drawn, a sentence each.
 
         Raises:
-            OneBotError: there is no robot, it is broken, or links have no transform.
+            OneBotError: there is no robot, one is broken, or links have no transform.
         """
-        robot = self.await_description()
+        robot = self.await_descriptions()
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
             self._topics.set_topics(self._view.topics)
@@ -202,19 +209,19 @@ class RunningRobot:
         warnings = self._view.tick(now_ns)
         self._warnings += warnings if self._view.robot is not None else []
 
-    def await_description(self) -> Description:
-        """Return the description that is published.
+    def await_descriptions(self) -> Description:
+        """Return the first robot's description, once those of all have come.
 
         Raises:
-            OneBotError: there is none, or it is broken.
+            OneBotError: there is none, or one is broken.
         """
 
         def found() -> bool:
             self._tick()
-            return self._view.robot is not None or self._broken is not None
+            return len(self._view.robots) == len(self._robots) or self._broken is not None
 
         _look_for_robot(self._session, found)
-        if self._view.robot is None:
+        if self._view.robot is None or len(self._view.robots) < len(self._robots):
             assert self._broken is not None
             raise self._broken
         return self._view.robot
@@ -222,7 +229,8 @@ class RunningRobot:
     def _await_frames(self, robot: Description) -> None:
         def complete() -> bool:
             self._tick()
-            return not self._view.missing and self._view.has_fixed_frame
+            lacking = self._lacks_world() or self._view.missing
+            return not lacking and self._view.has_fixed_frame
 
         if not self._session.spin(complete, PATIENCE):
             missing = self._view.missing or [self._source.view.fixed_frame]
@@ -231,9 +239,17 @@ class RunningRobot:
         if self._view.missing:
             raise OneBotError(self._hint(robot, self._view.missing))
 
+    def _lacks_world(self) -> bool:
+        """Whether the description of the world around the robots is published, but has not come."""
+        published = self._session.node.count_publishers(WORLD_DESCRIPTION)
+        return bool(published) and WORLD_DESCRIPTION not in self._received
+
     def _hint(self, robot: Description, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
         frames = self._view.frames.names
+        if len(self._robots) > 1:
+            return f"{text} (frames received: {listing(frames)})"
+        [names] = self._robots
         if not frames:
             return (
                 f"{text}: nothing on /tf and /tf_static; robot_state_publisher publishes them, "
@@ -242,29 +258,45 @@ class RunningRobot:
         prefixes = {
             name[: -len(robot.root_link)]
             for name in frames
-            if name.endswith(robot.root_link) and name != self._prefix + robot.root_link
+            if name.endswith(robot.root_link) and name != names.frame_prefix + robot.root_link
         }
         if prefixes and len(missing) >= len(robot.link_names) - 1:
             return f"{text}; try --frame-prefix {listing(prefixes)}"
-        joints = self._session.full_name("joint_states")
+        joints = self._session.full_name(names.topic("joint_states"))
         if joints not in self._received:
             return f"{text}: nothing on {joints}, so the joints' positions are not known"
         return f"{text} (frames received: {listing(frames)})"
 
 
-def _published_prefix(session: Session) -> str:
-    """Return the prefix of the frames, as the node that publishes the description has it.
+def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
+    """Return the robots that run in the session's namespace and below.
+
+    Args:
+        session: whose node discovers them.
+        prefix: of the frames of one robot; "" for the one that its publisher has.
 
     Raises:
-        OneBotError: none publishes it.
+        OneBotError: there is none; or there are several, and one prefix.
     """
-    topic = session.full_name(_DESCRIPTION_TOPIC)
-    nodes = _look_for_robot(session, lambda: publishers(session.node, topic))
-    found = frame_prefix(session, nodes.values())
-    if found is None:  # a foreign node; the robot's own may not be discovered yet
-        session.discover()
-        found = frame_prefix(session, publishers(session.node, topic).values())
-    return found or ""
+    own = session.node.get_namespace().rstrip("/")
+    topics = _look_for_robot(session, lambda: description_topics(session, own))
+    session.discover()
+    topics = description_topics(session, own) or topics
+    if prefix and len(topics) > 1:
+        spaces = [topic.rpartition("/")[0] or "/" for topic in topics]
+        raise OneBotError(
+            f"--frame-prefix is one robot's, and several run, in {listing(spaces)}: choose one by "
+            "--ros-args -r __ns:=NAMESPACE"
+        )
+    found = []
+    for topic in topics:
+        space, of_robot = topic.rpartition("/")[0], prefix
+        if not prefix:
+            published = frame_prefix(session, publishers(session.node, topic).values())
+            # Of several robots each has another one.
+            of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
+        found.append(RobotToShow(space, of_robot))
+    return found
 
 
 def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
@@ -273,7 +305,7 @@ def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
     Raises:
         OneBotError: it is not; the message has where there are robots.
     """
-    topic = session.full_name(_DESCRIPTION_TOPIC)
+    topic = session.full_name(ROBOT_DESCRIPTION)
     value = session.look_for(found, f"a robot on {topic}")
     if not value:
         raise OneBotError(
@@ -285,11 +317,7 @@ def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
 
 def _elsewhere(session: Session) -> str:
     """Where descriptions are published, if in other namespaces."""
-    there = [
-        name
-        for name, _ in session.topics()
-        if name.endswith(f"/{_DESCRIPTION_TOPIC}") and session.node.count_publishers(name)
-    ]
+    there = description_topics(session)
     if not there:
         return ""
     space = there[0].rpartition("/")[0] or "/"
@@ -372,7 +400,7 @@ def record_pose(
         header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
     )
     for topic, kind, data in (
-        (_DESCRIPTION_TOPIC, DESCRIPTION, serialize_message(String(data=description.urdf))),
+        (ROBOT_DESCRIPTION, DESCRIPTION, serialize_message(String(data=description.urdf))),
         ("/tf_static", TF, _tf_message(model.fixed, model.fixed.constant)),
         ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
         ("joint_states", JOINT_STATE, serialize_message(joints)),
@@ -393,7 +421,7 @@ def _record_description(args: Namespace, recording: "rr.RecordingStream") -> Non
     positions = pose_of(RobotModel.from_description(description), description, args.joints)
     warnings = record_pose(description, positions, args.view, recording)
     # What is wrong with the text itself was reported with the lines of its file.
-    _warn_of([text for text in warnings if not text.startswith(f"{_DESCRIPTION_TOPIC}:")])
+    _warn_of([text for text in warnings if not text.startswith(f"{ROBOT_DESCRIPTION}:")])
 
 
 def _mesh_problems(description: Description) -> tuple[str, ...]:

@@ -58,10 +58,10 @@ def check_picture(png: Path) -> None:
 # --- the command line -----------------------------------------------------------------------------
 
 _SUMMARY = """\
-draw a robot into a PNG file, without any display: the running robot as it is now; or with
+draw robots into a PNG file, without any display: those that run, as they are now; or with
 SOURCE, a URDF or xacro file at given joint positions, or the end of a recording (.rrd, .mcap, or a
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
-messages, namespace:= chooses the robot, where several are recorded. package_path:= holds the
+messages, namespace:= chooses one robot, where several are recorded. package_path:= holds the
 folders, joined by :, in which ROS packages are looked for first"""
 NAMESPACE = "namespace"  # the one argument of a bag
 _WIDTH, _HEIGHT = 1280, 720

@@ -11,7 +11,7 @@ from onebot_bringup.cli.options import Parser, count, not_negative, positive
 from onebot_bringup.cli.session import Session
 from onebot_bringup.introspection.domains import claimed_domain
 from onebot_bringup.introspection.shared_memory import remove_stale_in_background
-from onebot_bringup.soak.faults import FAULTS, GENTLE, possible, shuffled
+from onebot_bringup.soak.faults import FAULTS, GENTLE, NETWORK, possible, shuffled
 from onebot_bringup.soak.network import enter_own_network
 from onebot_bringup.soak.watch import Limits, Watch, clock
 from onebot_bringup.soak.watched_bringup import WatchedBringup
@@ -61,7 +61,7 @@ def _soak(robot: WatchedBringup, args: argparse.Namespace, own_network: bool) ->
     injected = 0
     try:
         robot.start()
-        names = possible(args.fault or FAULTS, robot.nodes, own_network)
+        names = possible(args.fault or FAULTS, [*robot.nodes, *[NETWORK] * own_network])
         robot.report(f"faults: {', '.join(sorted(names))}")
         chance = random.Random(args.seed)
         gentle = shuffled(names & set(GENTLE) or names, chance)
@@ -69,11 +69,14 @@ def _soak(robot: WatchedBringup, args: argparse.Namespace, own_network: bool) ->
         seconds = 60.0 * args.minutes
         began, reported = robot.now, robot.now
         while (passed := robot.now - began) < seconds:
+            known = len(robot.watch.findings)
             robot.run_for(min(args.every, seconds - passed))
             harsh = args.fault or passed > _GENTLE * seconds
             if names:
                 _inject(robot, next(everything if harsh else gentle))
                 injected += 1
+            for finding in list(robot.watch.findings.values())[known:]:
+                robot.report(f"found at {finding}")
             if robot.now - reported > _PROGRESS:
                 reported = robot.now
                 robot.report(f"of {clock(seconds)}: {_progress(robot, injected)}")
@@ -81,19 +84,17 @@ def _soak(robot: WatchedBringup, args: argparse.Namespace, own_network: bool) ->
         print("stopping; the verdict so far:", flush=True)
     except OneBotError as error:
         robot.find(str(error))
-    robot.stop()
+    finally:
+        robot.stop()
     robot.watch.judge_growth()
     remove_stale_in_background().join(1.0)
     return injected
 
 
 def _inject(robot: WatchedBringup, name: str) -> None:
-    """Inject a fault and print what came of it."""
-    before = robot.watch.count
-    began = robot.now
-    FAULTS[name](robot)
-    found = robot.watch.count - before
-    result = f"{found} findings" if found else "ok"
+    before, began = robot.watch.count, robot.now
+    FAULTS[name].inject(robot)
+    result = "ok" if robot.watch.count == before else "not as it should be"
     robot.report(f"{name} ({robot.now - began:.0f} s): {result}")
 
 

@@ -235,8 +235,18 @@ _MAX_FREQUENCY = 1000  # Hz
 _CYCLES = 0.001, 1000.0  # of the controller, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
+_WORLDS = "maze, ramp, or a URDF or xacro file with walls and boxes"
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
+# What does not go together with robots:=, and why.
+_PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
+_MOVED = "the simulation moves the joints of robots:="
+_NOT_OF_SEVERAL = {
+    **dict.fromkeys(("x", "y", "yaw"), _PLACED),
+    **dict.fromkeys(("joints", "joint_states"), _MOVED),
+    "frame_prefix": "the frames of each robot begin with its namespace",
+    "reload": "edits of the model are not applied to several robots",
+}
 
 
 def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
@@ -313,6 +323,12 @@ def simulation_arguments(control: str) -> list[Argument]:
     """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
     return [
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints instead"),
+        Argument(
+            "robots",
+            "",
+            "several robots in one world: how many, placed in rows, or a YAML file with their "
+            "names and places",
+        ),
         switch("steer", False, "a page to steer it from, beside its view"),
         Argument("host", _LOOPBACK, "where that page is served; 0.0.0.0: to other computers, too"),
         port("port", "8080", "of that page; 0: any"),
@@ -323,6 +339,7 @@ def simulation_arguments(control: str) -> list[Argument]:
         number("x", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("y", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("yaw", "", f"where it faces at the start, radians; {_AS_IN_FILE}"),
+        Argument("world", "", f"what stands around it: {_WORLDS}; empty: nothing"),
         number("rate", "", f"control cycles a second, Hz; {_AS_IN_FILE}", *_CYCLES),
     ]
 
@@ -344,8 +361,23 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
     if bool(values.get("left_wheel")) != bool(values.get("right_wheel")):
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
+    if values.get("robots"):
+        _check_robots(values, given)
+    if values.get("world") and values["sim"] == "false":
+        raise UsageError(f"world:={values['world']} is for the simulation: leave out sim:=false")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:
                 raise UsageError(f"{name}:={given[name]} is the steering page's: add steer:=true")
     return values
+
+
+def _check_robots(values: Mapping[str, str], given: Mapping[str, str]) -> None:
+    """Refuse what does not go together with several robots."""
+    robots = f"robots:={values['robots']}"
+    if values["sim"] == "false":
+        raise UsageError(f"{robots} are simulated, which sim:=false is not; leave one out")
+    for name, reason in _NOT_OF_SEVERAL.items():
+        if name in given and not (name == "reload" and values["reload"] == "false"):
+            text = f"{name}:={given[name]} does not go together with {robots}"
+            raise UsageError(f"{text}: {reason}")

@@ -33,12 +33,14 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
+    from onebot_bringup.launch.robots import PlacedRobot
     from onebot_description.description import Description
 
 
 # Parameters of the controller that name the frames, and those that concern all nodes.
 _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
 _OF_ALL_NODES = (*_FRAME_PREFIX, "use_sim_time", "robot_description")
+_TURNING = ("continuous", "revolute")  # kinds of joints
 _LONG = 100_000  # bytes of a parameter file
 
 
@@ -57,6 +59,7 @@ class Bringup(NamedTuple):
     model: str = ""  # URDF or xacro file of the robot
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
+    world_view: str = ""  # likewise, for a robot in a world
     control: str = ""  # parameters of the controller; empty: the robot cannot be simulated
     takes_file: bool = False  # the model is the command's first word instead
 
@@ -94,6 +97,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
+    from onebot_description.description.worlds import load_world
     from onebot_description.description.xacro import included_files
     from onebot_description.file_watch import file_states
 
@@ -116,6 +120,12 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     before = file_states(included_files(model))
     description = load_description(model, for_xacro)
     description.require_tree()
+    robots = _placed(values.get("robots", ""), description)
+    if values.get("sim") == "true" and not robots:
+        check_wheels(description, values)
+    if values.get("world"):
+        values["world"] = load_world(values["world"]).source  # checked
+        values["view"] = own.get("view", command.world_view)
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
@@ -124,12 +134,23 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         Launcher(command.program) as launcher,
     ):
         remove_stale_in_background()
-        make = NodeFactory(Path(folder), values, description, for_xacro, arguments.ros_args, known)
+        make = NodeFactory(
+            Path(folder), values, description, for_xacro, arguments.ros_args, known, robots
+        )
         return launcher.run(
             nodes_to_start(make),
-            started_message=summary_text(description, values),
+            started_message=summary_text(description, values, robots),
             temporary=[Path(folder)],
         )
+
+
+def _placed(robots: str, description: "Description") -> list["PlacedRobot"]:
+    """Return the robots of ``robots:=``; none where there is a single one, without the argument."""
+    if not robots:
+        return []
+    from onebot_bringup.launch.robots import placed_robots  # few need it, and numpy
+
+    return placed_robots(robots, description)
 
 
 def nodes_to_start(make: NodeFactory) -> list[NodeProcess]:
@@ -146,7 +167,7 @@ def nodes_to_start(make: NodeFactory) -> list[NodeProcess]:
         nodes.append(make.rerun_viewer())
     if make.steered:
         nodes.append(make.steering_page())
-    if values["reload"] == "true":
+    if values["reload"] == "true" and not make.robots:
         nodes.append(make.description_watcher())
     return nodes
 
@@ -284,7 +305,7 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
             config = replaced(config, name, written.values[name])
     except ConfigError as error:
         raise error.located(written.places) from None
-    if frames and "frame_prefix" not in given:
+    if frames and "frame_prefix" not in given and not values.get("robots"):
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
         found["frame_prefix"] = prefixed("", enabled, prefix, space)
     if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
@@ -293,6 +314,35 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
         text = "robot_description is not used by a bringup; write model:=FILE"
         print(f"warning: {place}: {text}", file=sys.stderr)
     return found
+
+
+def check_wheels(description: "Description", values: Mapping[str, str]) -> None:
+    """Refuse a robot that cannot have wheels, or has not those that are named.
+
+    Finding the wheels takes numpy, and reading meshes: that is left to the controller, except for
+    an error that is certain without.
+
+    Args:
+        description: of the robot.
+        values: of the launch arguments.
+
+    Raises:
+        OneBotError: naming the joints that there are.
+    """
+    left, right = (
+        [each.strip() for each in values[side].split(",") if each.strip()]
+        for side in ("left_wheel", "right_wheel")
+    )
+    turning = [joint.name for joint in description.joints if joint.kind in _TURNING]
+    endless = [joint for joint in description.joints if joint.kind == "continuous"]
+    if left or right:
+        possible = {*left, *right} <= {*turning}
+    else:
+        possible = len(endless) > 1 or _mentions(Path(values["params_file"]), ("wheel_names",))
+    if not possible:
+        from onebot_control.wheels.geometry import Wheels
+
+        Wheels(description, left, right)
 
 
 def _mentions(file: Path, names: Sequence[str]) -> bool:
@@ -317,8 +367,9 @@ def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
     """
     variables = discovery_variables(values, forced=forced)
     if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
-        # The launcher puts the node's name in front of each line.
-        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = "[{severity}] {message}"
+        # The launcher puts the node's name in front of each line, but not which robot's it is.
+        name = "[{name}] " if values.get("robots") else ""
+        variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = f"[{{severity}}] {name}{{message}}"
     if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
         variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
     return variables
@@ -345,16 +396,32 @@ def help_text(
     return "\n\n".join(parts)
 
 
-def summary_text(description: "Description", values: Mapping[str, str]) -> str:
+def summary_text(
+    description: "Description", values: Mapping[str, str], robots: Sequence["PlacedRobot"] = ()
+) -> str:
     """Return what is running, where to find it and how to stop it."""
-    moving = [joint for joint in description.joints if joint.kind != "fixed"]
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
+    lines = _robots(robots, space) if robots else _robot(description, values, space)
+    if values.get("steer") == "true":
+        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
+        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
+    lines.append(f"  viewer   {_viewer_hint(values)}")
+    if values["record"]:
+        lines.append(f"  record   all topics to {values['record']}")
+    lines.append("  Ctrl-C stops everything")
+    return "\n".join(lines)
+
+
+def _robot(description: "Description", values: Mapping[str, str], space: str) -> list[str]:
+    moving = [joint for joint in description.joints if joint.kind != "fixed"]
     lines = [
         f'Robot "{description.robot_name}": {len(description.links)} links, '
         f"{len(moving)} of {len(description.joints)} joints can move",
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
+    if values.get("world"):
+        lines.append(f"  world    {values['world']}")
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":
@@ -366,14 +433,19 @@ def summary_text(description: "Description", values: Mapping[str, str]) -> str:
         lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
     else:
         lines.append(f"  joints   wait for {space}/joint_states")
-    if values.get("steer") == "true":
-        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
-        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
-    lines.append(f"  viewer   {_viewer_hint(values)}")
-    if values["record"]:
-        lines.append(f"  record   all topics to {values['record']}")
-    lines.append("  Ctrl-C stops everything")
-    return "\n".join(lines)
+    return lines
+
+
+def _robots(robots: Sequence["PlacedRobot"], space: str) -> list[str]:
+    first, last = robots[0].name, robots[-1].name
+    drive = f"{space}/{first}/velocity_controller/cmd_vel"
+    return [
+        f"{len(robots)} robots in one world, {first} to {last}",
+        f"  topics   /tf /tf_static, and in each robot's namespace, such as "
+        f"{space}/{first}/joint_states",
+        f"  frames   of each robot begin with its namespace, such as {f'{space}/'[1:]}{first}/odom",
+        f"  drive    onebot teleop {f'{space}/'[1:]}{first}, or a Twist on {drive}",
+    ]
 
 
 def _viewer_hint(values: Mapping[str, str]) -> str:

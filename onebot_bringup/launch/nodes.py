@@ -6,15 +6,17 @@ What is too long, or too delicate, for a command line comes from ROS parameter f
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
+from onebot_control.poses import WORLD_FRAME
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.description_watcher import Known
+    from onebot_bringup.launch.robots import PlacedRobot
     from onebot_description.description import Description
 
 # Where processors are short, the robot comes before what shows it (see nice(2)).
@@ -36,6 +38,7 @@ class NodeFactory:
     xacro_arguments: Mapping[str, str]  # with which it was read
     ros_args: Sequence[str]  # for every node, after its own
     known: Known  # the files that the description was read from
+    robots: Sequence[PlacedRobot] = ()  # in one world; none for a single one
 
     @property
     def steered(self) -> bool:
@@ -43,15 +46,22 @@ class NodeFactory:
         return self.values.get("steer") == "true"
 
     def robot_state_publisher(self) -> NodeProcess:
-        """Return the node that publishes the robot's transforms; nothing works without it."""
-        parameters = {
+        """Return the node that publishes the robot's transforms; nothing works without it.
+
+        Of several robots it is one process, of a node for each.
+        """
+        module = "onebot_description.robot_state_publisher"
+        if self.robots:
+            return self._of_robots("robot_state_publisher", module, NodeFactory._state_parameters)
+        return self._node("robot_state_publisher", module, self._state_parameters())
+
+    def _state_parameters(self) -> dict[str, object]:
+        return {
             "robot_description": self.description.urdf,
             "frame_prefix": self.values["frame_prefix"],
             "publish_frequency": float(self.values["publish_frequency"]),
             "ignore_timestamp": self._flag("ignore_timestamp"),
         }
-        module = "onebot_description.robot_state_publisher"
-        return self._node("robot_state_publisher", module, parameters)
 
     def joint_state_publisher(self) -> NodeProcess:
         """Return the node that moves the joints, by the YAML file or else within their limits."""
@@ -61,7 +71,21 @@ class NodeFactory:
         return self._node("joint_state_publisher", module, parameters)
 
     def velocity_controller(self) -> NodeProcess:
-        """Return the simulation with its controller, which drives the robot."""
+        """Return the simulation with its controller, which drives the robot.
+
+        Of several robots it is one process with one world, of a node for each.
+        """
+        name, module = "velocity_controller", "onebot_control.velocity_controller"
+        files = [self._params_file]
+        if self.robots:
+            return self._of_robots(name, module, NodeFactory._drive_parameters, files)
+        return self._node(name, module, self._drive_parameters(), files=files)
+
+    @property
+    def _params_file(self) -> Path:
+        return Path(self.values["params_file"]).absolute()
+
+    def _drive_parameters(self) -> dict[str, object]:
         # All nodes of the robot name its frames alike, in a namespace too.
         prefix = self.values["frame_prefix"]
         parameters: dict[str, object] = {
@@ -76,13 +100,13 @@ class NodeFactory:
         for argument, name in _WHEELS.items():
             if self.values[argument]:
                 parameters[name] = [each.strip() for each in self.values[argument].split(",")]
-        module = "onebot_control.velocity_controller"
-        files = [Path(self.values["params_file"]).absolute()]
-        return self._node("velocity_controller", module, parameters, files=files)
+        if self.values["world"]:
+            parameters["world"], parameters["world_frame_id"] = self.values["world"], WORLD_FRAME
+        return parameters
 
     def rerun_viewer(self) -> NodeProcess:
         """Return the viewer, whose end stops nothing else."""
-        parameters = {
+        parameters: dict[str, object] = {
             "viewer": self.values["viewer"],
             "save": self.values["save"],
             "view": self.values["view"],
@@ -90,6 +114,8 @@ class NodeFactory:
             "frame_prefix": self.values["frame_prefix"],
             "open_browser": not self.steered,  # the steering page holds the view
         }
+        if self.robots:
+            parameters["robots"] = [robot.name for robot in self.robots]
         module = "onebot_bringup.viewer.rerun_viewer"
         return self._node("rerun_viewer", module, parameters, on_exit="ignore", nice=NICE_VIEWER)
 
@@ -109,7 +135,10 @@ class NodeFactory:
         if bind_address.warning:
             print(f"warning: {bind_address.warning}", file=sys.stderr)
         module = "onebot_bringup.steering.steering_page"
-        return self._node("steering_page", module, bind_address.parameters, on_exit="restart")
+        parameters: dict[str, object] = dict(bind_address.parameters)
+        if self.robots:
+            parameters["topic"] = f"{self.robots[0].name}/velocity_controller/cmd_vel"
+        return self._node("steering_page", module, parameters, on_exit="restart")
 
     def bag_recorder(self) -> NodeProcess:
         """Return the recorder, whose end stops nothing else."""
@@ -126,6 +155,43 @@ class NodeFactory:
             "description_watcher", module, {}, words, on_exit="ignore", nice=NICE_WATCHER
         )
 
+    def _of_robots(
+        self,
+        name: str,
+        module: str,
+        parameters: Callable[[NodeFactory], dict[str, object]],
+        files: Sequence[Path] = (),
+    ) -> NodeProcess:
+        """Return a process with a node for each robot, with ``parameters`` of its own."""
+        words: list[str] = []
+        for robot in self.robots:
+            own = self._of_robot(robot)
+            found = {**parameters(own), "use_sim_time": self._flag("use_sim_time")}
+            more = [robot.params_file] if files and robot.params_file else []
+            if files:
+                frame = _world_frame([*files, *more], own.values["namespace"])
+                found.setdefault("world_frame_id", frame)
+            words += ["--robot", *own._nodes().ros_arguments(name, found, more)]
+        return self._node(name, module, {}, words, files=files)
+
+    def _of_robot(self, robot: PlacedRobot) -> NodeFactory:
+        """Return what makes the nodes of one of several robots."""
+        folder = self.folder / robot.name
+        folder.mkdir(exist_ok=True)
+        namespace = f"{self.values['namespace'].strip('/')}/{robot.name}".strip("/")
+        values = {
+            **self.values,
+            **{name: repr(getattr(robot, name)) for name in ("x", "y", "yaw")},
+            "namespace": namespace,
+            "frame_prefix": f"{namespace}/",
+            "log_level": "",  # of the process
+        }
+        return replace(self, folder=folder, values=values, description=robot.description, robots=())
+
+    def _nodes(self) -> RosNodes:
+        values = self.values
+        return RosNodes(self.folder, values["namespace"], self.ros_args, values["log_level"])
+
     def _node(
         self,
         name: str,
@@ -136,10 +202,7 @@ class NodeFactory:
         files: Sequence[Path] = (),
         nice: int = 0,
     ) -> NodeProcess:
-        make = RosNodes(
-            self.folder, self.values["namespace"], self.ros_args, self.values["log_level"]
-        )
-        return make.node(
+        return self._nodes().node(
             name,
             module,
             {**parameters, "use_sim_time": self._flag("use_sim_time")},
@@ -198,6 +261,19 @@ class RosNodes:
                 would all get the name.
             nice: as ``NodeProcess.nice``.
         """
+        own = self.ros_arguments(name, parameters, files, renamed=renamed)
+        arguments = [*words, "--ros-args", *own]
+        return python_node(name, module, arguments, on_exit=on_exit, nice=nice)
+
+    def ros_arguments(
+        self,
+        name: str,
+        parameters: Mapping[str, object],
+        files: Sequence[Path] = (),
+        *,
+        renamed: bool = False,
+    ) -> list[str]:
+        """Return a node's ROS arguments, and write its parameters; see ``node``."""
         namespace = self.namespace.strip("/")
         file = write_parameters(self.folder, name, parameters, namespace)
         ros_args = ["--log-level", self.log_level] if self.log_level else []
@@ -207,8 +283,19 @@ class RosNodes:
             ros_args += ["-r", f"__node:={name}"]
         if namespace:
             ros_args += ["-r", f"__ns:=/{namespace}"]
-        arguments = [*words, "--ros-args", *ros_args, *self.ros_args]
-        return python_node(name, module, arguments, on_exit=on_exit, nice=nice)
+        return [*ros_args, *self.ros_args]
+
+
+def _world_frame(files: Sequence[Path], namespace: str) -> str:
+    """Return the frame that all robots of a world have in common, world unless ``files`` name one.
+
+    Raises:
+        OneBotError: a file is wrong.
+    """
+    from onebot_control.parameters import read_control_files
+
+    found = read_control_files(files, f"/{namespace}", "velocity_controller")
+    return str(found.values.get("world_frame_id") or WORLD_FRAME)
 
 
 def write_parameters(

@@ -35,7 +35,7 @@ class GrpcGate(LoopThread):
             backend: address and port of Rerun's server.
         """
         self._listener, self._backend = listener, backend
-        self._heard: dict[asyncio.StreamWriter, float] = {}  # when each client last sent something
+        self._clients: dict[asyncio.StreamWriter, float] = {}  # when each last sent something
         super().__init__("grpc gate")
 
     async def serve(self, end: asyncio.Event) -> None:
@@ -43,17 +43,17 @@ class GrpcGate(LoopThread):
         server = await asyncio.start_server(self._serve_client, sock=self._listener)
         await end.wait()
         server.close()
-        for client in self._heard:
+        for client in self._clients:
             client.transport.abort()
 
     async def _serve_client(
         self, reader: asyncio.StreamReader, client: asyncio.StreamWriter
     ) -> None:
-        if len(self._heard) >= _MOST:  # one that was silent for long makes room
-            silent = min(self._heard, key=self._heard.__getitem__)
-            del self._heard[silent]
-            silent.transport.abort()
-        self._heard[client] = time.monotonic()
+        if len(self._clients) >= _MOST:  # the one idle longest makes room
+            idle = min(self._clients, key=self._clients.__getitem__)
+            del self._clients[idle]
+            idle.transport.abort()
+        self._clients[client] = time.monotonic()
         try:
             preface = await asyncio.wait_for(reader.readexactly(len(_PREFACE)), _PREFACE_TIMEOUT)
             if preface == _PREFACE:
@@ -63,7 +63,7 @@ class GrpcGate(LoopThread):
         except (OSError, EOFError, asyncio.TimeoutError):
             pass  # it left, or Rerun's server did
         finally:
-            self._heard.pop(client, None)
+            self._clients.pop(client, None)
             client.close()
 
     async def _pass_through(
@@ -89,6 +89,6 @@ class GrpcGate(LoopThread):
         with suppress(ConnectionError):
             while data := await source.read(_CHUNK):
                 if client is not None:
-                    self._heard[client] = time.monotonic()
+                    self._clients[client] = time.monotonic()
                 sink.write(data)
                 await sink.drain()

@@ -54,7 +54,8 @@
     return SOFTWARE.test(renderer);
   }
 
-  if (!drawnInSoftware()) return;
+  window.drawnInSoftware = drawnInSoftware(); // also for view_frame.js
+  if (!window.drawnInSoftware) return;
   const ratio = Object.getOwnPropertyDescriptor(window, "devicePixelRatio").get;
   const most = () => Math.sqrt(MOST / (window.innerWidth * window.innerHeight));
   Object.defineProperty(window, "devicePixelRatio", {

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from onebot_bringup.soak.network import set_link
 from onebot_bringup.soak.processes import send, usage
@@ -28,9 +29,9 @@ _STALLS = {
     "rerun_viewer": (),
     "steering_page": (),
 }
-# What happens when a node is killed: another starts, the others go on without it, or all ends.
-_RESTARTED, _IGNORED = ("steering_page",), ("rerun_viewer", "description_watcher")
-_KILLS = (*_RESTARTED, *_IGNORED, "robot_state_publisher", "velocity_controller", "launcher")
+_RESTARTED = ("steering_page",)
+_HELPERS = (*_RESTARTED, "rerun_viewer", "description_watcher")
+_NEEDED = ("robot_state_publisher", "velocity_controller")
 _FILES = {  # that are broken: who reads it, what it logs then, and when it is whole again
     "model": ("description_watcher", "The robot stays as it was", "mended, the robot is"),
     "view": ("rerun_viewer", "keeping the view shown so far", "is right again"),
@@ -46,8 +47,10 @@ def stall(name: str, robot: WatchedBringup) -> None:
     pid = robot.require(name)
     with robot.excused(*_STALLS[name]):
         send(pid, signal.SIGSTOP)
-        robot.run_for(_STALLED)
-        send(pid, signal.SIGCONT)
+        try:
+            robot.run_for(_STALLED)
+        finally:
+            send(pid, signal.SIGCONT)
         robot.expect(robot.is_alive, _PATIENCE, f"messages after {name} stood still")
 
 
@@ -83,49 +86,47 @@ def edit_model(robot: WatchedBringup) -> None:
 def lose_driver(robot: WatchedBringup) -> None:
     """The process that drives is killed as it commands full speed: the robot brakes."""
     topic, kind = robot.command_topic, "geometry_msgs/msg/Twist"
-    command = "{linear: {x: 0.5}, angular: {z: 0.5}}"
+    speed, turn = robot.fast
+    command = f"{{linear: {{x: {speed}}}, angular: {{z: {turn}}}}}"
+
+    def at_rest() -> bool:
+        return robot.speed < _AT_REST
+
     words = ("topic", "pub", "-r", "20", topic, kind, command)
     with robot.other_driver():
+        robot.expect(at_rest, _BRAKES, "the robot to stop without commands")
         driver = subprocess.Popen(
             [sys.executable, "-m", "onebot_bringup.cli.main", *words],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         try:
-            robot.run_for(1.0)
             robot.expect(lambda: robot.speed > _MOVING, _PATIENCE, "the robot to drive")
+            robot.run_for(1.0)
             robot.remember_segments(driver.pid)
         finally:
             driver.kill()
             driver.wait()
-        robot.expect(
-            lambda: robot.speed < _AT_REST, _BRAKES, "the robot to stop when its driver is lost"
-        )
+        robot.expect(at_rest, _BRAKES, "the robot to stop when its driver is lost")
 
 
-def kill(name: str, robot: WatchedBringup) -> None:
-    """A process is killed; what that ends is started again, by the launcher or by the robot."""
-    if name == "launcher":
-        with robot.excused(""):
-            robot.missing |= robot.nodes
-            left = list(robot.bringup.nodes().values())
-            robot.kill(robot.bringup.process.pid)
-            robot.expect(
-                lambda: not any(usage(pid) for pid in left), STOPPED, "the end of all nodes"
-            )
-            robot.start()
-        return
+def kill_helper(name: str, robot: WatchedBringup) -> None:
+    """A node is killed that the robot can do without: another starts, or all go on without it."""
     pid = robot.require(name)
-    if name in (*_RESTARTED, *_IGNORED):
-        robot.missing.add(name)
-        robot.kill(pid)
-        if name in _IGNORED:
-            robot.run_for(1.0)
-        elif robot.expect(
-            lambda: robot.bringup.nodes().get(name, pid) != pid, _PATIENCE, f"another {name}"
-        ):
-            robot.missing.discard(name)
-        return
+    robot.missing.add(name)
+    robot.kill(pid)
+    if name not in _RESTARTED:
+        robot.run_for(1.0)
+    elif robot.expect(
+        lambda: robot.bringup.nodes().get(name, pid) != pid, _PATIENCE, f"another {name}"
+    ):
+        robot.missing.discard(name)
+
+
+def kill_needed(name: str, robot: WatchedBringup) -> None:
+    """A node is killed that the robot needs: the bringup ends, and names it."""
+    pid = robot.require(name)
     with robot.excused(""):
         robot.missing |= robot.nodes
         robot.kill(pid)
@@ -133,6 +134,16 @@ def kill(name: str, robot: WatchedBringup) -> None:
         failed = robot.bringup.output.rpartition("failed: ")[2]
         if robot.bringup.process.returncode != 1 or f"{name} (" not in failed:
             robot.find(f"the end without {name}: not with exit code 1 and its name last")
+        robot.start()
+
+
+def kill_launcher(robot: WatchedBringup) -> None:
+    """The launcher is killed: its guard ends all nodes."""
+    with robot.excused(""):
+        robot.missing |= robot.nodes
+        left = robot.bringup.nodes().values()
+        robot.kill(robot.bringup.process.pid)
+        robot.expect(lambda: not any(map(usage, left)), STOPPED, "the end of all nodes")
         robot.start()
 
 
@@ -147,38 +158,37 @@ def cut_link(robot: WatchedBringup) -> None:
         finally:
             set_link(True)
         robot.expect(robot.is_alive, _PATIENCE, "messages after the link was cut")
-    robot.expect(lambda: robot.speed > _MOVING / 10, _PATIENCE, "the robot to drive again")
+    robot.expect(lambda: robot.speed > _AT_REST, _PATIENCE, "the robot to drive again")
 
 
-Fault = Callable[[WatchedBringup], None]
+class Fault(NamedTuple):
+    """One kind of fault."""
+
+    inject: Callable[[WatchedBringup], None]
+    needs: str = ""  # the node without which it cannot be injected
+
+
+NETWORK = "a network of one's own"  # what is needed to cut it
 # Those that leave all processes running come alone at first, so that leaks show.
-GENTLE: dict[str, Fault] = {
-    **{f"stall-{name}": partial(stall, name) for name in _STALLS},
-    **{f"break-{name}": partial(break_file, name) for name in _FILES},
-    "edit-model": edit_model,
-    "lose-driver": lose_driver,
+GENTLE = {
+    **{f"stall-{name}": Fault(partial(stall, name), name) for name in _STALLS},
+    **{f"break-{name}": Fault(partial(break_file, name), _FILES[name][0]) for name in _FILES},
+    "edit-model": Fault(edit_model, "description_watcher"),
+    "lose-driver": Fault(lose_driver),
 }
-HARSH: dict[str, Fault] = {
-    **{f"kill-{name}": partial(kill, name) for name in _KILLS},
-    "restart": lambda robot: robot.restart(),
-    "cut-link": cut_link,
+FAULTS = {
+    **GENTLE,
+    **{f"kill-{name}": Fault(partial(kill_helper, name), name) for name in _HELPERS},
+    **{f"kill-{name}": Fault(partial(kill_needed, name), name) for name in _NEEDED},
+    "kill-launcher": Fault(kill_launcher),
+    "restart": Fault(WatchedBringup.restart),
+    "cut-link": Fault(cut_link, NETWORK),
 }
-FAULTS = GENTLE | HARSH
 
 
-def possible(names: Collection[str], nodes: Collection[str], can_cut: bool) -> set[str]:
-    """Return the faults that can be injected here, where the bringup has these nodes."""
-    needed = {"model": "description_watcher", "view": "rerun_viewer"}
-    found = set()
-    for name in names:
-        kind, _, subject = name.partition("-")
-        if kind in ("stall", "kill") and subject != "launcher":
-            there = subject in nodes
-        else:
-            there = can_cut if kind == "cut" else needed.get(subject, next(iter(nodes))) in nodes
-        if there:
-            found.add(name)
-    return found
+def possible(names: Collection[str], there: Collection[str]) -> set[str]:
+    """Return the faults that can be injected where there are these nodes, or ``NETWORK``."""
+    return {name for name in names if FAULTS[name].needs in ("", *there)}
 
 
 def shuffled(names: Collection[str], chance: random.Random) -> Iterator[str]:

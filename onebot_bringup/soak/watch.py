@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _WINDOW = 5.0  # s, of a rate
+_BUSY = 3.0  # times as long may a gap be where no processor is free
 _LEAST_SAMPLES = 8  # of a process, to judge its growth
 _MOST_PARTS = 40  # of its samples
 _MOST_POSES = 200  # of odometry that wait for the truth
@@ -95,6 +96,7 @@ class Watch:
     def __init__(self, limits: Limits | None = None) -> None:
         """Nothing is measured yet."""
         self.limits = limits or Limits()
+        self._longest_gap = self.limits.gap
         self.findings: dict[str, Finding] = {}
         self.streams: dict[str, Stream] = {}
         self.processes: dict[tuple[str, int], Samples] = {}  # by name and process id
@@ -156,7 +158,13 @@ class Watch:
             self.find(at, f"{topic}: NaN or infinite")
 
     def poll(self, now: float, *, busy: bool = False) -> None:
-        """Judge silence, and rates unless the machine is ``busy``; call it every second or so."""
+        """Judge silence and rates; call it every second or so.
+
+        Args:
+            now: s.
+            busy: this process had to wait for a processor: messages may be unread, or lost.
+        """
+        self._longest_gap = self.limits.gap * (_BUSY if busy else 1.0)
         for topic, stream in self.streams.items():
             self._gap(topic, stream, now, now)
             if busy:
@@ -177,11 +185,11 @@ class Watch:
     def _gap(self, topic: str, stream: Stream, end: float, now: float) -> None:
         """Judge the time from the last stamp to ``end``."""
         begin = stream.stamp
-        if end - begin <= self.limits.gap:
+        if end - begin <= self._longest_gap:
             return
         gap = end - begin - self._explained(topic, begin, end)
         stream.longest = max(stream.longest, gap)
-        if gap > self.limits.gap:
+        if gap > self._longest_gap:
             what, amount = f"{topic}: silent", f"for {gap:.1f} s without a reason"
             self.find(now, what, amount, gap, again=stream.silent != begin)
             stream.silent, stream.window, stream.in_window = begin, now, 0
@@ -234,10 +242,9 @@ class Watch:
         """Return what was measured, as lines."""
         lines = []
         for topic, stream in self.streams.items():
-            lines.append(
-                f"  {topic}: {stream.count} messages, at least {stream.slowest:.0f} Hz, "
-                f"longest gap {stream.longest:.2f} s"
-            )
+            slowest = "" if math.isinf(stream.slowest) else f"at least {stream.slowest:.0f} Hz, "
+            longest = f"longest gap {stream.longest:.2f} s"
+            lines.append(f"  {topic}: {stream.count} messages, {slowest}{longest}")
         for name, drive in self.drives.items():
             lines.append(
                 f"  {name}: {drive.distance:.1f} m driven, odometry within "

@@ -31,7 +31,7 @@ _POLL, _SAMPLES = 1.0, 2.0  # s
 _LATE = 0.5  # s that this process was not run for: the machine is too busy to judge the robot
 _BUSY = 0.1  # of the time waiting for a processor: then no rate is judged
 _LAST = 4.0  # s after Ctrl-C, until it is killed
-_MEMORY_LIMIT = "16MB"  # of the viewer, which would go on growing for long
+_MEMORY_LIMIT = "4MB"  # of the viewer, which would go on growing for long
 _JOINTS, _ODOMETRY = 100.0, 50.0  # Hz
 _MOST_TF = 4  # robots whose /tf can be read beside
 _QUEUE = 1000  # messages
@@ -94,6 +94,7 @@ class WatchedBringup:
         node = self.session.node
         spaces = [f"/robot{n + 1}" for n in range(self._robots)] if self._robots > 1 else [""]
         self.command_topic = f"{spaces[0]}/velocity_controller/cmd_vel"
+        self.fast = (0.1, 1.0) if self._robots > 1 else (0.5, 0.5)  # m/s and rad/s
         self._twist = Twist()
         self._publishers = [
             node.create_publisher(Twist, f"{space}/velocity_controller/cmd_vel", 10)
@@ -159,14 +160,17 @@ class WatchedBringup:
 
         now, tf = self.now, tf_arrays(data)
         self.watch.values("/tf", now, tf.translations, tf.rotations)
+        stamps: dict[tuple[str, float], int] = {}  # by topic and rate; links of a robot have one
         for child, stamp_ns in zip(tf.children, tf.stamps_ns, strict=True):
-            prefix, _, link = child.rpartition("/")
-            space = f"/{prefix}" if prefix else ""
-            if link == "base_link":
-                topic, rate = f"{space}/velocity_controller/tf", _ODOMETRY
-            else:
-                topic, rate = f"{space}/robot_state_publisher/tf {link}", _JOINTS
-            self.watch.message(topic, rate, now, self._seconds(int(stamp_ns)))
+            prefix, slash, link = child.rpartition("/")
+            node, rate = (
+                ("velocity_controller", _ODOMETRY)
+                if link == "base_link"
+                else ("robot_state_publisher", _JOINTS)
+            )
+            stamps[f"{slash}{prefix}/{node}/tf", rate] = int(stamp_ns)
+        for (topic, rate), stamp_ns in stamps.items():
+            self.watch.message(topic, rate, now, self._seconds(stamp_ns))
 
     def _on_description(self, message: Any) -> None:
         self.descriptions += 1
@@ -180,9 +184,10 @@ class WatchedBringup:
         self._called = now
         if now > self._next_command:
             self._next_command = now + _LASTS
-            # All the same, so that the robots of a fleet keep their distances.
-            self._twist.linear.x = self._chance.uniform(-0.5, 0.5)
-            self._twist.angular.z = self._chance.uniform(-1.0, 1.0)
+            speed, turn = self._chance.uniform(-0.5, 0.5), self._chance.uniform(-1.0, 1.0)
+            if self._robots > 1:  # small circles, in which they do not meet
+                speed, turn = 0.1 * abs(turn), abs(turn)
+            self._twist.linear.x, self._twist.angular.z = speed, turn
         for publisher in self._publishers if self._driving else ():
             publisher.publish(self._twist)
         if (passed := now - self._polled) > _POLL:
@@ -216,6 +221,8 @@ class WatchedBringup:
             OneBotError: it does not.
         """
         self.report("starting onebot_bringup ...")
+        if self._bringup is not None:
+            self._bringup.process.kill()  # where it should have ended, but has not
         self.over_network, self.missing = bool(environment), set(self.nodes)
         for drive in self._drives:
             drive.restart()
@@ -267,13 +274,17 @@ class WatchedBringup:
             self.missing |= self.nodes
             began = self.now
             bringup.process.send_signal(signal.SIGINT)
-            if not self.session.spin(lambda: bringup.ended, within):
-                self.find("the bringup does not end after Ctrl-C", f"in {within:g} s")
+            try:
+                self.session.spin(lambda: bringup.ended, within)
+            finally:  # also after another Ctrl-C
+                killed = not bringup.ended
                 bringup.process.kill()
                 bringup.process.wait()
+            self.watch.stops.append(self.now - began)
+            if killed:
+                self.find("the bringup does not end after Ctrl-C", f"in {within:g} s")
             elif (code := bringup.process.returncode) != expected:
                 self.find("after Ctrl-C", f"exit code {code} instead of {expected}")
-            self.watch.stops.append(self.now - began)
         if "Traceback" in bringup.output:
             where = bringup.output.partition("Traceback")[2].splitlines()
             self.find("a traceback in the output", " / ".join(map(str.strip, where[-8:])))

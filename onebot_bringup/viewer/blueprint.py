@@ -1,8 +1,8 @@
 """The viewer's blueprint: the robot on its grid, the displays' views beside it, quiet panels."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, groupby
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,11 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import TIMELINE
-from onebot_bringup.viewer.displays.display import Context, Display, LayoutPart, last
-from onebot_bringup.viewer.displays.tf import axes_entity
-from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene, marker_size
+from onebot_bringup.viewer.displays.display import LayoutPart, last
+from onebot_bringup.viewer.scene import marker_size
 from onebot_bringup.viewer.settings import Color
 from onebot_bringup.viewer.shapes import load_shape
+from onebot_bringup.viewer.shown_robot import ShownRobot
 from onebot_bringup.viewer.view_config import (
     CameraSettings,
     GridSettings,
@@ -40,22 +40,27 @@ class Layout:
     """
 
     grid: GridSettings
-    collision: bool
     background: Color | None
     camera: CameraSettings
     panels: PanelsSettings
-    parts: tuple[LayoutPart, ...]  # of the displays
+    parts: tuple[LayoutPart, ...]  # of the robots and of the displays
     fixed_frame: str
     complete: bool  # transforms lead to every link
+    robots: tuple[str, ...]  # where those are whose description is known
 
     @classmethod
     def of(
-        cls, view: ViewConfig, displays: Iterable[Display[Any]], fixed_frame: str, complete: bool
+        cls,
+        view: ViewConfig,
+        parts: Iterable[LayoutPart],
+        fixed_frame: str,
+        complete: bool,
+        robots: Iterable[ShownRobot],
     ) -> "Layout":
-        """Return the layout for a view and the displays as they are now."""
-        parts = tuple(display.layout() for display in displays)
-        whole = view.grid, view.collision, view.background, view.camera, view.panels
-        return cls(*whole, parts, fixed_frame, complete)
+        """Return the layout for a view, and the robots as they are now."""
+        whole = view.grid, view.background, view.camera, view.panels
+        known = tuple(str(shown.names) for shown in robots if shown.robot is not None)
+        return cls(*whole, tuple(parts), fixed_frame, complete, known)
 
     def without_plots(self) -> "Layout":
         """Return the layout with nothing beside the robot."""
@@ -63,18 +68,24 @@ class Layout:
 
 
 class BlueprintSender:
-    """Sends a blueprint that fits the robot, and another one only when it has to change."""
+    """Sends a blueprint that fits the robots, and another one only when it has to change."""
 
-    def __init__(self, context: Context, scene: Scene, *, from_start: bool = False) -> None:
-        """Send into the recording of ``context``.
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        robots: Sequence[ShownRobot],
+        *,
+        from_start: bool = False,
+    ) -> None:
+        """Send into ``recording``.
 
         Args:
-            context: knows the robot, and gets the length that fits it.
-            scene: draws the robot.
+            recording: where to send.
+            robots: what it has to fit; their contexts get the lengths that fit them.
             from_start: the viewer plays from the beginning, in place of following the end.
         """
-        self._context = context
-        self._scene = scene
+        self._recording = recording
+        self._robots = robots
         self._from_start = from_start
         self._sent: Layout | None = None
 
@@ -92,48 +103,72 @@ class BlueprintSender:
             send: to the viewer; else only the robot's size is found out.
         """
         sent = self._sent
-        if sent and sent.complete and layout.fixed_frame == sent.fixed_frame:
+        if sent and sent.complete and _same_frames(layout, sent):
             layout = replace(layout, complete=True)  # once it was
         if layout == sent:
             return
         self._sent = layout
         blueprint = self._made(layout)
         if send:
-            self._context.recording.send_blueprint(blueprint, make_active=True, make_default=True)
+            self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def _made(self, layout: Layout) -> rrb.Blueprint:
-        robot = self._context.robot
-        assert robot is not None
-        bounds = self._bounds(robot, layout.fixed_frame)
+        found = [self._fitted(shown, layout.fixed_frame) for shown in self._robots]
+        boxes = [box for box in found if box is not None]
+        lengths = {
+            frame: length
+            for shown in self._robots
+            for frame, length in shown.context.axes_lengths.items()
+        }
+        for shown in self._robots:
+            shown.context.axes_lengths = lengths  # of all: one display draws them
+        bounds = _box(np.concatenate(boxes)) if boxes else None
         eye = target = None
         size = 0.0
         if bounds is not None:
             eye, target = fitting_eye(bounds)
-            size = float(np.linalg.norm(bounds[1] - bounds[0]))
-            longest = fitting_length(size, len(robot.link_names))
-            self._context.fitting_length = longest
-            self._context.axes_lengths = {
-                self._context.frame_of(link): min(longest, length)
-                for link, length in axes_lengths(robot).items()
-            }
-        camera = replace(
-            layout.camera, eye=layout.camera.eye or eye, target=layout.camera.target or target
-        )
+            size = _diagonal(bounds)
+        camera, follow = layout.camera, self._followed(layout.camera.follow)
+        if len(self._robots) > 1 and camera.follow and follow is None:
+            camera = CameraSettings()  # made to look at one robot alone
+        camera = replace(camera, eye=camera.eye or eye, target=camera.target or target)
         spacing = layout.grid.spacing or (1.0 if bounds is None or size > 1.0 else 0.1)
         grid = replace(layout.grid, spacing=spacing)
         layout = replace(layout, camera=camera, grid=grid)
-        return make_blueprint(layout, self._followed(robot, camera.follow), self._from_start)
+        return make_blueprint(layout, follow, self._from_start)
 
-    def _bounds(self, robot: Description, fixed_frame: str) -> Floats | None:
-        links = {self._context.frame_of(link): link for link in robot.link_names}
-        poses = self._context.frames.poses(links, fixed_frame)
-        return robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
-
-    def _followed(self, robot: Description, link: str) -> str | None:
-        """The entity that moves with ``link``: its first visual, or else its axes."""
-        if link not in robot.link_names:
+    def _fitted(self, shown: ShownRobot, fixed_frame: str) -> Floats | None:
+        """Return the box around a robot, and note the lengths that fit it."""
+        robot, context = shown.robot, shown.context
+        if robot is None:
             return None
-        return self._scene.visual_of(link) or axes_entity(self._context.frame_of(link))
+        links = {context.frame_of(link): link for link in robot.link_names}
+        poses = context.frames.poses(links, fixed_frame)
+        bounds = robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
+        if bounds is not None:
+            longest = fitting_length(_diagonal(bounds), len(links))
+            context.fitting_length = longest
+            lengths = axes_lengths(robot).items()
+            context.axes_lengths = {
+                context.frame_of(link): min(longest, length) for link, length in lengths
+            }
+        return bounds
+
+    def _followed(self, wanted: str) -> str | None:
+        """The entity that moves with a link, which is named by its frame among several robots."""
+        for shown in self._robots:
+            for link in shown.robot.link_names if wanted and shown.robot is not None else ():
+                if wanted == (link if len(self._robots) == 1 else shown.context.frame_of(link)):
+                    return shown.entity_of(link)
+        return None
+
+
+def _same_frames(layout: Layout, other: Layout) -> bool:
+    return (layout.fixed_frame, layout.robots) == (other.fixed_frame, other.robots)
+
+
+def _diagonal(bounds: Floats) -> float:
+    return float(np.linalg.norm(bounds[1] - bounds[0]))
 
 
 def make_blueprint(
@@ -147,9 +182,19 @@ def make_blueprint(
         from_start: the viewer plays from the beginning, in place of following the end.
     """
     robot = _robot_view(layout, follow)
-    beside = [view.view() for part in layout.parts for view in part.views]
-    root = rrb.Horizontal(robot, rrb.Vertical(*beside), column_shares=[3, 1]) if beside else robot
+    beside = _beside(layout.parts)
+    root = rrb.Horizontal(robot, beside, column_shares=[3, 1]) if beside is not None else robot
     return rrb.Blueprint(root, *_panels(layout.panels, from_start))
+
+
+def _beside(parts: Iterable[LayoutPart]) -> rrb.Container | None:
+    """The views beside the robots' own: of several robots a tab each, of which one is drawn."""
+    columns = []
+    for robot, of_robot in groupby(parts, key=lambda part: part.robot):
+        views = [view.view() for part in of_robot for view in part.views]
+        if views:
+            columns.append(rrb.Vertical(*views, name=robot or None))
+    return rrb.Tabs(*columns) if len(columns) > 1 else next(iter(columns), None)
 
 
 def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
@@ -162,7 +207,6 @@ def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
         contents=_contents(layout.parts),
         name=ROBOT_VIEW,
         overrides={
-            COLLISION_ENTITY: rrb.EntityBehavior(visible=layout.collision),
             **{
                 entity: rrb.EntityBehavior(visible=visible)
                 for part in layout.parts

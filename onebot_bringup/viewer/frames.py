@@ -11,7 +11,7 @@ from onebot_description.errors import did_you_mean, listing
 from onebot_description.model.quaternions import to_matrix
 
 Floats = NDArray[np.float64]
-_MOST_BLOCKS = 64
+_MOST_BLOCKS = 512
 _MOST_ROWS = 100_000  # of all blocks
 _MOST_COMPARED = 500  # names
 

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Shows any robot in Rerun, in the place of RViz: in a browser, a window or a recording.
+"""Shows robots in Rerun, in the place of RViz: in a browser, a window or a recording.
 
-Subscribes:
+Subscribes, in the namespace of each robot:
     robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
-    /tf, /tf_static (tf2_msgs/TFMessage): the transforms of all frames; nothing is computed here.
     joint_states (sensor_msgs/JointState): plotted.
     what the displays of the view name (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped, ...).
+    /tf, /tf_static (tf2_msgs/TFMessage): the transforms of all frames; nothing is computed here.
+    /world_description (std_msgs/String, latched): the URDF of what stands around the robots.
 
 Publishes:
     ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
@@ -25,7 +26,13 @@ Parameters:
         frame above the robot's root link (such as odom; else the root link).
     axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
         trails, covariance and speeds.lines); they can be changed while the viewer runs.
-    frame_prefix (string, ""): as robot_state_publisher's parameter of that name.
+    robots (string[], []): the namespaces of several robots, to show them all; [] for the one robot
+        of the node's own namespace. A fixed frame that each of them has, and a camera that follows
+        a link, are for one robot: several are shown in the frame above all, with a camera that
+        sees all; camera.follow may be the frame of one, such as robot2/base_link.
+    plots (string[], []): those of robots with curves, in a tab each; [] for the first five.
+    frame_prefix (string, ""): as robot_state_publisher's parameter of that name; with robots, the
+        prefix of each is its namespace.
     grpc_port (int, 9876), web_port (int, 9090): on 127.0.0.1; another if it is in use, 0 for any.
     open_browser (bool, true): open the page, if there is a display.
     memory_limit (string, "256MB"): what is kept for viewers that join later.
@@ -52,11 +59,13 @@ from std_srvs.srv import Trigger
 from onebot_bringup.introspection.frame_publishers import FrameConflicts
 from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from onebot_bringup.viewer.view_source import ViewSource
+from onebot_control.poses import prefixed
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, printable
+from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 from onebot_description.file_watch import in_background
 from onebot_description.node import (
     LATCHED,
@@ -99,6 +108,17 @@ class ViewerParameters:
     view: str = parameter(
         "", "a saved view, .yaml or .rbl; empty: the robot's own; none: none", read_only=True
     )
+    robots: tuple[str, ...] = parameter(
+        (),
+        "namespaces of robots, to show all; empty: the robot of the node's own",
+        pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
+        write="a list of namespaces, such as [robot1, robot2]",
+        unique=True,
+        read_only=True,
+    )
+    plots: tuple[str, ...] = parameter(
+        (), "those of robots with curves; empty: the first five", unique=True, read_only=True
+    )
     frame_prefix: str = parameter(
         "", "prepended to link names, as robot_state_publisher does", read_only=True
     )
@@ -115,6 +135,23 @@ class ViewerParameters:
     save_view_to: str = parameter(
         "", "the file that ~/save_view writes; empty: the one that the view is from"
     )
+
+    def robots_to_show(self, resolve: Callable[[str], str]) -> list[RobotToShow]:
+        """Return the robots to show; ``resolve`` returns the full name of a topic.
+
+        Raises:
+            OneBotError: ``plots`` has one that ``robots`` has not.
+        """
+        spaces = [resolve(name) for name in self.robots]
+        plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]
+        for space in plotted:
+            if space not in spaces:
+                raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
+        found = [
+            RobotToShow(space, prefixed("", True, "", space), plotted=space in plotted)
+            for space in spaces
+        ]
+        return found or [RobotToShow(frame_prefix=self.frame_prefix)]
 
     @property
     def recording(self) -> Path | None:
@@ -303,6 +340,7 @@ class ViewUpdates:
             self._log.warning(str(error))
 
 
+_LISTED = 3  # robots, in a message
 TICK_PERIOD = 0.05  # seconds; one call into Rerun carries what came in meanwhile
 POLL_PERIOD = 0.25  # seconds
 
@@ -330,11 +368,11 @@ class RerunViewer(Node):
             self._server.stream,
             source.view,
             blueprint=source.blueprint_file,
-            frame_prefix=parameters.frame_prefix,
+            robots=parameters.robots_to_show(self.resolve_topic_name),
             resolve=self.resolve_topic_name,
             report=self._report,
         )
-        self._robot: Description | None = None
+        self._robots: dict[str, Description] = {}
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
         self._published_page = ""
         self._topics = TopicSubscriptions(self, self._view.take)
@@ -350,12 +388,19 @@ class RerunViewer(Node):
     def _tick(self) -> None:
         for warning in self._view.tick(int(self.get_clock().now().nanoseconds)):
             self.get_logger().warning(warning)
-        robot = self._view.robot
-        if robot is not None and robot is not self._robot:
-            self._robot = robot
-            name = printable(robot.robot_name)
-            self.get_logger().info(f'showing "{name}" ({len(robot.link_names)} links)')
-            self._updates.apply_view_of(robot.robot_name)
+        robots = self._view.robots
+        new: dict[int, list[str]] = {}  # namespaces by description: those of a fleet share one
+        for space, robot in robots.items():
+            if robot is not self._robots.get(space):
+                new.setdefault(id(robot), []).append(space)
+        self._robots = robots
+        for spaces in new.values():
+            robot = robots[spaces[0]]
+            where = f" in {listing(spaces, _LISTED)}" if spaces != ["/"] else ""
+            name, links = printable(robot.robot_name), len(robot.link_names)
+            self.get_logger().info(f'showing "{name}" ({links} links){where}')
+        if new:
+            self._updates.apply_view_of(next(iter(robots.values())).robot_name)
 
     @ends_node
     def _poll(self) -> None:
@@ -376,7 +421,7 @@ class RerunViewer(Node):
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""
         if isinstance(error, OneBotError):
-            kept = self._robot is not None
+            kept = bool(self._robots)
             goes_on = "keeping the robot shown so far" if kept else "still waiting for a robot"
             self._warn(topic, f"{goes_on}: {error}")
         else:

@@ -1,4 +1,4 @@
-"""Displays one robot from its incoming messages, live or recorded, in a Rerun recording."""
+"""Displays robots from their incoming messages, live or recorded, in a Rerun recording."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -21,11 +21,11 @@ from onebot_bringup.viewer.displays.display import (
     one_by_one,
 )
 from onebot_bringup.viewer.displays.tf import TransformStream
-from onebot_bringup.viewer.frames import FrameResolution, FrameTree
-from onebot_bringup.viewer.scene import Scene
+from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.shown_robot import RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_description.description import Description, parse_description
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.wire.cdr import SYSTEM_TIME_NS
 from onebot_description.wire.messages import deserialize_message
 
@@ -34,11 +34,14 @@ DESCRIPTION: MessageType[str] = MessageType(
     one_by_one(lambda data: str(deserialize_message(data, String).data)),
     lambda _: 0,
 )
-_DESCRIPTION_TOPIC = WantedTopic("robot_description", (DESCRIPTION,), latched=True)
 # How long the view waits for every link's frame before it is laid out without them (seconds).
 _PATIENCE = 1.0
 _MOST_WARNINGS = 100  # of one description
 _LONGEST_WARNING = 1000  # characters
+_LISTED = 5  # names of robots
+
+WORLD_DESCRIPTION = "/world_description"
+_WORLD = RobotToShow(description=WORLD_DESCRIPTION)  # what stands around the robots
 
 ReportBad = Callable[[str, Exception], object]
 
@@ -52,20 +55,20 @@ class RobotView:
         view: ViewConfig | None = None,
         *,
         blueprint: Path | None = None,
-        frame_prefix: str = "",
+        robots: Sequence[RobotToShow] = (RobotToShow(),),
         resolve: Callable[[str], str] = str,
         clock: Callable[[], float] = time.monotonic,
         report: ReportBad | None = None,
         from_start: bool = False,
         plots: bool = True,
     ) -> None:
-        """Show a robot in ``recording``.
+        """Show one robot or several in ``recording``.
 
         Args:
             recording: where to log.
             view: what is shown, and how.
             blueprint: a ``.rbl`` file, saved in the viewer, that replaces ours.
-            frame_prefix: put before link names to get their frames.
+            robots: those to show; of several each has its entities below its namespace.
             resolve: returns the full name of a topic that the view names.
             clock: seconds.
             report: called with the topic and the error of a bad message; by default it is raised.
@@ -85,28 +88,45 @@ class RobotView:
         self._stamps = Stamps()
         self.frames = FrameTree()
         self._transforms = TransformStream(recording, self.frames)
-        self._context = Context(
-            recording,
-            self.frames,
-            self._transforms,
-            lambda: self.fixed_frame,
-            frame_prefix,
-            clock,
-        )
-        self._scene = Scene(recording, frame_prefix)
-        self._resolution = FrameResolution(self.frames, self._context.frame_of)
-        self._blueprint = BlueprintSender(self._context, self._scene, from_start=from_start)
+        self._alone = len(robots) == 1
+        self._robots = [self._shown(one) for one in robots]
+        self._world = ShownRobot(_WORLD, self._context(_WORLD, "world"), ())
+        contexts = [shown.context for shown in self._robots]
+        self._of_all = [display(*contexts) for display in DISPLAYS if display.of_all]
+        self._blueprint = BlueprintSender(recording, self._robots, from_start=from_start)
         self._own_blueprint = True
         self._plots = plots
-        self._displays = [_Shown(display(self._context)) for display in DISPLAYS]
-        for shown in self._displays:
-            shown.display.apply(self._view.of(type(shown.display)))
+        displays = [*self._of_all, *(each for shown in self._robots for each in shown.displays)]
+        self._displays = [_Shown(display) for display in displays]
+        for display in displays:
+            display.apply(self._view.of(type(display)))
         self._queues: dict[tuple[str, str], _Queue] = {}
         problems = self._make_queues()
         if problems:
             raise OneBotError("; ".join(problems))
         if blueprint is not None:
             self.use_blueprint(blueprint)
+
+    def _shown(self, robot: RobotToShow) -> ShownRobot:
+        displays = [
+            display
+            for display in DISPLAYS
+            if not display.of_all and (robot.plotted or not display.plots)
+        ]
+        return ShownRobot(
+            robot, self._context(robot, "" if self._alone else robot.entity), displays
+        )
+
+    def _context(self, names: RobotToShow, root: str) -> Context:
+        return Context(
+            self._recording,
+            self.frames,
+            self._transforms,
+            lambda: self.fixed_frame,
+            names.frame_prefix,
+            self._clock,
+            root,
+        )
 
     # --- messages -------------------------------------------------------------------------------
 
@@ -145,14 +165,25 @@ class RobotView:
         warnings = self._update(now_ns)
         if self.robot is None:
             return self._warnings.waiting()
-        wanted = self._view.fixed_frame
-        self._lay_out(complete=self._resolution.is_complete(self.robot, wanted))
+        wanted = self._wanted_frame
+        self._lay_out(complete=all(shown.is_complete(wanted) for shown in self._robots))
         late = [self._stamps.warning] if self._stamps.warning else []
-        for shown in self._displays:
-            late += shown.display.warnings()
+        for display in self._displays:
+            late += display.display.warnings()
         if self._clock() - self._changed >= WARN_AFTER:
-            late += self._resolution.warnings(self.robot, wanted)
-        return warnings + self._warnings.once(late)
+            late += self._late(wanted)
+        return warnings + self._warnings.once(dict.fromkeys(late))
+
+    def _late(self, wanted: str) -> list[str]:
+        """Return what has not come in all the time, a sentence each."""
+        late = []
+        for shown in (*self._robots, self._world):
+            if shown.robot is not None:
+                late += shown.resolution.warnings(shown.robot, wanted)
+        lacking = [str(shown.names) for shown in self._robots if shown.robot is None]
+        if lacking:
+            late.append(f"no description yet of the robots in {listing(lacking, _LISTED)}")
+        return late
 
     def finish(self) -> list[str]:
         """Log all that is still kept back, before the recording is closed."""
@@ -200,8 +231,7 @@ class RobotView:
         queues: dict[tuple[str, str], _Queue] = {}
         topics: dict[str, WantedTopic] = {}
         problems = []
-        for display, topic in self._wanted():
-            name = self._resolve(topic.name)
+        for name, display, topic in self._wanted():
             try:
                 topics[name] = _merged(replace(topic, name=name), topics.get(name))
             except ValueError as error:
@@ -218,43 +248,76 @@ class RobotView:
         self._queues, self._topics = queues, topics
         return problems
 
-    def _wanted(self) -> Iterable[tuple[Display[Any] | None, WantedTopic]]:
-        yield None, _DESCRIPTION_TOPIC
-        for shown in self._displays:
-            for topic in shown.display.topics():
-                yield shown.display, topic
+    def _wanted(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
+        """Yield each topic by its full name, the display that takes it, and how it wants it."""
+        for number, shown in enumerate(self._robots):
+            names = shown.names
+            description = WantedTopic(names.description, (DESCRIPTION,), latched=True)
+            yield self._full_name(names, description.name), None, description
+            displays = shown.displays if number else [*self._of_all, *shown.displays]
+            for display in displays:
+                for topic in display.topics():
+                    if not number or not topic.name.startswith("/"):  # which is no robot's own
+                        yield self._full_name(names, topic.name), display, topic
+
+        world = WantedTopic(_WORLD.description, (DESCRIPTION,), latched=True, optional=True)
+        yield self._full_name(_WORLD, world.name), None, world
+
+    def _full_name(self, names: RobotToShow, topic: str) -> str:
+        return self._resolve(names.topic(topic))
 
     # --- the robot and the view -----------------------------------------------------------------
 
     @property
+    def robots(self) -> dict[str, Description]:
+        """The robots shown now, by their namespaces."""
+        found = ((str(shown.names), shown.robot) for shown in self._robots)
+        return {name: robot for name, robot in found if robot is not None}
+
+    @property
     def robot(self) -> Description | None:
-        """The robot shown now."""
-        return self._context.robot
+        """The robot shown now, or the first of them."""
+        return next(iter(self.robots.values()), None)
 
     @property
     def fixed_frame(self) -> str:
         """The frame everything is shown in; "" before there is any.
 
         The view's, also with the frame_prefix before it; while no such frame is known, the one
-        above the robot's root link.
+        above the robot's root link. That one, too, of several robots that each have the view's.
         """
-        if self.robot is None:
-            return self._view.fixed_frame
-        return self._resolution.fixed_frame(self.robot, self._view.fixed_frame)
+        for shown in self._robots:
+            if shown.robot is not None:
+                return shown.resolution.fixed_frame(shown.robot, self._wanted_frame)
+        return self._view.fixed_frame
+
+    @property
+    def _wanted_frame(self) -> str:
+        """The frame that the view names; "" where each of several robots has one of that name."""
+        wanted = self._view.fixed_frame
+        if self._alone or wanted in self.frames.names:
+            return wanted
+        prefixed = (shown.context.frame_of(wanted) for shown in self._robots)
+        return "" if any(frame in self.frames.names for frame in prefixed) else wanted
 
     @property
     def missing(self) -> list[str]:
-        """The frames of links that no transform connects with the fixed frame."""
-        if self.robot is None:
-            return []
-        return self._resolution.missing(self.robot, self.fixed_frame)
+        """The frames of links that no transform connects with the fixed frame, the world's, too."""
+        fixed = self.fixed_frame
+        return [
+            frame
+            for shown in (*self._robots, self._world)
+            if shown.robot is not None
+            for frame in shown.resolution.missing(shown.robot, fixed)
+        ]
 
     @property
     def has_fixed_frame(self) -> bool:
         """The frame that the view names, if any, is known."""
-        wanted = self._view.fixed_frame
-        return not wanted or (
-            self.robot is not None and bool(self._resolution.known_as(self.robot, wanted))
+        wanted = self._wanted_frame
+        return not wanted or any(
+            shown.robot is not None and bool(shown.resolution.known_as(shown.robot, wanted))
+            for shown in self._robots
         )
 
     def set_view(self, view: ViewConfig) -> list[str]:
@@ -284,41 +347,54 @@ class RobotView:
             self._recording.log_file_from_path(blueprint)
 
     def _update_robot(self) -> list[str]:
-        """Show the robot of the descriptions that have come, each in place of the one before."""
-        name = self._resolve(_DESCRIPTION_TOPIC.name)
-        messages, times = self._queues[name, DESCRIPTION.name].empty()
+        """Show the robots of the descriptions that have come, each in place of the one before."""
         warnings = []
-        for _, urdf in self._decoded(name, DESCRIPTION, messages, times):
-            try:
-                warnings += self._set_robot(urdf)
-            except OneBotError as error:
-                self._report(name, error)
+        for shown in (*self._robots, self._world):
+            name = self._full_name(shown.names, shown.names.description)
+            messages, times = self._queues[name, DESCRIPTION.name].empty()
+            for _, urdf in self._decoded(name, DESCRIPTION, messages, times):
+                try:
+                    warnings += self._set_robot(shown, urdf)
+                except OneBotError as error:
+                    self._report(name, error)
         return warnings
 
-    def _set_robot(self, urdf: str) -> list[str]:
-        robot, before = parse_description(urdf, _DESCRIPTION_TOPIC.name), self.robot
-        warnings = self._scene.set_robot(robot)
-        self._context.robot = robot
-        for shown in self._displays:
-            shown.display.set_robot()
-        if before is None or robot.robot_name != before.robot_name:
-            self._recording.send_recording_name(robot.robot_name)
+    def _set_robot(self, shown: ShownRobot, urdf: str) -> list[str]:
+        before = self.robot
+        # Of several that are alike the first is parsed, and warned of.
+        alike = (each.robot for each in self._robots if each is not shown and each.urdf == urdf)
+        known = next(alike, None)
+        warnings = shown.set_description(urdf, known)
+        for display in self._of_all:
+            display.set_robot()
+        robot = self.robot
+        if robot is not None and (before is None or robot.robot_name != before.robot_name):
+            several = f" and {len(self._robots) - 1} more" * (not self._alone)
+            self._recording.send_recording_name(f"{robot.robot_name}{several}")
         self._changed = self._clock()
+        if known is not None:
+            return []
         self._warnings.forget()
         return warnings + self._wrong_names()
 
     def _wrong_names(self) -> list[str]:
         follow = self._view.camera.follow
-        if self.robot is None or not follow or follow in self.robot.link_names:
+        known = {link for robot in self.robots.values() for link in robot.link_names}
+        names = set(known)
+        for shown in self._robots[: 0 if self._alone else None]:  # one of several, by its frame
+            names.update(map(shown.context.frame_of, known))
+        if not known or not follow or follow in names:
             return []
-        known = did_you_mean(follow, self.robot.link_names, "links")
-        return [f'camera.follow: the robot has no link "{follow}"{known}']
+        hint = did_you_mean(follow, known, "links")
+        return [f'camera.follow: the robot has no link "{follow}"{hint}']
 
     def _lay_out(self, complete: bool) -> None:
         """Send the blueprint once all frames are known, or do not come."""
         if complete or self._clock() - self._changed >= _PATIENCE:
-            displays = [shown.display for shown in self._displays]
-            layout = Layout.of(self._view, displays, self.fixed_frame, complete)
+            parts = [display.layout() for display in self._of_all]
+            for shown in (*self._robots, self._world):
+                parts += shown.layout(collision=self._view.collision)
+            layout = Layout.of(self._view, parts, self.fixed_frame, complete, self._robots)
             if not self._plots:
                 layout = layout.without_plots()
             self._blueprint.update(layout, send=self._own_blueprint)

@@ -7,6 +7,7 @@ print(simulation.base_pose().translation)
 """
 
 from onebot_control.simulation.robot import JointStates, Pose, Twist
+from onebot_control.simulation.scene import SceneBodies
 from onebot_control.simulation.settings import RobotSpawn, Settings
 from onebot_control.simulation.world import Simulation, World, WorldRobot
 
@@ -14,6 +15,7 @@ __all__ = [
     "JointStates",
     "RobotSpawn",
     "Pose",
+    "SceneBodies",
     "Settings",
     "Simulation",
     "Twist",

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import Body, SkidAxle, link_poses, matrix, origin_of
+from onebot_control.simulation.engine import logger
 from onebot_control.simulation.loading import mesh_corners
 from onebot_control.wheels.geometry import Wheels
 from onebot_control.wheels.shapes import Tyre
@@ -42,8 +43,14 @@ _GLIDING = 0.01  # coefficient of friction
 # m. Rigid casters before and behind the wheels would carry the robot alone. What is lower than the
 # wheels, if by less than the first, is lifted until the wheels stand lower by the second.
 _LEVEL, _LIFT = 0.005, 0.0002
+# The same, m, of the base's meshes and boxes where round shapes support it: of a mesh PyBullet has
+# the convex hull, which fills what is between the wheels.
+_DEEP, _CLEAR = 0.02, 0.002
 _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
 _GRAVITY = 9.81  # m/s^2
+# Least moment of inertia of a wheel, in masses of the robot at its rim: with less, the solver's
+# iterations do not reach the wheel's speed.
+_LIGHTEST = 0.005
 _LEAST = 0.2  # of the mobility of a wheel that skids, due to its own turning
 
 
@@ -74,7 +81,7 @@ def drivable(wheels: Wheels) -> Drivable:
         else:
             joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
-    links = tuple(_skidding(wheels, _links(rigid, tyres, free)))
+    links = tuple(_turning(wheels, _links(rigid, tyres, free)))
     return Drivable(replace(rigid, links=links), held)
 
 
@@ -125,6 +132,8 @@ def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
         kind="continuous",
         effort=joint.effort or weight * radius,
         velocity=joint.velocity or None,
+        damping=0.0,
+        friction=0.0,
         mimic=None,
     )
 
@@ -138,6 +147,10 @@ def _links(
     # Of one caster the load is determined by the mass.
     several = sum(_swivels(joint, free, bodies, joints) for joint in joints.values()) > 1
     ground, poses = _ground(description, tyres), link_poses(description)
+    base = [link for link in description.links if joints.get(bodies[link.name]) is None]
+    gaps = [gap for link in base for gap in _gaps(link, poses[link.name][1], ground)]
+    supported = any(_is_round(shape) and abs(gap) < _LEVEL for shape, gap in gaps)
+    depth, lift = (_DEEP, _CLEAR) if supported else (_LEVEL, _LIFT)
     for link in description.links:
         first = joints.get(bodies[link.name])
         if first is not None and first.name in tyres:
@@ -147,8 +160,9 @@ def _links(
                 link = replace(link, collisions=tuple(rolls))
             yield link
         elif link.friction is None and not _swivels(first, free, bodies, joints):
-            lifted = link if first is not None else _lifted(link, poses[link.name][1], ground)
-            yield replace(lifted, friction=_GLIDING)
+            if first is None:
+                link = _lifted(link, poses[link.name][1], ground, depth, lift)
+            yield replace(link, friction=_GLIDING)
         else:
             yield _smaller(link) if several else link
 
@@ -164,17 +178,44 @@ def _ground(description: Description, tyres: Mapping[str, Tyre | None]) -> float
     return max(heights)
 
 
-def _lifted(link: Link, pose: Floats, ground: float) -> Link:
-    """Return a link of the base, at ``pose`` there, with what is as low as the wheels lifted."""
-    collisions = []
-    for geometry in link.collisions:
-        place = pose @ matrix(geometry.origin)
-        gap = _bottom(geometry.shape, place) - ground
-        if -_LEVEL < gap < _LIFT:
-            place[2, 3] += _LIFT - gap
+def _gaps(link: Link, pose: Floats, ground: float) -> Iterator[tuple[Shape, float]]:
+    """Return the shapes of a link at ``pose``, with their heights above the ground, m."""
+    for each in link.collisions:
+        yield each.shape, _bottom(each.shape, pose @ matrix(each.origin)) - ground
+
+
+def _is_round(shape: Shape) -> bool:
+    return not isinstance(shape, Mesh | Box)
+
+
+def _lifted(link: Link, pose: Floats, ground: float, depth: float, lift: float) -> Link:
+    """Return a link of the base, at ``pose`` there, with what is as low as the wheels lifted.
+
+    Args:
+        link: of the base.
+        pose: of the link.
+        ground: height on which the wheels roll.
+        depth: below the ground, to which what is not round is lifted.
+        lift: above the ground, to which it is lifted.
+    """
+    collisions, raised = [], 0.0
+    for geometry, (shape, gap) in zip(link.collisions, _gaps(link, pose, ground), strict=True):
+        least, height = (-_LEVEL, _LIFT) if _is_round(shape) else (-depth, lift)
+        if least < gap < height:
+            raised = max(raised, height - gap)
+            place = pose @ matrix(geometry.origin)
+            place[2, 3] += height - gap
             origin = origin_of(np.linalg.inv(pose) @ place)
             geometry = replace(geometry, origin=origin)
         collisions.append(geometry)
+    if raised > _LEVEL:
+        logger.warning(
+            '%s: a collision shape of link "%s" reaches below the wheels; the simulation lifts it '
+            "by %.0f mm, so that the wheels carry the robot",
+            link.where,
+            link.name,
+            1e3 * raised,
+        )
     return replace(link, collisions=tuple(collisions))
 
 
@@ -203,18 +244,39 @@ def _bottom(shape: Shape, pose: Floats) -> float:
     return height - abs(float(up[2])) * shape.length / 2.0 - around
 
 
-def _skidding(wheels: Wheels, links: Iterable[Link]) -> Iterator[Link]:
-    """Return the links, of wheels that skid with the inertia that ``_moment`` returns."""
+def _turning(wheels: Wheels, links: Iterable[Link]) -> Iterator[Link]:
+    """Return the links, with the mass of each wheel on its own one, and with its inertia."""
     turned = {wheels.axles[name].joint.child: name for name in wheels.names}
     poses = link_poses(wheels.description)
     for link in links:
         first, _ = poses[link.name]
         name = turned.get(first, "")
-        if len(turned) > 2 and name and (tyre := wheels.tyres.of(name)):
+        if not (name and (tyre := wheels.tyres.of(name))):
+            yield link
+        elif len(turned) > 2:
             ring = _ring(wheels, name, tyre) if link.name == first else None
             yield replace(link, inertial=ring)
+        elif link.name == first:
+            least = _LIGHTEST * wheels.robot.mass * tyre.radius**2
+            yield _no_lighter(link, wheels.axles[name].joint, least)
         else:
             yield link
+
+
+def _no_lighter(link: Link, joint: Joint, least: float) -> Link:
+    """Return a wheel whose moment of inertia about its axle is not below ``least``."""
+    if link.inertial is None:
+        return link
+    along = matrix(link.inertial.origin)[:3, :3].T @ np.array(joint.axis)
+    rows, columns = np.triu_indices(3)
+    tensor = np.zeros((3, 3))
+    tensor[rows, columns] = tensor[columns, rows] = link.inertial.inertia
+    missing = max(0.0, least - float(along @ tensor @ along))
+    # Half of it across: a thin ring.
+    tensor += missing / 2.0 * (np.outer(along, along) + np.eye(3))
+    return replace(
+        link, inertial=replace(link.inertial, inertia=tuple(tensor[rows, columns].tolist()))
+    )
 
 
 def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
@@ -239,8 +301,14 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     where it slides on its axle; see ``SkidAxle``.
     """
     whole = wheels.robot
-    _, y, z = wheels.axles[name].middle(tyre) - whole.center
+    places = {
+        each: wheels.axles[each].middle(wheels.tyres.of(each)) - whole.center
+        for each in wheels.names
+    }
+    _, y, z = places[name]
     roll, pitch, yaw = np.diag(whole.inertia)
+    # Across, the wheels do not turn with the robot.
+    yaw = max(yaw - mass * sum(place[0] ** 2 for place in places.values()), _LEAST * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
     base = 1.0 / whole.mass + y**2 / yaw + z**2 / pitch
     return float(tyre.radius**2 / max(sideways - base, _LEAST * sideways))

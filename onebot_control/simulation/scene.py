@@ -22,10 +22,24 @@ from onebot_control.simulation.loading import LoadedRobot, load_fixed, load_robo
 from onebot_control.simulation.rest_pose import link_pose, place
 from onebot_control.simulation.settings import Settings
 from onebot_description.description.description import Description, Link
+from onebot_description.description.worlds import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy
 
-_DEPTH = 1e-4  # m; bodies that touch penetrate each other by less
+_DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
+
+
+def load_scene(world: str) -> Description | None:
+    """Return the description of a world, as ``load_world`` reads it; None for "".
+
+    Raises:
+        OneBotError: there is no such world, or it cannot be simulated.
+    """
+    if not world:
+        return None
+    description = load_world(world)
+    SceneBodies(description)
+    return description
 
 
 class SceneBodies:

@@ -19,6 +19,7 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing
 
 _STEP, _FINE = 0.01, 1e-4  # m, of the search for the height above what is there
+_ABOVE = 1e-3  # m, from where the robot is let go
 _RESTING = 0.02  # m/s and rad/s; casters may still be swivelling downhill
 _AWAY = 0.1  # m that a robot may slide before it rests
 
@@ -74,7 +75,7 @@ def _lift(client: int, scene: SceneBodies, robot: LoadedRobot, pose: Transform) 
     while high - low > _FINE:
         middle = (low + high) / 2.0
         low, high = (middle, high) if links_at(middle) else (low, middle)
-    links_at(high)
+    links_at(high + _ABOVE)
     return met
 
 

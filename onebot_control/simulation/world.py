@@ -229,7 +229,8 @@ class World:
     def replaced(self, row: int, spawn: RobotSpawn) -> "World":
         """Return a world with ``spawn``, at rest, in place of the robot of ``row``.
 
-        The others move on as they do in this one, which stays as it is; starts do, too.
+        The others move on as they do in this one, which stays as it is; starts do, too. The scene's
+        boxes are where they are now, at rest.
 
         Raises:
             OneBotError: the robot cannot be simulated, or another one is in the way.
@@ -301,8 +302,9 @@ class World:
         if self.scene is not None:
             self.scene.enter(client, ground, settings)
         self._start_poses = list(map(self._pose_at, range(len(self.bodies)), self._starts))
-        for body, pose in zip(self.bodies, self._start_poses, strict=True):
-            place(client, body.parts, pose)
+        if not self._alone:
+            for body, pose in zip(self.bodies, self._start_poses, strict=True):
+                place(client, body.parts, pose)
         self.check_overlaps()
 
     def _pose_at(self, row: int, where: SpawnPose) -> Transform:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.wheels.shapes import Tyre, Tyres
-from onebot_description.description.description import Description, Joint
+from onebot_description.description.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel, quaternions
 
@@ -25,6 +25,8 @@ _ALIKE = 0.01  # m of radius and height by which the wheels of a set differ at m
 _VERTICAL = 0.9  # cosine of the angle to the vertical, of joints that swivel wheels
 _LEFT = np.array([0.0, 1.0, 0.0])
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
+# In the names of wheels and of their meshes.
+_ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
 
 
 class Axle(NamedTuple):
@@ -108,6 +110,9 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
     sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
     if len(sets) > 1:
         sets = [each for each in sets if not any(map(_is_passive, each))] or sets
+    if not sets and rolling and not wheels:
+        listed = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
+        raise _not_driven(description, turning, f"all of its wheels swivel, by joint {listed}")
     if not sets:
         reason = "no wheel on the left that has its like on the right"
         raise _not_driven(description, turning, f"{reason} was found among its joints")
@@ -116,6 +121,9 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
         raise _not_driven(
             description, turning, f"it is not clear which of its wheels drive it: {shown}"
         )
+    if len(sets[0]) > 2 and all(_has_rollers(description, wheel) for wheel in sets[0]):
+        reason = "by their names, its wheels are omnidirectional, with rollers around them"
+        raise _not_driven(description, turning, f"it is no differential drive: {reason}")
     front_first = sorted(sets[0], key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in front_first if wheel.y > 0.0)
     return DriveWheels(left, tuple(wheel.name for wheel in front_first if wheel.y < 0.0))
@@ -181,3 +189,11 @@ def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
 
 def _is_passive(wheel: _Wheel) -> bool:
     return bool(_PASSIVE.search(f"{wheel.name} {wheel.link}"))
+
+
+def _has_rollers(description: Description, wheel: _Wheel) -> bool:
+    link = next(link for link in description.links if link.name == wheel.link)
+    shapes = [each.shape for each in (*link.collisions, *link.visuals)]
+    # The folders next to the file, not those of its user.
+    files = ["/".join(shape.uri.split("/")[-3:]) for shape in shapes if isinstance(shape, Mesh)]
+    return any(map(_ROLLERS.search, (wheel.name, wheel.link, *files)))

@@ -15,16 +15,16 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Limits:
+class JointLimits:
     """Limits of N joints, in rad and rad/s (m and m/s); infinite where there is none."""
 
     lower: FloatArray  # (N,)
     upper: FloatArray  # (N,)
     velocity: FloatArray  # (N,), >= 0
 
-    def copy(self) -> "Limits":
+    def copy(self) -> "JointLimits":
         """Return a copy that can be narrowed in place."""
-        return Limits(self.lower.copy(), self.upper.copy(), self.velocity.copy())
+        return JointLimits(self.lower.copy(), self.upper.copy(), self.velocity.copy())
 
 
 def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
@@ -32,7 +32,7 @@ def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
     return tuple(joint for joint in joints if joint.kind in MOVING_KINDS)
 
 
-def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[Limits, list[Problem]]:
+def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[JointLimits, list[Problem]]:
     """Return the limits of movable joints; with ``soft``, after the soft limits are applied.
 
     Returns:
@@ -44,7 +44,7 @@ def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[Limits, list[P
     speeds = [math.inf if j.velocity is None else max(0.0, j.velocity) for j in joints]
     # Finite ones stay so in computations.
     ranges = np.where(np.isinf(ranges), ranges, np.clip(ranges, -LARGEST, LARGEST))
-    return Limits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64)), problems
+    return JointLimits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64)), problems
 
 
 def zero_position(lower: float, upper: float) -> float:

@@ -10,7 +10,7 @@ from onebot_description.description import Joint
 from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.limits import FloatArray, Limits
+from onebot_description.joints.limits import FloatArray, JointLimits
 from onebot_description.parameters.reader import Problem
 from onebot_description.parameters.values import LARGEST
 
@@ -38,10 +38,10 @@ class Following:
 def resolve(
     joints: Sequence[Joint],
     all_joints: Sequence[Joint],
-    limits: Limits,
+    limits: JointLimits,
     dependent: Mapping[str, Dependent],
     use_mimic_tags: bool,
-) -> tuple[Following, Limits, list[Problem]]:
+) -> tuple[Following, JointLimits, list[Problem]]:
     """Reduce chains of mimic joints to their leaders.
 
     Args:
@@ -157,8 +157,8 @@ def _incomputable(joints: Sequence[Joint], following: Following) -> dict[str, st
 
 
 def _narrow(
-    joints: Sequence[Joint], limits: Limits, following: Following
-) -> tuple[Limits, dict[str, str], list[Problem]]:
+    joints: Sequence[Joint], limits: JointLimits, following: Following
+) -> tuple[JointLimits, dict[str, str], list[Problem]]:
     """Narrow the limits of leaders so that their followers stay within their own.
 
     Returns:
@@ -185,7 +185,9 @@ def _narrow(
     return narrowed, wrong, notes
 
 
-def _narrow_leader(narrowed: Limits, limits: Limits, following: Following, follower: int) -> None:
+def _narrow_leader(
+    narrowed: JointLimits, limits: JointLimits, following: Following, follower: int
+) -> None:
     """Narrow the limits of the leader of ``follower`` in place."""
     leader, factor = following.leader[follower], following.factor[follower]
     ends = np.array([limits.lower[follower], limits.upper[follower]]) - following.offset[follower]

@@ -17,7 +17,7 @@ from onebot_description.errors import did_you_mean
 from onebot_description.joints import limits as _limits
 from onebot_description.joints import mimic
 from onebot_description.joints.config import JointsConfig
-from onebot_description.joints.limits import FloatArray, Limits, movable
+from onebot_description.joints.limits import FloatArray, JointLimits, movable
 from onebot_description.joints.mimic import Following
 from onebot_description.joints.motions import (
     TURN,
@@ -45,7 +45,7 @@ class Plan:
 
     config: JointsConfig
     following: Following
-    limits: Limits  # after mimic joints are taken into account
+    limits: JointLimits  # after mimic joints are taken into account
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
     zeros: FloatArray  # (N,) positions of joints that nothing moves
     motions: tuple[Motion, ...]  # N; those of followers are not used
@@ -93,8 +93,8 @@ class _Planner:
     def __init__(
         self,
         joints: Sequence[Joint],
-        limits: Limits,
-        own_limits: Limits,
+        limits: JointLimits,
+        own_limits: JointLimits,
         config: JointsConfig,
         notes: list[Problem],
     ) -> None:

@@ -36,3 +36,11 @@ def read_all(folder: Path):
     with Reader(folder) as reader:
         found = [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()]
         return found, {one.topic: one for one in reader.connections}
+
+
+def read_growing(folder: Path):
+    """What a recording holds that is written to just now, or nothing while its end is replaced."""
+    try:
+        return read_all(folder)[0]
+    except Exception:  # whatever the reader makes of half an index
+        return []

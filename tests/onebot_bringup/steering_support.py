@@ -41,7 +41,11 @@ class PageClient:
 
     async def _open(self, address: str, headers: dict[str, str]) -> None:
         self._session = aiohttp.ClientSession()
-        self._socket = await self._session.ws_connect(address, headers=headers)
+        try:
+            self._socket = await self._session.ws_connect(address, headers=headers)
+        except aiohttp.ClientError:
+            await self._session.close()
+            raise
         self._hearing = asyncio.ensure_future(self._hear())
 
     async def _hear(self) -> None:

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.bags.reader import Bag
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.bag_support import read_all
+from tests.onebot_bringup.bag_support import read_all, read_growing
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
@@ -30,8 +30,7 @@ def record(folder, *more, **parameters):
 
 def counted(folder, topic):
     """How many messages of ``topic`` the recording that still grows holds by now."""
-    found, _ = read_all(folder)
-    return sum(name == topic for name, _, _ in found)
+    return sum(name == topic for name, _, _ in read_growing(folder))
 
 
 class Published:
@@ -81,7 +80,7 @@ def test_records_every_message(tmp_path, ros_domain):
             count = 1 if qos is LATCHED else 200
             topics[topic].send(*(different(kind, number) for number in range(count)))
         total = sum(len(published.sent) for published in topics.values())
-        wait_for(lambda: len(read_all(folder)[0]) >= total, "all messages in the recording")
+        wait_for(lambda: len(read_growing(folder)) >= total, "all messages in the recording")
         assert node.interrupt() == 0
         assert f"recording to {folder}" in node.output
         assert f"recorded {total} messages of 6 topics" in node.output
@@ -151,7 +150,7 @@ def test_relaxed_topic_is_listed_once(tmp_path, ros_domain):
 
         def received():
             send(sensor, "best effort")
-            return any(b"best effort" in data for _, _, data in read_all(folder)[0])
+            return any(b"best effort" in data for _, _, data in read_growing(folder))
 
         wait_for(received, "a message of the other publisher")
     with Reader(folder) as reader:
@@ -199,8 +198,9 @@ def test_simulated_time(tmp_path, ros_domain):
         def both():
             clock.publish(tick)
             words.publish(String())
-            found, _ = read_all(folder)
-            return any(name == "/words" and stamp == 42 * 10**9 for name, stamp, _ in found)
+            return any(
+                name == "/words" and stamp == 42 * 10**9 for name, stamp, _ in read_growing(folder)
+            )
 
         wait_for(both, "a message at simulated time 42")
 

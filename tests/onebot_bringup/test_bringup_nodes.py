@@ -8,12 +8,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from onebot_bringup.launch import onebot_bringup
 from onebot_bringup.launch.arguments import (
     Argument,
     UsageError,
@@ -24,6 +26,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.bringup import (
     Bringup,
     bring_up,
+    check_wheels,
     help_text,
     nodes_to_start,
     summary_text,
@@ -31,6 +34,7 @@ from onebot_bringup.launch.bringup import (
 )
 from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
+from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess, module_command
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
@@ -215,6 +219,40 @@ def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> No
     assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
 
 
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({}, 'robot "arm" cannot be driven: no wheel on the left'),
+        ({"left_wheel": "shoulder, elbow", "right_wheel": "shoulder"}, 'has no joint "elbow"'),
+    ],
+)
+def test_a_robot_without_wheels_is_refused_at_once(
+    arm: Path, given: dict[str, str], problem: str
+) -> None:
+    """Before any node is started, with the controller's own error."""
+    file = arm.parent / "control.yaml"
+    values = {"left_wheel": "", "right_wheel": "", "params_file": str(file), **given}
+    file.write_text("")
+    with pytest.raises(OneBotError, match=problem):
+        check_wheels(load_description(arm), values)
+    if not given:  # the file may name wheels: the controller reads it
+        file.write_text("/**:\n  ros__parameters:\n    left_wheel_names: [shoulder]\n")
+        check_wheels(load_description(arm), values)
+
+
+def test_looking_for_wheels_does_not_delay_the_start() -> None:
+    """Of a robot that may have wheels, nothing is computed: numpy alone takes 100 ms."""
+    code = (
+        "import sys; from onebot_bringup.launch.bringup import check_wheels;"
+        "from onebot_bringup.launch.onebot_bringup import command;"
+        "from onebot_description.description import load_description;"
+        "values = {'left_wheel': '', 'right_wheel': '', 'params_file': command().control};"
+        "check_wheels(load_description(command().model), values);"
+        "sys.exit('numpy' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
 def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
     """Its own parameters override those of the file, which it reads from anywhere."""
     given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
@@ -247,6 +285,96 @@ def test_velocity_controller_takes_the_rest_from_its_file(
     assert not {"update_rate", "x", "y", "yaw"} & set(found)
     assert found["tf_frame_prefix_enable"] is False and found["tf_frame_prefix"] == ""
     assert str(arm.parent / "control.yaml") in node.command[_MODULE + 1 :]
+
+
+def of_each(node: NodeProcess) -> dict[str, dict[str, Any]]:
+    """The parameters of each robot's node in one process, by namespace."""
+    words, found = list(node.command), {}
+    for at in [at for at, word in enumerate(words) if word == "--robot"]:
+        own = words[at + 1 :]
+        file = [own[k + 1] for k, word in enumerate(own) if word == "--params-file"]
+        space = own[own.index("-r") + 1].removeprefix("__ns:=")
+        last = max(k for k, name in enumerate(file) if space.rpartition("/")[2] in name.split("/"))
+        [(name, content)] = yaml.safe_load(Path(file[last]).read_text()).items()
+        assert name == f"{space}/{node.name}"
+        found[space] = content["ros__parameters"]
+    return found
+
+
+def test_several_robots_are_two_processes(make: Make, arm: Path) -> None:
+    """One simulates all, one publishes their states; each robot has parameters of its own."""
+    other = load_description(arm, {"height": "3.0"})
+    (arm.parent / "b.yaml").write_text(JOINTS)
+    robots = [
+        PlacedRobot("a", 0.0, 1.0, 0.0, load_description(arm)),
+        PlacedRobot("b", 2.0, 3.0, 0.5, other, arm.parent / "b.yaml"),
+    ]
+    given = {"robots": "fleet.yaml", "namespace": "yard", "rate": "50", "use_sim_time": "true"}
+    nodes = replace(make(ros_args=("-p", "z:=1"), **given), robots=robots)
+    assert names(nodes) == ["velocity_controller", "robot_state_publisher", "rerun_viewer"]
+    controller = nodes.velocity_controller()
+    drives = of_each(controller)
+    assert drives["/yard/b"] == {
+        "x": 2.0,
+        "y": 3.0,
+        "yaw": 0.5,
+        "robot_description": other.urdf,
+        "tf_frame_prefix_enable": True,
+        "tf_frame_prefix": "yard/b/",
+        "update_rate": 50.0,
+        "world_frame_id": "world",
+        "use_sim_time": True,
+    }
+    assert set(drives) == {"/yard/a", "/yard/b"} and drives["/yard/a"]["y"] == 1.0
+    words = list(controller.command)
+    own, common = words[: words.index("--ros-args")], words[words.index("--ros-args") :]
+    assert own.count(str(arm.parent / "b.yaml")) == 1 and own.count("z:=1") == 2
+    assert str(arm.parent / "control.yaml") in common and common[1:3] == ["--log-level", "info"]
+    states = of_each(nodes.robot_state_publisher())
+    assert [each["frame_prefix"] for each in states.values()] == ["yard/a/", "yard/b/"]
+    assert states["/yard/b"]["robot_description"] == other.urdf
+    assert parameters(nodes.rerun_viewer())["robots"] == ["a", "b"]
+    page = replace(nodes, values={**nodes.values, "steer": "true", "port": "0"}).steering_page()
+    assert parameters(page)["topic"] == "a/velocity_controller/cmd_vel"
+
+
+def test_the_frame_of_all_robots_is_the_files_or_world(make: Make, arm: Path) -> None:
+    """All odometry frames have a parent, even where that of a single robot has none."""
+    robots = [PlacedRobot("a", 0.0, 1.0, 0.0, load_description(arm))]
+    for written, wanted in (('""', "world"), ("map", "map")):
+        text = f"/**/velocity_controller:\n  ros__parameters: {{world_frame_id: {written}}}\n"
+        (arm.parent / "control.yaml").write_text(text)
+        node = replace(make(robots="1"), robots=robots).velocity_controller()
+        assert of_each(node)["/a"]["world_frame_id"] == wanted
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"x": "1"}, "x:=1 does not go together with robots:=3: robots:= places them"),
+        ({"frame_prefix": "a/"}, "frame_prefix:=a/ does not .*begin with its namespace"),
+        ({"joints": "j.yaml"}, "joints:=j.yaml does not .*the simulation moves"),
+        ({"reload": "true"}, "reload:=true does not .*edits of the model"),
+        ({"sim": "false"}, "robots:=3 are simulated, which sim:=false is not"),
+    ],
+)
+def test_what_does_not_go_together_with_several_robots(
+    make: Make, given: dict[str, str], said: str
+) -> None:
+    """Is refused, with the reason."""
+    with pytest.raises(UsageError, match=said):
+        make(robots="3", **given)
+    assert make(robots="3", reload="false", namespace="a").values["robots"] == "3"
+
+
+def test_the_summary_of_several_robots(make: Make) -> None:
+    """How many, and how one of them is driven."""
+    nodes = make(robots="3", namespace="yard")
+    robots = [PlacedRobot(name, 0.0, 0.0, 0.0, nodes.description) for name in ("a", "b", "c")]
+    text = summary_text(nodes.description, nodes.values, robots)
+    assert text.startswith("3 robots in one world, a to c\n")
+    assert "onebot teleop yard/a, or a Twist on /yard/a/velocity_controller/cmd_vel" in text
+    assert "such as yard/a/odom" in text
 
 
 SPACE = {"namespace": "left"}
@@ -356,6 +484,22 @@ def test_the_watcher_knows_the_files_and_the_arguments(make: Make, arm: Path) ->
     assert before[0] == "--known" and before[2:] == (str(arm), "height:=2.0")
     known = json.loads(before[1])
     assert list(known["files"]) == [str(arm)]
+
+
+def test_a_world_is_the_controller_s(make: Make) -> None:
+    """In the frame that the view of worlds shows; without one the parameters file has its way."""
+    found = parameters(make(world="/a/maze.urdf").velocity_controller())
+    assert (found["world"], found["world_frame_id"]) == ("/a/maze.urdf", "world")
+    assert not {"world", "world_frame_id"} & set(parameters(make().velocity_controller()))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("mase", 'no world "mase" (did you mean "maze"'), ("no/such.urdf", "no/such.urdf")],
+)
+def test_an_unknown_world_is_refused_before_anything_starts(name: str, said: str) -> None:
+    """With those that ship."""
+    assert said in refused(onebot_bringup.command(), f"world:={name}")
 
 
 def refused(robot: Bringup, *argv: str) -> str:
@@ -560,6 +704,7 @@ def test_the_summary_says_nothing_of_what_is_not_there(make: Make) -> None:
         (True, {"port": "8081"}, "add steer:=true"),
         (True, {"host": "::1"}, "add steer:=true"),
         (True, {"token": "t"}, "add steer:=true"),
+        (True, {"world": "maze", "sim": "false"}, "world:=maze is for the simulation"),
         (True, {"rate": "1001"}, "rate:=1001"),
         (True, {"rate": "-1"}, "write a number from 0.001 to 1000"),
         (True, {"rate": "0"}, "rate:=0"),

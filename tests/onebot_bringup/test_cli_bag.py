@@ -19,7 +19,7 @@ from tests.onebot_bringup.bag_support import LATCHED as LATCHED_QOS
 from tests.onebot_bringup.bag_support import cdr, write_words
 from tests.onebot_bringup.cli_support import onebot, output_of, running
 from tests.ros_support import LATCHED, Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -98,7 +98,7 @@ def test_play(tmp_path: Path, ros_domain: int) -> None:
         with running(tmp_path, "bag", "play", str(folder), *words) as command:
             wait_for(lambda: heard, "the first word")
             once = peer.hear(String, "/once", LATCHED)
-            assert command.process.wait(60) == 0, command.err
+            assert command.process.wait(PATIENCE) == 0, command.err
         assert time.monotonic() - started > 0.9
         assert [word.data for word in heard] == [f"word {index}" for index in range(10)]
         assert [word.data for word in once] == ["once"]

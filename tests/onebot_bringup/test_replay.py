@@ -19,8 +19,10 @@ from onebot_bringup.cli.main import main
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, render
+from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.bag_support import topic, write_words
+from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import ARM, ORANGE, VIEW
 from tests.support import PATIENCE, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
@@ -168,21 +170,30 @@ def test_frame_prefix(frames, namespace, prefix):
 
 
 def test_several_robots(tmp_path, capsys):
-    """It is said which one is shown; namespace:= shows another; a wrong one is an error."""
+    """All are shown, each in its frames; namespace:= shows one; a wrong one is an error."""
     folder = tmp_path / "bag"
     bag = BagWriter(folder)
     for space, name in (("/a", "arm"), ("/b", "other")):
         number = bag.add_topic(topic(f"{space}/robot_description"))
         urdf = ARM.replace('name="arm"', f'name="{name}"')
         bag.write(number, START, bytes(serialize_message(String(data=urdf))))
+    tf = bag.add_topic(topic("/tf", TF))
+    for frame in ("a/base", "a/tip", "b/base", "b/tip"):
+        transform = stamped(TransformStamped(child_frame_id=frame), START)
+        transform.header.frame_id = "world" if frame.endswith("base") else f"{frame[0]}/base"
+        bag.write(tf, START, bytes(serialize_message(TFMessage(transforms=[transform]))))
     bag.close()
     shown, said = to_rrd(folder, tmp_path / "a.rrd")
-    assert shown.robot == "arm"
-    several = "several robots are recorded, in /a, /b: showing that in /a (namespace:= chooses)"
-    assert several in said
+    assert (shown.robot, shown.messages, said) == ("arm", 6, [])
+    assert "showing the robots in /a, /b; namespace:= chooses one" in capsys.readouterr().out
+    for space in "ab":
+        frames = column(tmp_path / "a.rrd", f"/{space}/robot/visual/tip/0", "CoordinateFrame:frame")
+        assert frames == [[f"{space}/tip"]]
     shown, said = to_rrd(folder, tmp_path / "b.rrd", namespace="b")
-    assert shown.robot == "other"
-    assert not [sentence for sentence in said if "several" in sentence]
+    assert (shown.robot, shown.messages, said) == ("other", 5, [])
+    assert chunks(tmp_path / "b.rrd", "/robot/visual/tip/0")
+    with pytest.raises(OneBotError, match="frame_prefix:=c/ is one robot's, and several are recor"):
+        to_rrd(folder, tmp_path / "c.rrd", frame_prefix="c/")
     words = ["viewer:=none", f"save:={tmp_path}/c.rrd", "namespace:=/c"]
     assert main(["replay", str(folder), *words]) == 1
     assert "namespace:=/c" in capsys.readouterr().err

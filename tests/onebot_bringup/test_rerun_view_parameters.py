@@ -13,7 +13,7 @@ from onebot_bringup.viewer.view_config import load_view
 from tests.onebot_bringup.test_rerun_viewer import Robot, viewer_uri
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 from tests.support_rendering import colored, pixels, require_renderer
 
 MODULE = "onebot_bringup.viewer.rerun_viewer"
@@ -28,7 +28,7 @@ def _viewer(tmp_path: Path, check: bool = True, **parameters: object) -> NodePro
 
 def _saved_view(peer: Peer) -> Trigger.Response:
     client = peer.node.create_client(Trigger, f"{NODE}/save_view")
-    assert client.wait_for_service(60.0)
+    assert client.wait_for_service(PATIENCE)
     future = client.call_async(Trigger.Request())
     wait_for(future.done, "the answer")
     return future.result()
@@ -36,7 +36,7 @@ def _saved_view(peer: Peer) -> Trigger.Response:
 
 def _value(peer: Peer, name: str) -> object:
     client = peer.node.create_client(GetParameters, f"{NODE}/get_parameters")
-    assert client.wait_for_service(60.0)
+    assert client.wait_for_service(PATIENCE)
     future = client.call_async(GetParameters.Request(names=[name]))
     wait_for(future.done, "the answer")
     return parameter_value_to_python(future.result().values[0])

@@ -57,12 +57,12 @@ def _edge(parent: str, child: str, y: float, seconds: int) -> TFMessage:
 class Robot:
     """Publishes the arm's topics as the other nodes would."""
 
-    def __init__(self, peer: Peer, urdf: str = ARM) -> None:
+    def __init__(self, peer: Peer, urdf: str = ARM, space: str = "") -> None:
         self.seconds = 1000
-        self._description = peer.publisher(String, "robot_description", LATCHED)
+        self._description = peer.publisher(String, f"{space}robot_description", LATCHED)
         self._tf = peer.publisher(TFMessage, "tf")
         reliable = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-        self._joints = peer.publisher(JointState, "joint_states", reliable)
+        self._joints = peer.publisher(JointState, f"{space}joint_states", reliable)
         self.describe(urdf)
 
     def describe(self, urdf: str) -> None:
@@ -153,6 +153,22 @@ def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(shown):
     shown.describe(ARM[:-9], "keeping the robot shown so far")
     shown.describe(ARM.replace('name="arm"', 'name="longer"'), 'showing "longer"')
     shown.describe(ARM, 'showing "arm"')
+
+
+def test_robots_of_several_namespaces_are_shown(ros_domain, tmp_path):
+    """Those that the parameter names, each under its namespace; one that is not there is named."""
+    file = tmp_path / "x.rrd"
+    robots = "[left, /right, later]"
+    with _viewer(tmp_path, viewer="none", save=file, robots=robots) as node, Peer(ros_domain) as it:
+        alike, other = Robot(it, space="left/"), Robot(it, ARM.replace("arm", "leg"), "right/")
+        wait_for(lambda: 'showing "arm" (2 links) in /left' in node.output, "one robot")
+        wait_for(lambda: 'showing "leg" (2 links) in /right' in node.output, "the other")
+        wait_for(lambda: "no description yet of the robots in /later" in node.output, "the third")
+        alike.move()
+        other.move()
+        for entity in ("/left/joints/position/0", "/right/joints/position/0"):
+            wait_for(lambda: while_written(chunks, file, entity), entity)  # noqa: B023
+        assert node.interrupt() == 0
 
 
 def test_everything_listens_on_loopback_only(ros_domain, tmp_path):

@@ -25,6 +25,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.wire.tf_message import TFMessage
 from tests.ros_support import LATCHED, Peer
+from tests.support import PATIENCE
 
 MIMIC = """<robot name="gripper">
   <link name="palm"/><link name="left"/><link name="right"/><link name="lid"/>
@@ -247,7 +248,7 @@ def snapshot(*words: str | Path) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-m", "onebot_bringup.cli.main", "snapshot", *map(str, words)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
     )
 
 
@@ -260,7 +261,7 @@ def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
     )
     command = [sys.executable, "-c", "from pathlib import *\n" + code]
     quiet = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=quiet)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=quiet)
     assert (done.returncode, done.stderr) == (0, "")
 
 

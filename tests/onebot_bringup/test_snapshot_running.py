@@ -101,10 +101,10 @@ def test_what_is_missing_is_named(arm, ros_domain):
     words = [*prefixed, "-r", "__ns:=/left"]
     with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *words) as node:
         wait_for(lambda: "robot" in node.output or node.process.poll() is None, "the publisher")
-        done = snapshot(arm / "a.png")
+        done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/right"))
         assert done.returncode == 1
         assert "-r __ns:=/left goes there" in done.stderr, done.stderr
-        done = snapshot(arm / "a.png", ros=("--ros-args", "-r", "__ns:=/left"))
+        done = snapshot(arm / "a.png")
         assert done.returncode == 1 and "waiting for the frames of left/tip" in done.stderr
         assert "/tf and /tf_static" in done.stderr
         assert "or the simulation is paused" in done.stderr
@@ -115,7 +115,9 @@ def test_the_picture_is_the_running_viewers(arm, ros_domain, monkeypatch):
     """With its trails, and as a dashboard with its curves: taken from the viewer that has them."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # as the bringups have it
     view = str(arm / "view.yaml")
-    trail = "trails: {way: {topic: odom, color: [0, 220, 60], width: 0.1, height: 0.6}}\n"
+    trail = (
+        "trails: {way: {topic: odom, color: [0, 220, 60], width: 0.1, height: 0.6, length: 0}}\n"
+    )
     (arm / "view.yaml").write_text(VIEW + trail)
     parameters = ros_args(view=view, open_browser=False, grpc_port=0, web_port=0)
     with (

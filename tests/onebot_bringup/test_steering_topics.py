@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.steering.command_topic import named_robots
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.limits import LINEAR, TIMEOUT
 from onebot_bringup.steering.odometry import choose_odometry
@@ -42,6 +43,20 @@ def peer(ros_domain: int) -> Iterator[Peer]:
 
 def _waited(page: PageClient, key: str, value: Any) -> None:
     wait_for(lambda: page.state[key] == value, f"{key} to be {value}; it is {page.state[key]}")
+
+
+@pytest.mark.parametrize(
+    ("topics", "names"),
+    [
+        (["/velocity_controller/cmd_vel"], ["/velocity_controller/cmd_vel"]),
+        (["/r10/velocity_controller/cmd_vel", "/r2/cmd_vel"], ["r2", "r10"]),
+        (["/a/b/diff_drive_controller/cmd_vel", "/cmd_vel"], ["/cmd_vel", "a/b"]),
+        (["/r1/cmd_vel", "/r1/nav_vel"], ["/r1/cmd_vel", "/r1/nav_vel"]),
+    ],
+)
+def test_robots_are_named_by_their_namespaces(topics, names):
+    """Without the controller's; by the topic where that is no name of one robot."""
+    assert [robot.name for robot in named_robots(topics)] == names
 
 
 def test_a_robot_that_takes_stamped_commands_gets_them(peer):
@@ -156,6 +171,7 @@ def test_topics_with_a_listener_are_offered_first(peer):
     peer.hear(String, "/not_a_command")
     with steered() as (_, page):
         _waited(page, "topics", ["/z_robot", "/a_source"])
+        _waited(page, "robots", [{"topic": "/z_robot", "name": "/z_robot"}])
 
 
 def _pair(linear: Any, angular: Any) -> dict[str, Any]:
@@ -470,6 +486,16 @@ def _shown(page: PageClient, publisher: Any, message: Odometry) -> dict[str, Any
     return found
 
 
+def _hide(page: PageClient, publisher: Any, message: Odometry | bytes) -> None:
+    """Publish what cannot be shown until nothing is: a best-effort message may be lost."""
+
+    def hidden() -> bool:
+        publisher.publish(message)
+        return page.state["odometry"] is None
+
+    wait_for(hidden, "no odometry on the page")
+
+
 def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
     """The sibling of its topic, whatever else there is; with its age."""
     other = peer.node.create_publisher(Odometry, "/elsewhere", 10)
@@ -483,8 +509,7 @@ def test_odometry_of_the_robot_that_is_steered_is_shown(peer):
         assert (shown["x"], shown["y"], shown["yaw"]) == pytest.approx((1.5, 0.0, 2.0), abs=1e-6)
         assert (shown["linear"], shown["angular"]) == (0.3, -0.2)
         wait_for(lambda: page.state["odometry"]["age"] > 0.5, "it to grow old")
-        own.publish(_odometry(math.nan, 0.0))
-        wait_for(lambda: page.state["odometry"] is None, "an impossible pose not to be shown")
+        _hide(page, own, _odometry(math.nan, 0.0))
         assert _shown(page, own, _odometry(1.0, 0.0))["x"] == 1.0
 
 
@@ -493,8 +518,7 @@ def test_odometry_that_cannot_be_decoded_is_not_shown(peer):
     with steered() as (_, page):
         own = peer.publisher(Odometry, "/velocity_controller/odom")
         _shown(page, own, _odometry(1.0, 0.0))
-        own.publish(b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0")
-        wait_for(lambda: page.state["odometry"] is None, "what is none not to be shown")
+        _hide(page, own, b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0")
         count = len(page.states)
         wait_for(lambda: len(page.states) > count + 3, "more states")
         assert _shown(page, own, _odometry(2.0, 0.0))["x"] == 2.0

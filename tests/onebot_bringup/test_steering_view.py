@@ -21,8 +21,8 @@ from tests.onebot_bringup.steering_support import PageClient, address_of, steeri
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
-from tests.support import wait_for
-from tests.support_browser import DRAWING_PATIENCE, browser, hosts_reached, wait_for_color
+from tests.support import PATIENCE, wait_for
+from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached, wait_for_color
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
@@ -90,7 +90,7 @@ def _viewer(domain: int, *args: str) -> Iterator[NodeProcess]:
 
 def _address_of_view(steering_page: str) -> str:
     """Where the view is, on the name by which ``steering_page`` is opened."""
-    with urlopen(steering_page, timeout=60.0) as answer:
+    with urlopen(steering_page, timeout=PATIENCE) as answer:
         cookie = answer.headers["Set-Cookie"].partition(";")[0]
     with PageClient(steering_page.partition("/?")[0], Cookie=cookie) as client:
         return str(wait_for(lambda: client.state["view"], "the view's address")[-1])
@@ -103,7 +103,7 @@ def test_the_view_is_drawn_with_a_token_and_from_this_server_alone(ros_domain, t
     with (
         _viewer(ros_domain, "-p", f"view:={tmp_path / 'view.yaml'}"),
         steering(token="a secret of ours") as node,
-        browser(tmp_path / "profile") as page,
+        browser(tmp_path / "profile", SMALL) as page,
     ):
         page.get(_address_of_view(address_of(node)))
         loaded = "return !!window._handle"
@@ -140,7 +140,7 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
         _viewer(ros_domain),
         Peer(ros_domain, "wheels") as wheels,
         steering(host="0.0.0.0") as node,
-        browser(tmp_path / "profile") as driver,
+        browser(tmp_path / "profile", SMALL) as driver,
     ):
         commands = wheels.hear(Twist, "/velocity_controller/cmd_vel", 1000)
         own = urlsplit(address_of(node))
@@ -213,7 +213,7 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         NodeProcess("onebot_bringup.viewer.rerun_viewer", *viewer),
         Peer(ros_domain, "robot") as robot,
         steering() as node,
-        browser(tmp_path / "profile") as driver,
+        browser(tmp_path / "profile", SMALL) as driver,
         _Relay(urlsplit(address_of(node)).port or 0) as relay,
     ):
         page = Page(driver).open(f"http://127.0.0.1:{relay.port}/")
@@ -290,7 +290,7 @@ class _Relay:
 
     def cut(self) -> None:
         """End all connections; new ones are accepted."""
-        asyncio.run_coroutine_threadsafe(self._cut(), self._loop).result(60.0)
+        asyncio.run_coroutine_threadsafe(self._cut(), self._loop).result(PATIENCE)
 
     async def _cut(self) -> None:
         for writer in self._open:
@@ -319,7 +319,7 @@ async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
 
 def _status(url: str, data: bytes | None = None, **headers: str) -> int:
     try:
-        with urlopen(Request(url, data, headers), timeout=60.0) as answer:
+        with urlopen(Request(url, data, headers), timeout=PATIENCE) as answer:
             return int(answer.status)
     except HTTPError as error:
         return error.code
@@ -346,7 +346,7 @@ def test_the_view_is_guarded_and_for_looking_only(ros_domain):
             token = f"{wrong}{'&' if '?' in wrong else '?'}token=a%20secret%20of%20ours"
             assert _status(token, data, **kind) == 404
         assert _status(write, b"\0" * 5, **kind) == 403
-        with urlopen(Request(view, headers={"Origin": "null"}), timeout=60.0) as answer:
+        with urlopen(Request(view, headers={"Origin": "null"}), timeout=PATIENCE) as answer:
             policy = answer.headers.get_all("Content-Security-Policy")
             assert answer.headers["Access-Control-Allow-Origin"] == "null"
             assert answer.headers["Set-Cookie"] is None

@@ -9,6 +9,7 @@ import pytest
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig, load_view
 from tests.onebot_bringup.drive_support import chunks, curve, odometry, strips
 from tests.onebot_bringup.viewer_support import (
@@ -241,7 +242,7 @@ def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
 def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
     """A view for odom serves a robot whose frames carry a prefix."""
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, _view(tmp_path), frame_prefix="r1/")
+    live = RobotView(recording.stream, _view(tmp_path), robots=[RobotToShow("", "r1/")])
     describe(live, ARM)
     take_tf(live, transforms("r1/odom", "r1/base", 1.0))
     live.tick(START_NS)

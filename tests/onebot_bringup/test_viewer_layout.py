@@ -25,7 +25,7 @@ from tests.onebot_bringup.viewer_support import (
     transforms,
 )
 from tests.support import wait_for
-from tests.support_browser import DRAWING_PATIENCE, browser, screenshot
+from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, screenshot
 from tests.support_rendering import colored, pixels, require_renderer
 
 GREEN, MAGENTA = (0, 220, 60), (230, 20, 200)
@@ -140,7 +140,7 @@ def test_a_layout_arranged_and_saved_in_the_page_is_shown_again(tmp_path):
 
 def _saved_in_page(url: str, folder: Path) -> Path:
     """Open the viewer's list of views, and save the layout by the viewer's own command."""
-    with browser(folder / "profile") as chromium:
+    with browser(folder / "profile", SMALL) as chromium:
         chromium.execute_cdp_cmd(
             "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)}
         )
@@ -169,20 +169,17 @@ def _saved_in_page(url: str, folder: Path) -> Path:
         return wait_for(lambda: next(folder.glob("*.rbl"), None), "the file")
 
 
+# Rerun handles input once a frame.
+_FRAMES = """
+let [frames, done] = arguments;
+(function count() { frames-- > 0 ? requestAnimationFrame(count) : done(); })();
+"""
+
+
 def _act(chromium: webdriver.Chrome, action: ActionChains) -> None:
-    """Press keys, and wait until the picture has changed and is at rest again.
-
-    At rest, what a text is written into still blinks: that makes two pictures, in turn.
-    """
-    before = screenshot(chromium)
+    """Press keys, and wait until Rerun has handled them: what follows may be for what they open."""
     action.perform()
-    since: list[bytes] = []
-
-    def settled() -> bool:
-        since.append(screenshot(chromium))
-        return {*since} != {before} and len(since) > 5 and len({*since[-6:]}) <= 2
-
-    wait_for(settled, "the page to answer", DRAWING_PATIENCE)
+    chromium.execute_async_script(_FRAMES, 4)
 
 
 def _sent(live: RobotView, sent: list, view: str, start: int) -> int:

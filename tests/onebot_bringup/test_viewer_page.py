@@ -14,7 +14,7 @@ from onebot_bringup.serving import rerun_proxy
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
-from tests.support_browser import DRAWING_PATIENCE, browser, hosts_reached, wait_for_color
+from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached, wait_for_color
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +26,7 @@ def test_page_shows_the_robot_and_stays_on_this_machine(ros_domain, tmp_path):
     with (
         NodeProcess("onebot_bringup.viewer.rerun_viewer", *args) as node,
         Peer(ros_domain) as peer,
-        browser(tmp_path / "profile") as page,
+        browser(tmp_path / "profile", SMALL) as page,
     ):
         peer.publisher(String, "robot_description", LATCHED).publish(String(data=ARM))
         wait_for(lambda: 'showing "arm"' in node.output, "the robot")

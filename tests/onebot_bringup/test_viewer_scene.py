@@ -11,6 +11,7 @@ from onebot_bringup.viewer.display_server import APPLICATION, open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.scene import MISSING_COLOR, Scene
+from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import ViewConfig, load_view, parse_view
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
@@ -328,7 +329,7 @@ def test_frames_carry_the_prefix(tmp_path):
     """With a frame_prefix, links follow the prefixed frames; another robot's are not in the way."""
     require_renderer()
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, frame_prefix="r1/")
+    live = RobotView(recording.stream, robots=[RobotToShow("", "r1/")])
     describe(live, ARM)
     take_tf(live, transforms("r1/base", "r1/tip", 1.0))
     take_tf(live, transforms("r2/base", "r2/tip", 1.0))

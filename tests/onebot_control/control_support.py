@@ -75,6 +75,7 @@ class IdealPlant:
     """Wheels that turn as told at once, and never slip."""
 
     joints = ("left_wheel_joint", "right_wheel_joint")
+    scene = None
 
     def __init__(self, left: float = 0.0, right: float = 0.0) -> None:
         self.left, self.right = left, right

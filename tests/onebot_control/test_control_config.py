@@ -55,7 +55,7 @@ def test_what_is_read_when_the_node_starts() -> None:
     """Everything else can be set while it runs."""
     names = [name for name in DEFAULTS if descriptor(ControlConfig, name).read_only]
     once = ["left_wheel_names", "right_wheel_names", "robot_description", "x", "y", "yaw"]
-    assert names == [*once, "update_rate"]
+    assert names == [*once, "update_rate", "world"]
 
 
 def test_whole_numbers_are_numbers() -> None:

@@ -8,6 +8,7 @@ from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.poses import PlanarPose
 from onebot_description.description import Description
+from onebot_description.description.worlds import load_world
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 
@@ -169,3 +170,18 @@ def test_the_world_is_freed_with_the_fleet() -> None:
         fleet.cycle()
     with pytest.raises(OneBotError, match="closed"):
         fleet.cycle()
+
+
+def test_the_boxes_of_a_world_stay_where_they_were_pushed_when_a_robot_is_replaced() -> None:
+    """And go back with its reset, of which a lone robot is the only one."""
+    with Fleet.of([Member(robot(), config(**LIMITS))], scene=load_world("maze")) as fleet:
+        assert fleet.robots[0].world_frame == "world"
+        run(fleet, 0, 0.5, 0.0, 500)
+        scene = fleet.world.scene
+        assert scene is not None and scene.poses[0][0][0] > 1.6
+        fleet.replace(0, larger())
+        replaced = fleet.world.scene
+        assert replaced is not None and replaced is not scene
+        assert replaced.poses[0][0] == pytest.approx(scene.poses[0][0], abs=1e-9)
+        fleet.robots[0].reset()
+        assert replaced.poses[0][0] == pytest.approx((1.52, 0.0, 0.1))

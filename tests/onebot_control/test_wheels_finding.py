@@ -126,6 +126,17 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             ),
             'it is no differential drive: joint "hinge_joint" steers the wheel of "tyre_joint"',
         ),
+        (
+            (swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")),
+            'all of its wheels swivel, by joint "fork_l_joint", "fork_r_joint"',
+        ),
+        (
+            tuple(
+                wheel.replace('"front_', '"mecanum_front_').replace('"rear_', '"mecanum_rear_')
+                for wheel in FOUR
+            ),
+            "by their names, its wheels are omnidirectional",
+        ),
     ],
 )
 def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
@@ -272,6 +283,36 @@ def test_joints_that_are_held_are_published() -> None:
         assert velocities[2:] == [0.0, 0.0]
     finally:
         drive.plant.close()
+
+
+def box(width: float, length: float, height: float, z: float) -> str:
+    """A body whose lower side is at ``z`` below the axles."""
+    shape = f'<box size="{length} {width} {height}"/>'
+    return part("body", f"-0.02 0 {z + height / 2}", shape, kind="fixed")
+
+
+@pytest.mark.parametrize("bottom", [-0.1, -0.108])
+def test_a_body_that_lies_on_the_ground(bottom: float, caplog: pytest.LogCaptureFixture) -> None:
+    """The wheels and the caster carry the robot; where it is deeper than rounding, that is logged.
+
+    Meshes of bases reach down to the ground between the wheels, or include the casters.
+    """
+    robot = base(*TWO, box(0.36, 0.5, 0.1, bottom), BALLS[0], BALLAST)
+    for odometry, truth in drive(robot):
+        assert truth == pytest.approx(odometry, rel=1e-3)
+    lifted = 'a collision shape of link "body" reaches below the wheels; the simulation lifts it'
+    assert (lifted in caplog.text) == (bottom < -0.1)
+
+
+def test_damping_and_light_wheels() -> None:
+    """Of a driven wheel, damping far above its inertia, or too small an inertia, do no harm."""
+    dynamics = "<dynamics damping='21.75' friction='10.5'/>"
+    light = tuple(
+        wheel.replace("</joint>", f"{dynamics}</joint>").replace('"0.01"', '"0.00005"')
+        for wheel in TWO
+    )
+    for odometry, truth in drive(base(*light, *BALLS, BALLAST)):
+        assert truth == pytest.approx(odometry, rel=1e-3)
 
 
 CONFIG = ControlConfig.from_parameters({})

@@ -5,18 +5,18 @@ import math
 import pytest
 
 from onebot_description.joints import limits as limits_module
-from onebot_description.joints.limits import Limits, movable, zero_position
+from onebot_description.joints.limits import JointLimits, movable, zero_position
 from tests.onebot_description.joints_support import joint
 
 
-def joint_limits(joints: list, *, soft: bool) -> Limits:
+def joint_limits(joints: list, *, soft: bool) -> JointLimits:
     """The limits of joints that have nothing wrong."""
     limits, problems = limits_module.joint_limits(joints, soft=soft)
     assert problems == []
     return limits
 
 
-def reported(joints: list) -> tuple[Limits, str]:
+def reported(joints: list) -> tuple[JointLimits, str]:
     """The limits of joints that have something wrong, and what it is."""
     limits, problems = limits_module.joint_limits(joints, soft=True)
     assert not any(problem.key for problem in problems)

@@ -1,5 +1,6 @@
 """What nodes share: their ROS arguments, and warnings that are logged only so often."""
 
+import ctypes
 import math
 import os
 import subprocess
@@ -7,14 +8,24 @@ import sys
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.duration import Duration
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.subscription import Subscription
+from std_msgs.msg import String
 
 from onebot_description.node import (
+    LATCHED,
     Lasting,
+    MissedMessages,
     RosArguments,
     Throttled,
     ros_arguments,
     use_writable_log_folder,
 )
+from tests.ros_support import Peer
+from tests.support import PATIENCE, wait_for
 
 
 def test_files_and_names_are_found() -> None:
@@ -151,3 +162,41 @@ def test_ros_logs_where_it_can(monkeypatch, tmp_path: Path, home: str | None) ->
     monkeypatch.setenv("HOME", str(tmp_path))
     use_writable_log_folder()
     assert "ROS_LOG_DIR" not in os.environ and (tmp_path / ".ros/log").is_dir()
+
+
+def test_latched_message_is_not_missed(ros_domain: int) -> None:
+    """One received while rmw_fastrtps counts what there is, before it notifies the executor."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain, args=[])
+    node = rclpy.create_node("subscriber", context=context)
+    received: list[str] = []
+    subscription = node.create_subscription(
+        String, "/once", lambda message: received.append(message.data), LATCHED
+    )
+    with Peer(ros_domain) as peer:
+        publisher = peer.publisher(String, "/once", LATCHED)
+        publisher.publish(String(data="once"))
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
+        _count_as_notified(subscription)
+        executor = EventsExecutor(context=context)
+        executor.add_node(node)
+        MissedMessages(node)
+        wait_for(lambda: executor.spin_once(0.1) or received, "the message")
+    assert received == ["once"]
+    executor.remove_node(node)
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def _count_as_notified(subscription: Subscription) -> None:
+    """Have rcl notify of what was received, and of nothing else; the executor knows nothing."""
+    rcl = ctypes.CDLL(rclpy_implementation.__file__)
+    notify = rcl.rcl_subscription_set_on_new_message_callback
+    notify.argtypes = [ctypes.c_void_p] * 3
+    counts: list[int] = []
+    callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_size_t)(
+        lambda _, count: counts.append(count)
+    )
+    with subscription.handle:
+        assert notify(subscription.handle.pointer, callback, 1) == 0
+    assert counts == [1]

@@ -6,17 +6,6 @@
 const NOTE_FOR = 30000; // ms; about as long as it takes to catch up
 const RELOAD_AFTER = 2000; // ms
 const ISOLATES_SANDBOXES = /Chrome\/(?!.*Mobile)/; // other browsers isolate sites at most
-const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
-
-/** Whether pictures are drawn by the processor: then Rerun falls behind what comes in. */
-function drawnInSoftware() {
-  const context = document.createElement("canvas").getContext("webgl2");
-  if (!context) return false;
-  const names = context.getExtension("WEBGL_debug_renderer_info");
-  const renderer = context.getParameter(names?.UNMASKED_RENDERER_WEBGL ?? context.RENDERER);
-  context.getExtension("WEBGL_lose_context")?.loseContext();
-  return SOFTWARE.test(renderer);
-}
 
 /** The first address with a view: a tunnel may lead one of the names of loopback elsewhere. */
 async function findView(addresses) {
@@ -44,7 +33,7 @@ export class View {
     this.noteEnds = undefined;
     this.wanted = false; // somebody went to the frame with the keyboard
     this.on = {
-      shown: () => this.uncover(),
+      shown: ({ behind }) => this.uncover(behind),
       ended: () => (this.ended = true),
       stop: () => stop.press("view"),
       released: this.release,
@@ -93,13 +82,13 @@ export class View {
 
   receive({ source, origin, data }) {
     if (!this.frame || source !== this.frame.contentWindow || origin !== "null") return;
-    if (Object.hasOwn(this.on, data?.view)) this.on[data.view]();
+    if (Object.hasOwn(this.on, data?.view)) this.on[data.view](data);
   }
 
-  uncover() {
+  uncover(behind) {
     if (!this.place.classList.contains("loading")) return;
     this.place.classList.remove("loading");
-    this.explain(drawnInSoftware());
+    this.explain(behind === true);
   }
 
   /** Say for a while why the view is behind, or no longer; and all the time if it can stall us. */

@@ -1,7 +1,8 @@
 /**
  * Runs in the view's frame, before Rerun's own scripts. The frame has a process and an origin of its
  * own; the steering page gets messages {view: ...}:
- *   shown: the robot's layout is drawn, or Rerun's page has something else to show than its progress
+ *   shown: the robot's layout is drawn, or Rerun's page has something else to show than its progress;
+ *     behind: pictures are drawn by the processor, so Rerun falls behind what comes in
  *   ended: its data has ended; nothing in it connects again
  *   stop: the stop key was pressed
  *   released: it was released, or its release would not be received
@@ -13,7 +14,8 @@
   const page = new URLSearchParams(location.search).get("page");
 
   function tell(what) {
-    if (window.parent !== window) window.parent.postMessage({ view: what }, page);
+    const message = { view: what, behind: Boolean(window.drawnInSoftware) };
+    if (window.parent !== window) window.parent.postMessage(message, page);
   }
 
   /** Finds the message that activates a layout in a stream of ReadMessagesResponse by gRPC-web. */

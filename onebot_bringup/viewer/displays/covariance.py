@@ -22,6 +22,7 @@ from onebot_bringup.viewer.displays.display import (
     Context,
     ItemsDisplay,
     LayoutPart,
+    below,
 )
 from onebot_bringup.viewer.settings import Color, color, height, setting, topic
 from onebot_description.parameters.reader import REQUIRED
@@ -211,7 +212,7 @@ class _Outline:
         self._logged: Floats | None = None
         self._logged_at = 0.0
         self._styled = False
-        self.frame = entity
+        self.frame = below(context.root, entity)
         self.drawn = False
 
     def draw(self, stamp_ns: int, outline: Floats | None) -> None:

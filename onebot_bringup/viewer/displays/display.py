@@ -8,8 +8,8 @@ edits while it runs come to ``apply``; the layout is made of every display's ``l
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, cast
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -103,6 +103,9 @@ class SideView(Protocol):
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
 
+    def below(self, root: str) -> "SideView":
+        """Return the same view of the entities below ``root``."""
+
 
 @dataclass(frozen=True)
 class Plot:
@@ -120,6 +123,11 @@ class Plot:
             origin=self.entity, contents=contents, name=self.name, time_ranges=last(self.window)
         )
 
+    def below(self, root: str) -> "Plot":
+        """Return the same view of the entities below ``root``."""
+        lines = None if self.lines is None else tuple(below(root, line) for line in self.lines)
+        return replace(self, entity=below(root, self.entity), lines=lines)
+
 
 @dataclass(frozen=True)
 class LayoutPart:
@@ -130,6 +138,23 @@ class LayoutPart:
     hidden: tuple[str, ...] = ()  # entities left out of the robot's view, with all below,
     shown: tuple[str, ...] = ()  # but for these
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
+    robot: str = ""  # whose views these are, where there are several
+
+    def below(self, root: str) -> "LayoutPart":
+        """Return the same of the entities below ``root``, a robot's; "" for all there are."""
+        return LayoutPart(
+            tuple(view.below(root) for view in self.views) if root else self.views,
+            tuple((below(root, entity), visible) for entity, visible in self.visible),
+            tuple(below(root, entity) for entity in self.hidden),
+            tuple(below(root, entity) for entity in self.shown),
+            tuple((below(root, entity), seconds) for entity, seconds in self.windows),
+            root,
+        )
+
+
+def below(root: str, entity: str) -> str:
+    """Return the path of ``entity`` below ``root``; "" for the root of all."""
+    return f"{root}/{entity}" if root else entity
 
 
 def last(seconds: float) -> rrb.VisibleTimeRanges:
@@ -146,6 +171,19 @@ def last(seconds: float) -> rrb.VisibleTimeRanges:
 # --- displays -----------------------------------------------------------------------------------
 
 
+class _Subtree:
+    """What a display uses of a recording, with all entities below one of them."""
+
+    def __init__(self, recording: rr.RecordingStream, root: str) -> None:
+        self._recording, self._root = recording, root
+
+    def log(self, entity: str, *components: Any, **options: Any) -> None:
+        self._recording.log(f"{self._root}/{entity}", *components, **options)
+
+    def send_columns(self, entity: str, **columns: Any) -> None:
+        self._recording.send_columns(f"{self._root}/{entity}", **columns)
+
+
 class Context:
     """What the displays of one robot share."""
 
@@ -157,6 +195,7 @@ class Context:
         fixed_frame: Callable[[], str],
         frame_prefix: str = "",
         clock: Callable[[], float] = lambda: 0.0,
+        root: str = "",
     ) -> None:
         """Share where to log, and what is known of the robot.
 
@@ -167,8 +206,10 @@ class Context:
             fixed_frame: returns the frame that everything is shown in.
             frame_prefix: put before link names to get their frames.
             clock: seconds.
+            root: the entity below which all of the robot is logged; "" where it is the only one.
         """
-        self.recording = recording
+        self.root = root
+        self.recording = cast(rr.RecordingStream, _Subtree(recording, root)) if root else recording
         self.frames = frames
         self.transforms = transforms
         self.clock = clock
@@ -208,6 +249,8 @@ class Display(ABC, Generic[S]):
     Settings: ClassVar[type]
     named: ClassVar[bool] = False  # a view file has, by names freely chosen, several ``Settings``
     period_ns: ClassVar[int] = 0  # nanoseconds between two calls of ``flush``; 0: every tick
+    of_all: ClassVar[bool] = False  # one for all robots: it is made with the context of each
+    plots: ClassVar[bool] = False  # it draws curves, and nothing in the robots' own view
 
     def __init__(self, context: Context) -> None:
         """Draw nothing yet: ``apply`` follows, and ``set_robot`` once there is one."""

@@ -57,6 +57,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
 
     key = "joint_plot"
     Settings = JointPlotSettings
+    plots = True
     period_ns = SELDOM
 
     def __init__(self, context: Context) -> None:

@@ -74,6 +74,7 @@ class SpeedsDisplay(ItemsDisplay[SpeedsSettings, "SpeedStream"]):
     key = "speeds"
     Settings = SpeedsSettings
     noun = "speed"
+    plots = True
     period_ns = SELDOM
 
     def apply(self, settings: SpeedsSettings) -> None:

@@ -61,15 +61,17 @@ class TfDisplay(Display[AxesSettings]):
 
     key = "axes"
     Settings = AxesSettings
+    of_all = True
 
-    def __init__(self, context: Context) -> None:
-        """Draw no axes yet."""
+    def __init__(self, context: Context, *others: Context) -> None:
+        """Draw no axes yet; ``others`` are those of further robots."""
         super().__init__(context)
+        self._contexts = (context, *others)
         self._settings = AxesSettings()
         self._look: tuple[object, ...] = ()  # what the axes drawn depend on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
-        self._links: set[str] = set()  # frames of the robot's links
+        self._links: set[str] = set()  # frames of the robots' links
         self._shown_of: tuple[object, ...] | None = None  # the tree that _drawn is for
         self._retired: set[str] = set()  # of links of the robot before
         self._retired_at = 0.0
@@ -83,8 +85,9 @@ class TfDisplay(Display[AxesSettings]):
     def apply(self, settings: AxesSettings) -> None:
         """Draw other axes, if they change."""
         self._settings = settings
-        frame_of = self.context.frame_of
-        self._only = {*settings.frames, *map(frame_of, settings.frames)}
+        self._only = set(settings.frames)
+        for each in self._contexts:
+            self._only.update(map(each.frame_of, settings.frames))
         if self._only:
             self._hide(self._drawn - self._only)
         self._shown_of = None
@@ -92,11 +95,12 @@ class TfDisplay(Display[AxesSettings]):
 
     def set_robot(self) -> None:
         """Draw the axes of the links; hide those of links that are no more."""
-        robot, before = self.context.robot, self._links
-        assert robot is not None
-        self._links = set(map(self.context.frame_of, robot.link_names))
+        before, self._links = self._links, set()
+        for each in self._contexts:
+            if each.robot is not None:
+                self._links.update(map(each.frame_of, each.robot.link_names))
         self._show(self._links)
-        self._retired = before - self._links
+        self._retired = (self._retired | before) - self._links
         self._retired_at = self.context.clock()
         self._shown_of = None
         self.context.transforms.forget(self._retired)
@@ -170,13 +174,15 @@ class TfDisplay(Display[AxesSettings]):
 
     def _hide(self, frames: Iterable[str]) -> None:
         # Static data cannot be cleared, only overwritten; a frame that is gone would be an error.
+        home = next((each.home for each in self._contexts if each.home), "")
         for frame in self._drawn.intersection(frames):
             self._drawn.discard(frame)
-            self._log(frame, self.context.home, rr.TransformAxes3D.cleared())
+            self._log(frame, home, rr.TransformAxes3D.cleared())
 
     def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
         entity = axes_entity(frame)
-        self.context.recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
+        recording = self.context.transforms.recording  # the whole: no robot has all frames
+        recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
 
 
 def axes_entity(frame: str) -> str:
@@ -281,7 +287,7 @@ class TransformStream:
 
     def __init__(self, recording: rr.RecordingStream, frames: FrameTree) -> None:
         """Log into ``recording``, update ``frames``."""
-        self._recording = recording
+        self.recording = recording
         self._frames = frames
         self._pending: list[tuple[int, Transforms]] = []
         self._placed: dict[str, _Placed] = {}
@@ -331,7 +337,7 @@ class TransformStream:
             if self._static.get(child) == value:
                 continue
             self._static[child] = value
-            self._recording.log(
+            self.recording.log(
                 rr.new_entity_path([TF_STATIC_ENTITY, child]),
                 rr.Transform3D(
                     translation=translation,
@@ -440,7 +446,7 @@ class TransformStream:
         names: Sequence[ReadyColumn],
     ) -> None:
         numbers = [_TRANSLATIONS.column(translations), _ROTATIONS.column(rotations)]
-        self._recording.send_columns(
+        self.recording.send_columns(
             TF_ENTITY, indexes=[time_column(stamps_ns)], columns=[*numbers, *names]
         )
 

@@ -1,0 +1,184 @@
+"""The robots of ``robots:=N`` and ``robots:=FILE.yaml``: their names, places and models.
+
+A file names each robot and where it starts; its model and further parameters of its controller are
+files, relative to this one::
+
+    robots:
+      scout: {x: 0.0, y: 0.0, yaw: 0.0}
+      carrier: {x: 1.5, y: 0.0, model: carrier.urdf.xacro, params_file: carrier.yaml}
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from onebot_description.errors import OneBotError, UsageError, did_you_mean
+from onebot_description.parameters.reader import REQUIRED, Problem, parameter, read
+
+if TYPE_CHECKING:
+    from onebot_description.description import Description
+    from onebot_description.description.description import Geometry
+
+MOST_ROBOTS = 200
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_ROOM = 1.5  # distance of robots in rows, in diameters of one
+_SAME = 1e-3  # m
+
+
+class PlacedRobot(NamedTuple):
+    """One of several robots in one world."""
+
+    name: str  # and its namespace, within that of the bringup
+    x: float  # m, where it starts
+    y: float  # m
+    yaw: float  # rad
+    description: Description
+    params_file: Path | None = None  # of its controller, overrides that of all
+
+
+@dataclass(frozen=True)
+class RobotEntry:
+    """A robot in the file."""
+
+    x: float = parameter(REQUIRED, "where it starts in the world, m")
+    y: float = parameter(REQUIRED, "where it starts in the world, m")
+    yaw: float = parameter(0.0, "where it faces at the start, rad")
+    model: str = parameter("", "a URDF or xacro file; empty: model:=")
+    params_file: str = parameter("", "further parameters of its controller, a YAML file")
+
+
+@dataclass(frozen=True)
+class RobotsFile:
+    """The file."""
+
+    robots: Mapping[str, RobotEntry] = parameter(REQUIRED, "a map of names, each with x and y")
+
+    def check(self) -> Iterator[Problem]:
+        """Report names that are no namespace, and robots in one place."""
+        if not self.robots:
+            yield Problem("robots", "is empty; write a robot, such as scout: {x: 0.0, y: 0.0}")
+        for name in self.robots:
+            if not _NAME.fullmatch(name):
+                text = "is not possible as a namespace; write letters, digits and _"
+                yield Problem(f"robots.{name}", text)
+        for (one, a), (two, b) in combinations(self.robots.items(), 2):
+            if math.hypot(a.x - b.x, a.y - b.y) < _SAME:
+                text = f"is in the same place as {one}, x {b.x:g} m, y {b.y:g} m; move one of them"
+                yield Problem(f"robots.{two}", text)
+
+
+def placed_robots(text: str, description: Description) -> list[PlacedRobot]:
+    """Return the robots of ``robots:=text``.
+
+    Args:
+        text: how many, or a YAML file.
+        description: of the robots without a model of their own.
+
+    Raises:
+        UsageError: it is neither.
+        OneBotError: the file, or a robot's, is wrong.
+    """
+    if re.fullmatch(r"[-+]?[0-9]+", text):
+        if not 0 < int(text) <= MOST_ROBOTS:
+            raise UsageError(f"robots:={text} is not possible; write 1 to {MOST_ROBOTS}")
+        return in_rows(int(text), description)
+    return read_robots(Path(text), description)
+
+
+def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
+    """Return the robots of a file.
+
+    Raises:
+        OneBotError: the file, or a robot's, is wrong; with the line.
+    """
+    from onebot_description.parameters.files import read_map, read_text
+
+    if not file.is_file():
+        near = [entry.name for entry in file.parent.glob("*.y*ml")]
+        number = f"; write how many, 1 to {MOST_ROBOTS}, or a YAML file"
+        hint = did_you_mean(file.name, near, "there") if near else number
+        raise OneBotError(f"robots:={file}: no such file{hint}")
+    found = read_map(read_text(file), str(file))
+    entries = read(RobotsFile, found.values, found.places).robots
+    models: dict[str, Description] = {"": description}
+    robots = []
+    for name, entry in entries.items():
+        try:
+            if entry.model not in models:
+                models[entry.model] = _model(file, entry.model)
+            own = _params_file(file, entry.params_file)
+        except OneBotError as error:
+            problem = Problem(f"robots.{name}", str(error))
+            raise OneBotError(problem.message(found.places)) from None
+        place = entry.x, entry.y, entry.yaw
+        robots.append(PlacedRobot(name, *place, models[entry.model], own))
+    return robots
+
+
+def _model(file: Path, model: str) -> Description:
+    from onebot_description.description import load_description
+
+    path = model if "://" in model else str(file.parent / model)
+    description = load_description(path)
+    description.require_tree()
+    return description
+
+
+def _params_file(file: Path, name: str) -> Path | None:
+    path = (file.parent / name).absolute()
+    if name and not path.is_file():
+        raise OneBotError(f"params_file: {path}: no such file")
+    return path if name else None
+
+
+def in_rows(count: int, description: Description) -> list[PlacedRobot]:
+    """Return so many robots in rows, which leave room between them.
+
+    robot1 is at the origin, the others of its row to its right, further rows behind it.
+    """
+    a_row = math.ceil(math.sqrt(count))
+    apart = math.ceil(10.0 * _ROOM * 2.0 * reach(description)) / 10.0
+    return [
+        PlacedRobot(f"robot{k + 1}", -apart * (k // a_row), -apart * (k % a_row), 0.0, description)
+        for k in range(count)
+    ]
+
+
+def reach(description: Description) -> float:
+    """Return how far from its root link's origin a robot reaches, from above, at most, m."""
+    from onebot_description.model import RobotModel, quaternions
+
+    model = RobotModel.from_description(description)
+    poses = model.link_poses(np.zeros(len(model.joints)))
+    farthest = 0.0
+    for link, pose in zip(description.links, poses, strict=True):
+        for geometry in link.collisions or link.visuals:
+            middle = pose[:3] + quaternions.rotate(pose[3:], np.array(geometry.origin.xyz))
+            farthest = max(farthest, math.hypot(*middle[:2]) + _half(geometry))
+    return farthest
+
+
+def _half(geometry: Geometry) -> float:
+    """Return how far a shape reaches from its origin, at most, m."""
+    from onebot_description.description.description import Box, Capsule, Cylinder, Sphere
+
+    shape = geometry.shape
+    if isinstance(shape, Box):
+        return math.hypot(*shape.size) / 2.0
+    if isinstance(shape, Cylinder):
+        return math.hypot(shape.radius, shape.length / 2.0)
+    if isinstance(shape, Capsule):
+        return shape.radius + shape.length / 2.0
+    if isinstance(shape, Sphere):
+        return shape.radius
+    from onebot_control.simulation.loading import mesh_corners  # which takes long to import
+
+    return float(np.linalg.norm(mesh_corners(shape) * np.array(shape.scale), axis=1).max())

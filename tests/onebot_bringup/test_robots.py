@@ -1,0 +1,137 @@
+"""``robots:=N`` and ``robots:=FILE.yaml``: names, places, models, and what is wrong with them."""
+
+import math
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from onebot_bringup.launch.robots import PlacedRobot, in_rows, placed_robots, reach
+from onebot_description.description import parse_description
+from onebot_description.errors import OneBotError
+from tests.onebot_control.control_support import robot, urdf
+
+BOX = """<robot name="box"><link name="base"/>
+  <link name="arm"><collision><origin xyz="1 0 0"/><geometry>{}</geometry></collision></link>
+  <joint name="joint" type="continuous"><parent link="base"/><child link="arm"/>
+    <origin xyz="0 2 0" rpy="0 0 1.5707963267948966"/><axis xyz="0 0 1"/></joint></robot>"""
+STL = """solid x
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 2 0
+endloop
+endfacet
+endsolid x
+"""
+
+
+@pytest.mark.parametrize(
+    ("shape", "half"),
+    [
+        ('<sphere radius="0.25"/>', 0.25),
+        ('<box size="0.6 0.8 0"/>', 0.5),
+        ('<cylinder radius="0.3" length="0.8"/>', 0.5),
+        ('<capsule radius="0.3" length="0.8"/>', 0.7),
+        ('<mesh filename="{}" scale="0.5 0.5 0.5"/>', 1.0),
+    ],
+)
+def test_how_far_a_robot_reaches(shape: str, half: float, tmp_path: Path) -> None:
+    """By all shapes where they are: here 3 m to the left."""
+    (tmp_path / "x.stl").write_text(STL)
+    described = parse_description(BOX.format(shape.format(tmp_path / "x.stl")))
+    assert reach(described) == pytest.approx(3.0 + half)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 20, 50])
+def test_robots_in_rows_are_clear_of_one_another(count: int) -> None:
+    """As many as asked for, in a square, the first one at the origin; nobody is touched."""
+    placed = in_rows(count, robot())
+    assert [each.name for each in placed] == [f"robot{k + 1}" for k in range(count)]
+    assert placed[0][1:4] == (0.0, 0.0, 0.0)
+    for one, other in combinations(placed, 2):
+        assert math.hypot(one.x - other.x, one.y - other.y) > 2.0 * reach(robot())
+    extent = max(max(abs(each.x), abs(each.y)) for each in placed)
+    assert extent <= (math.sqrt(count)) * 1.0
+
+
+def of_file(tmp_path: Path, text: str) -> list[PlacedRobot]:
+    (tmp_path / "fleet.yaml").write_text(text)
+    return placed_robots(str(tmp_path / "fleet.yaml"), robot())
+
+
+def test_a_file_names_places_models_and_parameters(tmp_path: Path) -> None:
+    """Files are relative to it; a model that several have is read once."""
+    (tmp_path / "big.urdf").write_text(urdf(name="big"))
+    (tmp_path / "big.yaml").write_text("")
+    robots = of_file(
+        tmp_path,
+        "robots:\n"
+        "  scout: {x: 1, y: -2.5, yaw: 0.5}\n"
+        "  big_1: {x: 0.0, y: 2.0, model: big.urdf, params_file: big.yaml}\n"
+        "  big_2: {x: 0.0, y: 4.0, model: big.urdf}\n",
+    )
+    scout, one, two = robots
+    assert scout[:4] == ("scout", 1.0, -2.5, 0.5) and scout.params_file is None
+    assert scout.description.robot_name == "bot" and one.description.robot_name == "big"
+    assert one.params_file == tmp_path / "big.yaml"
+    assert one.description is two.description
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("robots:\n  a: {x: 0.0}", r":2: robots.a: has no y, where it starts"),
+        ("robots:\n  a: {x: 0.0, y: left}", r':2: robots.a.y: "left" is a string; write a number'),
+        ("robots:\n  a: {x: 0, y: 0, yav: 1}", r':2: robots.a.yav: no such .*did you mean "yaw"'),
+        ("robots:\n  a b: {x: 0, y: 0}", r":2: robots.a b: is not possible as a namespace; write"),
+        ("robots: {}", r":1: robots: is empty; write a robot, such as scout"),
+        ("robots: 5", r":1: robots: 5 is a number; write a map of names"),
+        ("", r"robots: is missing"),
+        ("robots: [", r"fleet.yaml:1: invalid YAML"),
+        (
+            "robots:\n  a: {x: 1, y: 2}\n  b: {x: 1.0, y: 2.0, yaw: 1}",
+            r":3: robots.b: is in the same place as a, x 1 m, y 2 m; move one",
+        ),
+        (
+            "robots:\n  a: {x: 0, y: 0, model: none.urdf}",
+            r":2: robots.a: .*none.urdf",
+        ),
+        (
+            "robots:\n  a: {x: 0, y: 0, params_file: none.yaml}",
+            r":2: robots.a: params_file: /.*none.yaml: no such file",
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named_with_its_line(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    """One error."""
+    with pytest.raises(OneBotError, match=said):
+        of_file(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0", r"robots:=0 is not possible; write 1 to 200"),
+        ("-3", r"robots:=-3 is not possible"),
+        ("201", r"robots:=201 is not possible"),
+        ("2.5", r"robots:=2.5: no such file; write how many, 1 to 200, or a YAML file"),
+    ],
+)
+def test_what_is_neither_a_number_nor_a_file_is_refused(
+    tmp_path: Path, text: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With what would be right."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OneBotError, match=said):
+        placed_robots(text, robot())
+
+
+def test_a_file_of_a_similar_name_is_proposed(tmp_path: Path) -> None:
+    """Of those beside it."""
+    (tmp_path / "fleet.yaml").touch()
+    with pytest.raises(OneBotError, match='fleat.yaml: no such file .did you mean "fleet.yaml"'):
+        placed_robots(str(tmp_path / "fleat.yaml"), robot())

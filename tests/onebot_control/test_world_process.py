@@ -1,0 +1,133 @@
+"""A world in the node velocity_controller, on real DDS: what is published of it, and commands."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from onebot_control.control_loop import Divider
+from onebot_control.poses import Transform, compose
+from onebot_control.publishing import ScenePublisher
+from onebot_control.simulation import SceneBodies
+from onebot_description.description import load_description, parse_description
+from onebot_description.errors import OneBotError
+from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_control.control_support import urdf
+from tests.onebot_control.test_scene import BOX, WALL, part
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.support import PATIENCE, wait_for
+
+MODULE = "onebot_control.velocity_controller"
+NODE = "/velocity_controller"
+
+
+def values(pose: Any, position: str = "translation", rotation: str = "rotation") -> Transform:
+    p, q = getattr(pose, position), getattr(pose, rotation)
+    return (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)
+
+
+def x(message: Odometry) -> float:
+    return float(message.pose.pose.position.x)
+
+
+def by_child(messages: list[TFMessage]) -> Mapping[str, Any]:
+    """The last transform of each frame."""
+    return {each.child_frame_id: each for message in messages[-20:] for each in message.transforms}
+
+
+@pytest.mark.slow
+def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
+    """It pushes the box to the wall: TF has both where they are, while the odometry goes on."""
+    (tmp_path / "bot.urdf").write_text(urdf())
+    world = tmp_path / "world.urdf"
+    far = WALL.replace("0.65 0 0.2", "1.5 0 0.2")
+    world.write_text(
+        f'<robot name="w"><link name="floor"/>{far}{BOX}</robot>'.replace('"world"', '"floor"')
+    )
+    arguments = ros_args(world=str(world), use_sim_time=True, cmd_vel_timeout=5.0, x=-0.5)
+    every = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with (
+        Peer(ros_domain) as peer,
+        NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments) as node,
+    ):
+        described = peer.hear(String, "/world_description", LATCHED)
+        tf, static = peer.hear(TFMessage, "/tf", 1000), peer.hear(TFMessage, "/tf_static", every)
+        odom, truth = (
+            peer.hear(Odometry, f"{NODE}/{name}", 1000) for name in ("odom", "ground_truth")
+        )
+        wait_for(lambda: described and static and odom and truth, "all topics")
+        assert described[0].data == load_description(world).urdf
+        still = {each.child_frame_id: each for each in static[0].transforms}
+        assert {name: each.header.frame_id for name, each in still.items()} == {
+            "floor": "world",
+            "wall": "floor",
+        }
+        assert values(still["wall"].transform)[0] == (1.5, 0.0, 0.2)
+        assert (truth[-1].header.frame_id, truth[-1].pose.pose.position.x) == (
+            "world",
+            pytest.approx(-0.5),
+        )
+        wait_for(lambda: {"box", "odom", "base_link"} <= set(by_child(tf)), "all frames")
+        assert by_child(tf)["box"].header.frame_id == "world"
+        drive = Twist()
+        drive.linear.x = 0.6
+        commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
+        timer = peer.node.create_timer(0.1, lambda: commands.publish(drive))
+
+        def slipped() -> bool:
+            real = {str(each.header.stamp): x(each) for each in truth[-50:]}
+            ways = [(x(each) - 0.5, real.get(str(each.header.stamp))) for each in odom[-50:]]
+            return any(at is not None and wheels > at + 0.3 for wheels, at in ways)
+
+        wait_for(slipped, "the wheels to slip", 3 * PATIENCE)
+        wait_for(lambda: abs(values(by_child(tf)["box"].transform)[0][0] - 1.3) < 0.07, "the box")
+
+        def same_moment() -> tuple[Any, Mapping[str, Transform]] | None:
+            """The truth, and the frames of the same cycle; of a slow peer messages are lost."""
+            for at in reversed(truth[-50:]):
+                of = [t for m in tf for t in m.transforms if t.header.stamp == at.header.stamp]
+                found = {each.child_frame_id: values(each.transform) for each in of}
+                if {"odom", "base_link"} <= set(found):
+                    return at, found
+            return None
+
+        at, frames = wait_for(same_moment, "the transforms of the truth")
+        place, turn = compose(frames["odom"], frames["base_link"])
+        true = values(at.pose.pose, "position", "orientation")
+        assert place == pytest.approx(true[0], abs=1e-9)
+        assert abs(sum(map(math.prod, zip(turn, true[1], strict=True)))) == pytest.approx(1.0)
+        timer.cancel()
+        teleport = PoseStamped()
+        teleport.pose.position.x, teleport.pose.orientation.w = 1.5, 1.0
+        peer.publisher(PoseStamped, f"{NODE}/teleport").publish(teleport)
+        wait_for(lambda: "~/teleport is ignored: x 1.5 m" in node.output, "the refusal")
+        client = peer.node.create_client(Trigger, f"{NODE}/reset")
+        assert client.wait_for_service(PATIENCE)
+        answer = client.call_async(Trigger.Request())
+        wait_for(answer.done, "the reset")
+        assert answer.result().success
+        wait_for(
+            lambda: (
+                values(by_child(tf)["box"].transform)[0] == pytest.approx((0.5, 0, 0.1), abs=0.01)
+            ),
+            "the box to be back",
+        )
+
+
+@pytest.mark.parametrize("name", ["base_link", "left/odom"])
+def test_a_link_may_not_have_the_name_of_a_frame_of_the_robot(name: str) -> None:
+    """Or each would be where the other is, in turns."""
+    text = f'<robot name="w"><link name="world"/>{part(name)}</robot>'
+    scene = SceneBodies(parse_description(text, "w.urdf"))
+    frames = {"base_link", "left/odom"}
+    node: Any = SimpleNamespace()  # not asked for anything
+    with pytest.raises(OneBotError, match=rf'w\.urdf:1: link "{name}": .* rename the link'):
+        ScenePublisher(node, scene, "world", frames, Divider(50.0, 100.0))
