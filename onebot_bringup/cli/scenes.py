@@ -27,7 +27,7 @@ from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.pictures import Framing, UnreadableError, render
-from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
 from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.topics import TopicSubscriptions
@@ -229,7 +229,8 @@ class RunningRobots:
     def _await_frames(self, robot: Description) -> None:
         def complete() -> bool:
             self._tick()
-            return not self._view.missing and self._view.has_fixed_frame
+            lacking = self._lacks_world() or self._view.missing
+            return not lacking and self._view.has_fixed_frame
 
         if not self._session.spin(complete, PATIENCE):
             missing = self._view.missing or [self._source.view.fixed_frame]
@@ -237,6 +238,11 @@ class RunningRobots:
             self._session.spin(complete, _FRAMES - PATIENCE)
         if self._view.missing:
             raise OneBotError(self._hint(robot, self._view.missing))
+
+    def _lacks_world(self) -> bool:
+        """Whether the description of the world around the robots is published, but has not come."""
+        published = self._session.node.count_publishers(WORLD_DESCRIPTION)
+        return bool(published) and WORLD_DESCRIPTION not in self._received
 
     def _hint(self, robot: Description, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"

@@ -99,6 +99,7 @@ def lose_driver(robot: WatchedBringup) -> None:
             [sys.executable, "-m", "onebot_bringup.cli.main", *words],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         try:
             robot.expect(lambda: robot.speed > _MOVING, _PATIENCE, "the robot to drive")
