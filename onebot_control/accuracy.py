@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.driven_robot import DrivenRobot, wheels_of
 from onebot_control.odometry import Odometry, PoseCovariance
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose, yaw_of
@@ -31,7 +31,7 @@ ODOMETRY_GOAL = 0.0005
 TRUTH_GOAL = 0.005
 REST_GOAL = 1e-5
 
-BEGIN, END = "<!-- accuracy -->", "<!-- /accuracy -->"
+ACCURACY, ROBOTS = "accuracy", "accuracy of robots"  # names of tables in Markdown files
 _HEAD = (
     "Path",
     "Commanded: x, y, heading",
@@ -39,6 +39,13 @@ _HEAD = (
     "Truth",
     "Odometry to truth",
     "Truth to command",
+)
+_ROBOTS_HEAD = (
+    "Robot",
+    "File",
+    "Wheels; separation, radius",
+    "2 m straight: odometry; truth",
+    "360° turn: odometry; truth",
 )
 
 
@@ -264,19 +271,57 @@ def missed(report: Report) -> list[str]:
     return sentences
 
 
-def write(file: Path, text: str) -> None:
-    """Write ``text`` between the markers in ``file``; create a file that does not exist.
+def robots_table(files: Sequence[str], config: ControlConfig) -> str:
+    """Drive 2 m and turn once with each robot, and return the results as Markdown.
+
+    Args:
+        files: URDF or xacro files; the row of one that cannot be driven has the reason.
+        config: of the controller.
+    """
+    rows = [_ROBOTS_HEAD, ("---",) * len(_ROBOTS_HEAD), *(_robot(file, config) for file in files)]
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def _robot(file: str, config: ControlConfig) -> tuple[str, ...]:
+    shown = "/".join(Path(file).parts[-2:])
+    try:
+        description = load_description(file)
+    except OneBotError as error:
+        return "", shown, f"unreadable: {_first_sentence(error)}", "", ""
+    try:
+        wheels = wheels_of(description, config)
+        straight_on, turned = measure(description, config, PATHS[:2], rest=0.1).results
+    except OneBotError as error:
+        return description.robot_name, shown, f"refused: {_first_sentence(error)}", "", ""
+    x, y, yaw = straight_on.truth
+    return (
+        description.robot_name,
+        shown,
+        f"{len(wheels.names)}; {wheels.separation:.3f} m, {wheels.radius:.3f} m",
+        f"{straight_on.odometry.x:.4f} m; {x:.4f} m, {round(1e3 * y, 1) + 0.0:.1f} mm aside, "
+        f"{round(math.degrees(yaw), 2) + 0.0:.2f}°",
+        f"{math.degrees(turned.odometry.yaw):.2f}°; {math.degrees(turned.truth.yaw):.2f}°",
+    )
+
+
+def _first_sentence(error: OneBotError) -> str:
+    return str(error).splitlines()[0].split(". ")[0].split("cannot be driven: ")[-1]
+
+
+def write(file: Path, text: str, name: str = ACCURACY) -> None:
+    """Write ``text`` between the markers of table ``name`` in a file, which is made if missing.
 
     Raises:
         OneBotError: the file has no markers, or cannot be read or written.
     """
+    first, last = f"<!-- {name} -->", f"<!-- /{name} -->"
     try:
-        old = file.read_text(encoding="utf-8") if file.exists() else f"{BEGIN}\n{END}\n"
-        before, begin, rest = old.partition(BEGIN)
-        _, end, after = rest.partition(END)
+        old = file.read_text(encoding="utf-8") if file.exists() else f"{first}\n{last}\n"
+        before, begin, rest = old.partition(first)
+        _, end, after = rest.partition(last)
         if not (begin and end):
-            raise OneBotError(f"{file}: has no lines {BEGIN} and {END} to write the table between")
-        file.write_text(f"{before}{BEGIN}\n{text}{END}{after}", encoding="utf-8")
+            raise OneBotError(f"{file}: has no lines {first} and {last} to write the table between")
+        file.write_text(f"{before}{first}\n{text}{last}{after}", encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise OneBotError(f"{file}: {error}") from None
 
@@ -316,23 +361,32 @@ def main(argv: Sequence[str]) -> int:
         default="package://onebot_description/urdf/onebot.urdf.xacro",
         help="URDF or xacro file (default: OneBot)",
     )
+    parser.add_argument(
+        "--robots",
+        nargs="+",
+        metavar="FILE",
+        help="drive 2 m and turn once with each of these robots instead",
+    )
     parser.add_argument("--control", type=Path, help="control.yaml (default: OneBot's)")
     parser.add_argument(
         "--write",
         type=Path,
         metavar="FILE",
-        help=f"also write the table to FILE, between the lines {BEGIN} and {END}",
+        help=f"also write the table to FILE, between the lines <!-- {ACCURACY} --> and "
+        f"<!-- /{ACCURACY} -->, with --robots <!-- {ROBOTS} --> and <!-- /{ROBOTS} -->",
     )
     arguments = parser.parse_args(argv)
     file = arguments.control or default_control_file()
     parameters = read_control_files([file], "/", "velocity_controller")
     config = ControlConfig.from_parameters(parameters.values)
-    report = measure(load_description(arguments.robot), config, PATHS)
-    text = table(report)
+    if arguments.robots:
+        name, text, failures = ROBOTS, robots_table(arguments.robots, config), []
+    else:
+        report = measure(load_description(arguments.robot), config, PATHS)
+        name, text, failures = ACCURACY, table(report), missed(report)
     print(text, end="")
     if arguments.write is not None:
-        write(arguments.write, text)
-    failures = missed(report)
+        write(arguments.write, text, name)
     for sentence in failures:
         print(sentence, file=sys.stderr)
     return 1 if failures else 0

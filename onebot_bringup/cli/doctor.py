@@ -31,7 +31,7 @@ _TEXT = "onebot doctor"
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
 
 
-class Finding(NamedTuple):
+class Verdict(NamedTuple):
     """One line of the report."""
 
     level: str  # OK; NOTE: works, but something could be better; PROBLEM: something is broken
@@ -56,7 +56,7 @@ def run(argv: Sequence[str]) -> int:
     args = parser.parse(argv)
     use_local_discovery()
     print(f"onebot {version()}, Python {platform.python_version()} on {platform.platform()}")
-    checks: dict[str, Callable[[], Finding]] = {
+    checks: dict[str, Callable[[], Verdict]] = {
         "dependencies": lambda: dependencies(_required(), _installed),
         "compiled library": _library,
         "rclpy": lambda: rclpy_of(os.environ),
@@ -72,7 +72,7 @@ def run(argv: Sequence[str]) -> int:
     return 1 if PROBLEM in found else 0
 
 
-def _print(name: str, check: Callable[[], Finding]) -> str:
+def _print(name: str, check: Callable[[], Verdict]) -> str:
     level, text, remedy = check()
     print(f"{level:8} {name}: {text}{f'; {remedy}' if remedy else ''}", flush=True)
     return level
@@ -92,7 +92,7 @@ def _installed(name: str) -> str | None:
         return None
 
 
-def dependencies(required: Iterable[str], installed: Callable[[str], str | None]) -> Finding:
+def dependencies(required: Iterable[str], installed: Callable[[str], str | None]) -> Verdict:
     """Compare the required versions with those that ``installed`` gives; extras are left out."""
     wrong, count = [], 0
     for requirement in required:
@@ -107,10 +107,10 @@ def dependencies(required: Iterable[str], installed: Callable[[str], str | None]
         elif not all(_fits(found, part) for part in filter(None, wanted.split(","))):
             wrong.append(f"{name} is {found} instead of {wanted}")
     if wrong:
-        return Finding(PROBLEM, listing(wrong), "pip install --upgrade onebot, or pip install -e .")
+        return Verdict(PROBLEM, listing(wrong), "pip install --upgrade onebot, or pip install -e .")
     if not count:
-        return Finding(NOTE, "not installed, run from a checkout", "pip install -e .")
-    return Finding(OK, f"{count} as required")
+        return Verdict(NOTE, "not installed, run from a checkout", "pip install -e .")
+    return Verdict(OK, f"{count} as required")
 
 
 def _fits(found: str, part: str) -> bool:
@@ -134,17 +134,17 @@ def _numbers(text: str) -> tuple[int, ...]:
     return tuple(map(int, release[0].split("."))) if release else ()
 
 
-def _library() -> Finding:
+def _library() -> Verdict:
     from onebot_description.wire.library import load_library
 
     try:
         load_library()
     except OneBotError as error:
-        return Finding(PROBLEM, str(error))
-    return Finding(OK, "loaded")
+        return Verdict(PROBLEM, str(error))
+    return Verdict(OK, "loaded")
 
 
-def rclpy_of(environment: Mapping[str, str]) -> Finding:
+def rclpy_of(environment: Mapping[str, str]) -> Verdict:
     """Import rclpy, with the middleware that the environment names."""
     done = _python(
         "import rclpy, rclpy.utilities as u; "
@@ -152,10 +152,10 @@ def rclpy_of(environment: Mapping[str, str]) -> Finding:
         environment,
     )
     if not done.returncode:
-        return Finding(OK, done.stdout.strip())
+        return Verdict(OK, done.stdout.strip())
     if name := environment.get("RMW_IMPLEMENTATION"):
-        return Finding(PROBLEM, f"it does not run with {name}", "unset RMW_IMPLEMENTATION")
-    return Finding(
+        return Verdict(PROBLEM, f"it does not run with {name}", "unset RMW_IMPLEMENTATION")
+    return Verdict(
         PROBLEM,
         f"it cannot be imported: {_last_line(done)}",
         "is another ROS sourced? use a new shell, or unset PYTHONPATH LD_LIBRARY_PATH "
@@ -163,52 +163,52 @@ def rclpy_of(environment: Mapping[str, str]) -> Finding:
     )
 
 
-def domain(environment: Mapping[str, str]) -> Finding:
+def domain(environment: Mapping[str, str]) -> Verdict:
     """Check ROS_DOMAIN_ID and the range of discovery."""
     text = environment.get("ROS_DOMAIN_ID", "") or "0"
     scope = (environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET").upper()
     if not text.isdecimal() or int(text) > _MOST_DOMAIN:
         wanted = f"a number from 0 to {_MOST_DOMAIN}"
-        return Finding(PROBLEM, f"ROS_DOMAIN_ID={text} is not {wanted}", "export ROS_DOMAIN_ID=0")
+        return Verdict(PROBLEM, f"ROS_DOMAIN_ID={text} is not {wanted}", "export ROS_DOMAIN_ID=0")
     if scope not in _RANGES:
         hint = did_you_mean(scope, _RANGES, "ranges").strip()
-        return Finding(PROBLEM, f"ROS_AUTOMATIC_DISCOVERY_RANGE={scope} is none {hint}")
+        return Verdict(PROBLEM, f"ROS_AUTOMATIC_DISCOVERY_RANGE={scope} is none {hint}")
     if scope == "OFF":
-        return Finding(
+        return Verdict(
             PROBLEM, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF: nodes do not discover each other",
             "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
         )  # fmt: skip
     if environment.get("ROS_LOCALHOST_ONLY", "0") == "1":
-        return Finding(
+        return Verdict(
             NOTE, "ROS_LOCALHOST_ONLY=1 overrides ROS_AUTOMATIC_DISCOVERY_RANGE",
             "unset ROS_LOCALHOST_ONLY",
         )  # fmt: skip
     if int(text) in _EPHEMERAL_DOMAINS:
-        return Finding(
+        return Verdict(
             NOTE, f"ROS_DOMAIN_ID={text}: Linux hands the ports of 102 to 215 out to others, too",
             "export ROS_DOMAIN_ID with 0 to 101",
         )  # fmt: skip
     by = environment.get(SERVER, "")
-    return Finding(OK, f"ROS_DOMAIN_ID={text}, discovery {f'by {by}' if by else f'of {scope}'}")
+    return Verdict(OK, f"ROS_DOMAIN_ID={text}, discovery {f'by {by}' if by else f'of {scope}'}")
 
 
-def multicast(environment: Mapping[str, str]) -> Finding:
+def multicast(environment: Mapping[str, str]) -> Verdict:
     """Send a packet to DDS's group, by loopback, or by the default route for a whole subnet."""
     if by := environment.get(SERVER):
-        return Finding(OK, f"not needed with the discovery server at {by}")
+        return Verdict(OK, f"not needed with the discovery server at {by}")
     local = environment.get(RANGE, "").upper() == "LOCALHOST"
     where = "loopback" if local else "the network"
     try:
         _multicast(socket.inet_aton("127.0.0.1" if local else "0.0.0.0"))
     except OSError as error:
-        return Finding(
+        return Verdict(
             NOTE if local else PROBLEM,  # DDS finds its peers on this computer without it, too
             f"no packet comes back from {where}: {error}",
             "sudo ip link set lo multicast on"
             if local
             else "connect to a network, or export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
         )
-    return Finding(OK, f"works on {where}")
+    return Verdict(OK, f"works on {where}")
 
 
 def _multicast(interface: bytes) -> None:
@@ -225,7 +225,7 @@ def _multicast(interface: bytes) -> None:
         receiver.recv(64)
 
 
-def _messages(timeout: float) -> Finding:
+def _messages(timeout: float) -> Verdict:
     """Have one process publish and another receive: discovery and data, as they are set up."""
     topic, kind = f"/_onebot_doctor_{os.getpid()}", "std_msgs/msg/String"
     publisher = subprocess.Popen(
@@ -241,20 +241,20 @@ def _messages(timeout: float) -> Finding:
         publisher.kill()
         publisher.wait()
     if not received.returncode:
-        return Finding(OK, "discovered and received from another process")
-    return Finding(
+        return Verdict(OK, "discovered and received from another process")
+    return Verdict(
         PROBLEM,
         f"none from another process: {_last_line(received)}",
         "see the lines above; a firewall may drop UDP to this computer's own ports from 7400 on",
     )
 
 
-def shared_memory(folder: Path, clean: bool) -> Finding:
+def shared_memory(folder: Path, clean: bool) -> Verdict:
     """Check its size, and what killed processes left in it; with ``clean`` remove that."""
     try:
         space = os.statvfs(folder)
     except OSError as error:
-        return Finding(
+        return Verdict(
             PROBLEM, f"{folder}: {error.strerror}; DDS falls back to UDP", "mount a tmpfs there"
         )
     segments = find_segments(folder)
@@ -268,25 +268,25 @@ def shared_memory(folder: Path, clean: bool) -> Finding:
         remedy = (
             "onebot doctor --clean" if left else "in a container: --shm-size=256m or --ipc host"
         )
-        return Finding(PROBLEM, text, remedy)
+        return Verdict(PROBLEM, text, remedy)
     if left:
         size = segments.stale_bytes / 2**20
-        return Finding(
+        return Verdict(
             NOTE, f"{text}, {left} ({size:.0f} MiB) of killed processes", "onebot doctor --clean"
         )
-    return Finding(OK, text)
+    return Verdict(OK, text)
 
 
-def ports(wanted: Mapping[int, str]) -> Finding:
+def ports(wanted: Mapping[int, str]) -> Verdict:
     """Check that the default ports of the pages are free on loopback."""
     taken = [f"{port} ({what})" for port, what in wanted.items() if not _is_free(port)]
     if taken:
-        return Finding(
+        return Verdict(
             NOTE,
             f"in use: {listing(taken)}",
             "another one is taken, and printed; or stop who has it",
         )
-    return Finding(OK, f"{', '.join(map(str, wanted))} are free")
+    return Verdict(OK, f"{', '.join(map(str, wanted))} are free")
 
 
 def _is_free(port: int) -> bool:
@@ -301,24 +301,24 @@ def _is_free(port: int) -> bool:
     return True
 
 
-def fonts(folders: Iterable[str]) -> Finding:
+def fonts(folders: Iterable[str]) -> Verdict:
     """Look for any font: a browser here shows the pages' text with the system's."""
     for folder in folders:
         for pattern in ("*.ttf", "*.otf", "*.ttc", "*.pfb"):
             if next(Path(folder).expanduser().rglob(pattern), None) is not None:
-                return Finding(OK, f"in {folder}")
-    return Finding(
+                return Verdict(OK, f"in {folder}")
+    return Verdict(
         NOTE, "none: a browser on this computer shows no text", "apt install fonts-dejavu-core"
     )
 
 
-def _renderer() -> Finding:
+def _renderer() -> Verdict:
     code = "from onebot_bringup.viewer import pictures; print(pictures.renderer_problem())"
     done = _python(code, {n: v for n, v in os.environ.items() if n != "RMW_IMPLEMENTATION"})
     problem = _last_line(done) if done.returncode else done.stdout.strip()
     if problem:
-        return Finding(NOTE, f"onebot snapshot does not work: {problem}")
-    return Finding(OK, "draws pictures")
+        return Verdict(NOTE, f"onebot snapshot does not work: {problem}")
+    return Verdict(OK, "draws pictures")
 
 
 def _python(code: str, environment: Mapping[str, str]) -> "subprocess.CompletedProcess[str]":

@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from onebot_bringup.cli.param import frame_prefix
+from onebot_bringup.cli.robots import description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.introspection.message_senders import publishers
@@ -26,7 +27,7 @@ from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
 from onebot_bringup.viewer.pictures import Framing, UnreadableError, render
-from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
 from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.topics import TopicSubscriptions
@@ -228,7 +229,8 @@ class RunningRobots:
     def _await_frames(self, robot: Description) -> None:
         def complete() -> bool:
             self._tick()
-            return not self._view.missing and self._view.has_fixed_frame
+            lacking = self._lacks_world() or self._view.missing
+            return not lacking and self._view.has_fixed_frame
 
         if not self._session.spin(complete, PATIENCE):
             missing = self._view.missing or [self._source.view.fixed_frame]
@@ -236,6 +238,11 @@ class RunningRobots:
             self._session.spin(complete, _FRAMES - PATIENCE)
         if self._view.missing:
             raise OneBotError(self._hint(robot, self._view.missing))
+
+    def _lacks_world(self) -> bool:
+        """Whether the description of the world around the robots is published, but has not come."""
+        published = self._session.node.count_publishers(WORLD_DESCRIPTION)
+        return bool(published) and WORLD_DESCRIPTION not in self._received
 
     def _hint(self, robot: Description, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
@@ -272,9 +279,9 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
         OneBotError: there is none; or there are several, and one prefix.
     """
     own = session.node.get_namespace().rstrip("/")
-    topics = _look_for_robot(session, lambda: _published(session, own))
+    topics = _look_for_robot(session, lambda: description_topics(session, own))
     session.discover()
-    topics = _published(session, own) or topics
+    topics = description_topics(session, own) or topics
     if prefix and len(topics) > 1:
         spaces = [topic.rpartition("/")[0] or "/" for topic in topics]
         raise OneBotError(
@@ -290,17 +297,6 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
         found.append(RobotToShow(space, of_robot))
     return found
-
-
-def _published(session: Session, within: str) -> list[str]:
-    """Return the topics of descriptions in a namespace and below; a robot's of its own first."""
-    there = [
-        name
-        for name, _ in session.topics()
-        if name.startswith(f"{within}/") and name.endswith(f"/{ROBOT_DESCRIPTION}")
-    ]
-    found = filter(session.node.count_publishers, there)
-    return sorted(found, key=lambda name: (name.count("/"), name))
 
 
 def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
@@ -321,7 +317,7 @@ def _look_for_robot(session: Session, found: Callable[[], Any]) -> Any:
 
 def _elsewhere(session: Session) -> str:
     """Where descriptions are published, if in other namespaces."""
-    there = _published(session, "")
+    there = description_topics(session)
     if not there:
         return ""
     space = there[0].rpartition("/")[0] or "/"

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from onebot_bringup.cli.robots import chosen_commands, description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
@@ -26,10 +27,9 @@ from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_control.poses import prefixed
 from onebot_description.errors import OneBotError
 
-_TOPIC = "velocity_controller/cmd_vel"
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
 _ARGUMENTS = [
-    Argument("topic", _TOPIC, "to steer, Twist or TwistStamped; the page can change it"),
+    Argument("topic", "", "to steer, or a robot such as robot2; the page can change it"),
     Argument("odom_topic", "", "the odometry to show; empty: the robot's own"),
     Argument("host", "127.0.0.1", "address of the page; 0.0.0.0: for other computers, too"),
     port("port", "8080", "of the page; another one if it is in use, 0: any"),
@@ -48,7 +48,7 @@ _ARGUMENTS = [
     *ros_settings(),
 ]
 _NUMBERS = ("rate", "max_linear", "max_angular")
-_HELP = f"""usage: onebot steer [TOPIC] [name:=value ...] [--ros-args ...]
+_HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
 
 Serves a page to steer a robot from, and prints its address. Hold the pad (mouse or finger), an
 arrow key, a slider or a gamepad's stick, and the robot drives; let go, and it stops. So it does
@@ -94,17 +94,17 @@ def run(argv: Sequence[str]) -> int:
 def _launch(
     folder: Path, values: Mapping[str, str], bind_address: BindAddress, ros_args: Sequence[str]
 ) -> int:
-    frame_prefix = _viewer_to_start(values, ros_args)
-    own = frame_prefix is not None
-    page: dict[str, object] = {name: values[name] for name in ("topic", "odom_topic")}
+    topic, view = _found(values, ros_args)
+    own = view is not None
+    page: dict[str, object] = {"topic": topic, "odom_topic": values["odom_topic"]}
     page |= {name: float(values[name]) for name in _NUMBERS}
     page |= {**bind_address.parameters, "open_browser": values["open_browser"] == "true"}
     page["viewer_page"] = f"{_VIEWER if own else 'rerun_viewer'}/page"
     make = RosNodes(folder, values["namespace"], ros_args)
     nodes = [make.node("steering_page", "onebot_bringup.steering.steering_page", page)]
-    if own:
-        view: dict[str, object] = {"viewer": "web", "view": values["view"], "open_browser": False}
-        view |= {"grpc_port": 0, "web_port": 0, "frame_prefix": frame_prefix}
+    if view is not None:
+        view |= {"viewer": "web", "view": values["view"], "open_browser": False}
+        view |= {"grpc_port": 0, "web_port": 0}
         module = "onebot_bringup.viewer.rerun_viewer"
         nodes.append(
             make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
@@ -114,32 +114,40 @@ def _launch(
         return launcher.run(nodes, started_message=hint, temporary=[folder])
 
 
-def _viewer_to_start(values: Mapping[str, str], ros_args: Sequence[str]) -> str | None:
-    """Return the prefix of the robot's frames for a viewer to start; None to start none.
+def _found(
+    values: Mapping[str, str], ros_args: Sequence[str]
+) -> tuple[str, dict[str, object] | None]:
+    """Return the topic to steer, and which robots a viewer is to show; None to start none.
 
     For ``auto``, try to discover the robot's viewer first.
     """
     namespace = values["namespace"].strip("/")
     in_namespace = ["-r", f"__ns:=/{namespace}"] if namespace else []
     with Session(["--ros-args", *ros_args, *in_namespace]) as session:
-        for name in ("topic", "odom_topic"):
-            if values[name]:
-                session.full_name(values[name])
+        if values["odom_topic"]:
+            session.full_name(values["odom_topic"])
+        topic = chosen_commands(session, values["topic"], first=True)
         if values["viewer"] == "none" or values["viewer"] == "auto" and _finds_viewer(session):
-            return None
-        return _frame_prefix(session, namespace)
+            return topic, None
+        return topic, _robots(session, namespace)
 
 
-def _frame_prefix(session: Session, namespace: str) -> str:
-    """Return the robot's; of one that is started later, as a bringup names its frames."""
+def _robots(session: Session, namespace: str) -> dict[str, object]:
+    """Return the viewer's parameters for the robots that run.
+
+    The frames of one that is started later are named as a bringup names them.
+    """
     from onebot_bringup.cli.param import frame_prefix
     from onebot_bringup.introspection.message_senders import publishers
 
-    topic = session.full_name("robot_description")
-    nodes = session.spin(lambda: publishers(session.node, topic), PATIENCE)
-    if not nodes:
-        return prefixed("", True, "", namespace)
-    return frame_prefix(session, nodes.values()) or ""
+    own = f"/{namespace}".rstrip("/")
+    topics = session.spin(lambda: description_topics(session, own), PATIENCE)
+    if len(topics) > 1:
+        return {"robots": [topic.rpartition("/")[0] for topic in topics]}
+    if not topics:
+        return {"frame_prefix": prefixed("", True, "", namespace)}
+    prefix = frame_prefix(session, publishers(session.node, topics[0]).values())
+    return {"frame_prefix": prefix or ""}
 
 
 def _finds_viewer(session: Session) -> bool:
@@ -175,8 +183,6 @@ def _check(values: Mapping[str, str]) -> None:
         UsageError: two values contradict each other.
         OneBotError: the view's file does not exist.
     """
-    if not values["topic"]:
-        raise UsageError("topic:= must not be empty")
     if values["view"] not in ("", "none") and not Path(values["view"]).is_file():
         raise OneBotError(f"view:={values['view']}: no such file")
     if values["view"] and values["viewer"] == "none":

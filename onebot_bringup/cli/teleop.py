@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, not_negative, positive
+from onebot_bringup.cli.robots import chosen_commands
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
 
@@ -58,7 +59,6 @@ _REPEATS_MISSED = 4
 ESCAPE = "\x1b"
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _QUIT = (ESCAPE, "\x03", "\x04")
-_TOPIC = "/velocity_controller/cmd_vel"
 _ZEROS = 3  # published when a key is released, in case one gets lost
 _SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
 
@@ -220,7 +220,8 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code.
 
     Raises:
-        OneBotError: stdin is not a terminal, or the command line is wrong.
+        OneBotError: stdin is not a terminal, the command line is wrong, or it is not clear which of
+            several robots is meant.
     """
     args = _parse(argv)
     with single_keys() as keys, Session(args.ros_args, "teleop") as session:
@@ -237,7 +238,11 @@ def run(argv: Sequence[str]) -> int:
 def _parse(argv: Sequence[str]) -> Namespace:
     parser = Parser("onebot teleop", "drive a robot from the keyboard, while a key is held")
     parser.add_argument(
-        "topic", nargs="?", default=_TOPIC, metavar="TOPIC", help=f"to publish on ({_TOPIC})"
+        "robot",
+        nargs="?",
+        default="",
+        metavar="ROBOT|TOPIC",
+        help="the robot, such as robot2, or the topic to publish on (the only robot's)",
     )
     parser.add_argument(
         "--stamped", action="store_true", help="publish TwistStamped instead of Twist"
@@ -272,7 +277,7 @@ class _Teleop:
 
         self._session, self._args = session, args
         self._kind = TwistStamped if args.stamped else Twist
-        self._topic = session.full_name(args.topic)
+        self._topic = chosen_commands(session, args.robot)
         self._publisher = session.node.create_publisher(self._kind, self._topic, 10)
         self._driver = Driver(args.speed, args.turn, args.hold)
         self._shown = ""

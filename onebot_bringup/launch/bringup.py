@@ -402,6 +402,8 @@ def summary_text(
     """Return what is running, where to find it and how to stop it."""
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
     lines = _robots(robots, space) if robots else _robot(description, values, space)
+    if values.get("world"):
+        lines.insert(1, f"  world    {values['world']}")
     if values.get("steer") == "true":
         nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
         lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
@@ -420,8 +422,6 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
-    if values.get("world"):
-        lines.append(f"  world    {values['world']}")
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":
@@ -444,7 +444,7 @@ def _robots(robots: Sequence["PlacedRobot"], space: str) -> list[str]:
         f"  topics   /tf /tf_static, and in each robot's namespace, such as "
         f"{space}/{first}/joint_states",
         f"  frames   of each robot begin with its namespace, such as {f'{space}/'[1:]}{first}/odom",
-        f"  drive    onebot teleop {drive}, or a Twist on it",
+        f"  drive    onebot teleop {f'{space}/'[1:]}{first}, or a Twist on {drive}",
     ]
 
 

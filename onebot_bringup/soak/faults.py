@@ -47,8 +47,10 @@ def stall(name: str, robot: WatchedBringup) -> None:
     pid = robot.require(name)
     with robot.excused(*_STALLS[name]):
         send(pid, signal.SIGSTOP)
-        robot.run_for(_STALLED)
-        send(pid, signal.SIGCONT)
+        try:
+            robot.run_for(_STALLED)
+        finally:
+            send(pid, signal.SIGCONT)
         robot.expect(robot.is_alive, _PATIENCE, f"messages after {name} stood still")
 
 
@@ -86,23 +88,27 @@ def lose_driver(robot: WatchedBringup) -> None:
     topic, kind = robot.command_topic, "geometry_msgs/msg/Twist"
     speed, turn = robot.fast
     command = f"{{linear: {{x: {speed}}}, angular: {{z: {turn}}}}}"
+
+    def at_rest() -> bool:
+        return robot.speed < _AT_REST
+
     words = ("topic", "pub", "-r", "20", topic, kind, command)
     with robot.other_driver():
+        robot.expect(at_rest, _BRAKES, "the robot to stop without commands")
         driver = subprocess.Popen(
             [sys.executable, "-m", "onebot_bringup.cli.main", *words],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         try:
-            robot.run_for(1.0)
             robot.expect(lambda: robot.speed > _MOVING, _PATIENCE, "the robot to drive")
+            robot.run_for(1.0)
             robot.remember_segments(driver.pid)
         finally:
             driver.kill()
             driver.wait()
-        robot.expect(
-            lambda: robot.speed < _AT_REST, _BRAKES, "the robot to stop when its driver is lost"
-        )
+        robot.expect(at_rest, _BRAKES, "the robot to stop when its driver is lost")
 
 
 def kill_helper(name: str, robot: WatchedBringup) -> None:

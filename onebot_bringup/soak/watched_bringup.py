@@ -221,6 +221,8 @@ class WatchedBringup:
             OneBotError: it does not.
         """
         self.report("starting onebot_bringup ...")
+        if self._bringup is not None:
+            self._bringup.process.kill()  # where it should have ended, but has not
         self.over_network, self.missing = bool(environment), set(self.nodes)
         for drive in self._drives:
             drive.restart()

@@ -1,7 +1,8 @@
 """The topic that commands are published on, and the nodes that subscribe to it."""
 
+import re
 import threading
-from collections.abc import Container
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,8 @@ from onebot_description.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
+_CONTROLLER = re.compile(r"/\w*controller$")  # in whose namespace its topic of commands is
+_NUMBERS = re.compile(r"(\d+)")
 _WARN_EVERY = 5.0  # s
 _OBSERVERS = (  # they subscribe to commands, but are certainly not robots
     "rerun_viewer",
@@ -65,6 +68,43 @@ def command_topics(node: Node) -> tuple[str, ...]:
         return all(end.observes for end in command_subscribers(node, name)), name
 
     return tuple(sorted(named, key=rank))
+
+
+@dataclass(frozen=True)
+class CommandedRobot:
+    """A robot that takes commands."""
+
+    topic: str  # of the commands, its full name
+    name: str  # the robot's namespace; the topic where that names no robot, or several
+
+
+def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[CommandedRobot, ...]:
+    """Return the robots that take commands, by the nodes that subscribe to them.
+
+    Args:
+        node: whose knowledge of the ROS graph is used.
+        topics: of commands, where they are known.
+    """
+    topics = [
+        topic
+        for topic in (command_topics(node) if topics is None else topics)
+        if any(not end.observes for end in command_subscribers(node, topic))
+    ]
+    return named_robots(topics)
+
+
+def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
+    """Return the robots with these topics of commands, by name, robot2 before robot10."""
+    names = [_CONTROLLER.sub("", topic.rpartition("/")[0]).strip("/") for topic in topics]
+    robots = [
+        CommandedRobot(topic, name if name and names.count(name) == 1 else topic)
+        for topic, name in zip(topics, names, strict=True)
+    ]
+    return tuple(sorted(robots, key=lambda robot: _natural(robot.name)))
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    return [(int(word), "") if word.isdecimal() else (0, word) for word in _NUMBERS.split(name)]
 
 
 def foreign_type(node: Node, topic: str) -> str:

@@ -40,7 +40,8 @@ _MOST_WARNINGS = 100  # of one description
 _LONGEST_WARNING = 1000  # characters
 _LISTED = 5  # names of robots
 
-_WORLD = RobotToShow(description="/world_description")  # what stands around the robots
+WORLD_DESCRIPTION = "/world_description"
+_WORLD = RobotToShow(description=WORLD_DESCRIPTION)  # what stands around the robots
 
 ReportBad = Callable[[str, Exception], object]
 
@@ -301,11 +302,11 @@ class RobotView:
 
     @property
     def missing(self) -> list[str]:
-        """The frames of links that no transform connects with the fixed frame."""
+        """The frames of links that no transform connects with the fixed frame, the world's, too."""
         fixed = self.fixed_frame
         return [
             frame
-            for shown in self._robots
+            for shown in (*self._robots, self._world)
             if shown.robot is not None
             for frame in shown.resolution.missing(shown.robot, fixed)
         ]

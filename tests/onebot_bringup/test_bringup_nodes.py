@@ -373,7 +373,7 @@ def test_the_summary_of_several_robots(make: Make) -> None:
     robots = [PlacedRobot(name, 0.0, 0.0, 0.0, nodes.description) for name in ("a", "b", "c")]
     text = summary_text(nodes.description, nodes.values, robots)
     assert text.startswith("3 robots in one world, a to c\n")
-    assert "onebot teleop /yard/a/velocity_controller/cmd_vel" in text
+    assert "onebot teleop yard/a, or a Twist on /yard/a/velocity_controller/cmd_vel" in text
     assert "such as yard/a/odom" in text
 
 

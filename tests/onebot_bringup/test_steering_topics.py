@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
+from onebot_bringup.steering.command_topic import named_robots
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.limits import LINEAR, TIMEOUT
 from onebot_bringup.steering.odometry import choose_odometry
@@ -42,6 +43,20 @@ def peer(ros_domain: int) -> Iterator[Peer]:
 
 def _waited(page: PageClient, key: str, value: Any) -> None:
     wait_for(lambda: page.state[key] == value, f"{key} to be {value}; it is {page.state[key]}")
+
+
+@pytest.mark.parametrize(
+    ("topics", "names"),
+    [
+        (["/velocity_controller/cmd_vel"], ["/velocity_controller/cmd_vel"]),
+        (["/r10/velocity_controller/cmd_vel", "/r2/cmd_vel"], ["r2", "r10"]),
+        (["/a/b/diff_drive_controller/cmd_vel", "/cmd_vel"], ["/cmd_vel", "a/b"]),
+        (["/r1/cmd_vel", "/r1/nav_vel"], ["/r1/cmd_vel", "/r1/nav_vel"]),
+    ],
+)
+def test_robots_are_named_by_their_namespaces(topics, names):
+    """Without the controller's; by the topic where that is no name of one robot."""
+    assert [robot.name for robot in named_robots(topics)] == names
 
 
 def test_a_robot_that_takes_stamped_commands_gets_them(peer):
@@ -156,6 +171,7 @@ def test_topics_with_a_listener_are_offered_first(peer):
     peer.hear(String, "/not_a_command")
     with steered() as (_, page):
         _waited(page, "topics", ["/z_robot", "/a_source"])
+        _waited(page, "robots", [{"topic": "/z_robot", "name": "/z_robot"}])
 
 
 def _pair(linear: Any, angular: Any) -> dict[str, Any]:

@@ -241,6 +241,26 @@ def test_leaving_stops_the_robot_and_restores_the_terminal(ros_domain: int, leav
         assert "Traceback" not in terminal.shown
 
 
+def test_of_several_robots_one_is_named(ros_domain: int) -> None:
+    """Without a name they are listed; by its name one is driven, and no other."""
+    with Peer(ros_domain) as peer:
+        heard = {
+            name: peer.hear(Twist, f"/{name}/velocity_controller/cmd_vel")
+            for name in ("robot1", "robot2")
+        }
+        for words, text in (
+            ((), "2 robots take commands: robot1, robot2; choose one by its name"),
+            (("robot3",), 'no robot "robot3" takes commands (did you mean'),
+        ):
+            with teleop(*words) as terminal:
+                terminal.says(text)
+                assert terminal.process.wait(PATIENCE) == 1
+        with teleop("robot2") as terminal:
+            ready(peer, terminal, "/robot2/velocity_controller/cmd_vel")
+            _hold(terminal, "i", heard["robot2"])
+            assert heard["robot2"] and not heard["robot1"]
+
+
 def test_ctrl_z_stops_the_robot_only(ros_domain: int) -> None:
     """It does not suspend the command, which would leave the robot driving."""
     with Peer(ros_domain) as peer, teleop() as terminal:

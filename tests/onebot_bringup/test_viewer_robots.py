@@ -168,9 +168,12 @@ def test_the_world_is_shown_around_one_robot_and_around_many(tmp_path):
     fleet = Fleet(tmp_path / "x.rrd")
     fleet.show()
     take(fleet.view, "/world_description", String(data=WORLD))
+    fleet.view.tick(START_NS)
+    assert "wall" in fleet.view.missing  # which a snapshot waits for
     take_tf(fleet.view, transforms("world", "wall", 3.0), static=True)
     fleet.now += 10.0
     assert fleet.view.tick(START_NS) == []
+    assert not fleet.view.missing
     fleet.end()
     assert column(tmp_path / "x.rrd", "/world/robot/visual/wall/0", FRAME) == [["wall"]]
     assert "/world_description" in RobotView(fleet.recording.stream).topics

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from onebot_control.accuracy import (
-    BEGIN,
-    END,
     ODOMETRY_GOAL,
     PATHS,
     TRUTH_GOAL,
@@ -26,6 +24,7 @@ from onebot_control.accuracy import (
     main,
     measure,
     missed,
+    robots_table,
     straight,
     table,
     turn,
@@ -38,6 +37,7 @@ from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
 
+BEGIN, END = "<!-- accuracy -->", "<!-- /accuracy -->"
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROBOT = CHECKOUT / "tests" / "robots" / "diff_drive.urdf"
 ONEBOT = CHECKOUT / "onebot_description" / "urdf" / "onebot.urdf.xacro"
@@ -229,3 +229,20 @@ def test_a_missing_robot_is_a_clear_error(tmp_path):
         main(["--robot", str(tmp_path / "nowhere.urdf")])
     with pytest.raises(OneBotError, match="nowhere.yaml"):
         main(["--robot", str(ROBOT), "--control", str(tmp_path / "nowhere.yaml")])
+
+
+def test_robots_are_compared_in_one_table(tmp_path, capsys):
+    """A row each: what it drove, or why it does not."""
+    arm = CHECKOUT / "tests" / "robots" / "good_mimic_chain.urdf"
+    files = [str(ROBOT), str(arm), str(tmp_path / "missing.urdf")]
+    assert main(["--robots", *files, "--write", str(tmp_path / "robots.md")]) == 0
+    text = capsys.readouterr().out
+    head, _, drives, stands, missing = text.splitlines()
+    assert head.startswith("| Robot | File | Wheels")
+    assert "| 2; 0.300 m, 0.060 m | 2.0000 m; 2.0000 m, 0.0 mm aside, " in drives
+    assert drives.endswith("| 360.00°; 360.00° |")
+    assert "refused: no wheel on the left that has its like on the right was found" in stands
+    assert "unreadable: " in missing and "missing.urdf: no such file" in missing
+    marked = f"<!-- accuracy of robots -->\n{text}<!-- /accuracy of robots -->\n"
+    assert (tmp_path / "robots.md").read_text() == marked
+    assert robots_table([], config()).count("\n") == 2
