@@ -216,14 +216,19 @@ class RunningRobots:
             OneBotError: there is none, or one is broken.
         """
 
-        def found() -> bool:
+        def found(count: int) -> bool:
             self._tick()
-            return len(self._view.robots) == len(self._robots) or self._broken is not None
+            return len(self._view.robots) >= count or self._broken is not None
 
-        _look_for_robot(self._session, found)
-        if self._view.robot is None or len(self._view.robots) < len(self._robots):
-            assert self._broken is not None
+        _look_for_robot(self._session, lambda: found(1))
+        self._session.spin(lambda: found(len(self._robots)), _FRAMES)
+        lacking = [str(one) for one in self._robots if str(one) not in self._view.robots]
+        if self._broken is not None and lacking:
             raise self._broken
+        if self._view.robot is None or lacking:
+            raise OneBotError(
+                f"no description within {_FRAMES:.0f} s of the robots in {listing(lacking)}"
+            )
         return self._view.robot
 
     def _await_frames(self, robot: Description) -> None:
