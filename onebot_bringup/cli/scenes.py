@@ -138,6 +138,7 @@ def _warn_of(messages: Sequence[str]) -> None:
 
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
+_TICK = 0.05  # seconds between two
 _LISTED = 5
 
 
@@ -176,6 +177,7 @@ class RunningRobots:
         self._received: set[str] = set()  # topics
         self._broken: OneBotError | None = None  # what is wrong with the description
         self._warnings: list[str] = []
+        self._next_tick = 0.0
         self._topics = TopicSubscriptions(session.node, self._take)
         self._topics.set_topics(self._view.topics)
 
@@ -204,10 +206,13 @@ class RunningRobots:
             self._broken = error  # another bad message is no reason to give up
 
     def _tick(self) -> None:
+        if time.monotonic() < self._next_tick:
+            return  # it is called with every message, of which many robots have thousands a second
         self._topics.update()
         now_ns = int(self._session.node.get_clock().now().nanoseconds)
         warnings = self._view.tick(now_ns)
         self._warnings += warnings if self._view.robot is not None else []
+        self._next_tick = time.monotonic() + _TICK
 
     def await_descriptions(self) -> Description:
         """Return the first robot's description, once those of all have come.
@@ -300,7 +305,7 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
             published = frame_prefix(session, publishers(session.node, topic).values())
             # Of several robots each has another one.
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
-        found.append(RobotToShow(space, of_robot))
+        found.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
     return found
 
 
