@@ -402,6 +402,8 @@ def summary_text(
     """Return what is running, where to find it and how to stop it."""
     space = f"/{values['namespace'].strip('/')}".rstrip("/")
     lines = _robots(robots, space) if robots else _robot(description, values, space)
+    if values.get("world"):
+        lines.insert(1, f"  world    {values['world']}")
     if values.get("steer") == "true":
         nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
         lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
@@ -420,8 +422,6 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
         f"  model    {values['model']}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
-    if values.get("world"):
-        lines.append(f"  world    {values['world']}")
     if values["frame_prefix"]:
         lines.append(f"  frames   begin with {values['frame_prefix']}")
     if values.get("sim") == "true":
