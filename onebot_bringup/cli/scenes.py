@@ -194,6 +194,7 @@ class RunningRobots:
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
             self._topics.set_topics(self._view.topics)
+        self._next_tick = 0.0  # it is laid out anew, also where nothing is missing any more
         self._await_frames(robot)
         return self._warnings + self._view.finish()
 

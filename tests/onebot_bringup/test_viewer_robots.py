@@ -1,5 +1,6 @@
 """Several robots in one view, each at its place, under its namespace, with curves of its own."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -206,8 +207,11 @@ def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path):
         edges = []
         for space in ("left", "right"):
             topic = f"/{space}/robot_description"
-            peer.node.create_publisher(String, topic, LATCHED).publish(String(data=ARM))
-            for parent, child in (("world", f"{space}/base"), (f"{space}/base", f"{space}/tip")):
+            # By its name it has a view of its own.
+            urdf = ARM.replace('"arm"', '"onebot"').replace('"base"', '"base_link"')
+            peer.node.create_publisher(String, topic, LATCHED).publish(String(data=urdf))
+            chain = ["world", *(f"{space}/{frame}" for frame in ("odom", "base_link", "tip"))]
+            for parent, child in pairwise(chain):
                 edge = TransformStamped(child_frame_id=child)
                 edge.header.frame_id = parent
                 edges.append(edge)
@@ -217,9 +221,13 @@ def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path):
         found = [(one.namespace, one.frame_prefix) for one in robots]
         assert found == [("/left", "left/"), ("/right", "right/")]
         recording = open_recording(save=tmp_path / "x.rrd")
-        shown = RunningRobots(session, "none", recording.stream, robots)
+        sent: list[rrb.Blueprint] = []
+        recording.stream.send_blueprint = lambda item, **_: sent.append(item)
+        shown = RunningRobots(session, "", recording.stream, robots)
+        shown.await_descriptions()
         assert shown.record() == []
         recording.close()
+        assert "Background" in sent[-1].root_container.contents[0].properties
         assert column(tmp_path / "x.rrd", "/right/robot/visual/tip/0", FRAME) == [["right/tip"]]
         late = RunningRobots(session, "none", recording.stream, [*robots, RobotToShow("/later")])
         with pytest.raises(OneBotError, match="no description within 6 s of the robots in /later"):
