@@ -192,6 +192,6 @@ def possible(names: Collection[str], there: Collection[str]) -> set[str]:
 
 
 def shuffled(names: Collection[str], chance: random.Random) -> Iterator[str]:
-    """Yield names without end, each once before any comes again."""
-    while True:
+    """Yield names without end, if there are any; each once before any comes again."""
+    while names:
         yield from chance.sample(sorted(names), len(names))

@@ -197,8 +197,8 @@ def test_a_robot_passes_one_fault_of_each_kind(tmp_path: Path) -> None:
     faults = [word for name in DISTURBED for word in ("--fault", name)]
     words = ("soak", "--minutes", "600", "--every", "0.5", "--patience", "20", *faults)
     with running(tmp_path, *words, "viewer:=none") as soak:
-        soak.says("faults: ")
-        for name in soak.out.partition("faults: ")[2].strip().split(", "):
+        soak.says("kill-velocity_controller (")
+        for name in soak.out.partition("faults: ")[2].splitlines()[0].split(", "):
             soak.says(f"{name} (")
         children = psutil.Process(soak.process.pid).children(recursive=True)
         code = soak.interrupt()
