@@ -4,6 +4,7 @@ import gc
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
@@ -66,6 +67,7 @@ class Driving:
         nodes: of the robots.
         loop: what drives them; None as long as a robot is not known.
         simulated: whether stamps are simulated time.
+        factor: the real_time_factor of all.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class Driving:
         self._warn = Throttled(self._node.get_logger().warning)
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
+        self.factor = settings[0].config.real_time_factor
         self._scene = load_scene(settings[0].config.world)
         self.robots = [
             RobotDriving(self, row, node, settings[row]) for row, node in enumerate(nodes)
@@ -153,6 +156,7 @@ class Driving:
 
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
+        self.factor = factor
         for robot in self.robots:
             robot.set_factor(factor)
 
@@ -345,8 +349,10 @@ class RobotDriving:
         if config.cmd_vel_type != before.cmd_vel_type:
             self.commands.choose(config.cmd_vel_type)
         if loop is not None:
-            loop.call(lambda: self._configure(loop, config))
-        if config.real_time_factor != before.real_time_factor:
+            # Of many robots that follow one, waiting for a cycle each would take long.
+            follows = config == replace(before, real_time_factor=self._driving.factor)
+            (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
+        if config.real_time_factor != self._driving.factor:
             self._driving.set_factor(config.real_time_factor)
 
     def _configure(self, loop: ControlLoop, config: ControlConfig) -> None:

@@ -404,15 +404,15 @@ class DescriptionTopic:
 class DiscoveryServerCheck:
     """Warns when no other node is discovered by the discovery server, and logs when one is."""
 
-    def __init__(self, node: Node) -> None:
-        """Watch, if there is a discovery server."""
-        self._node, self._warned = node, False
+    def __init__(self, own: Sequence[Node]) -> None:
+        """Watch, if there is a discovery server; ``own`` are all nodes of this process."""
+        self._node, self._own, self._warned = own[0], len(own), False
         if server():
             steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
-            self._timer = node.create_timer(_PATIENCE, self._poll, clock=steady)
+            self._timer = self._node.create_timer(_PATIENCE, self._poll, clock=steady)
 
     def _poll(self) -> None:
-        alone = len(self._node.get_node_names()) < 2
+        alone = len(self._node.get_node_names()) <= self._own
         if alone and not self._warned:
             self._warned = True
             self._node.get_logger().warning(f"no other node is discovered: {question()}")

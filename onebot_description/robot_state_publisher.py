@@ -115,7 +115,6 @@ class RobotStatePublisher(Node):
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
         warn_of_two_robots(self, own=True)
-        DiscoveryServerCheck(self)  # in every bringup there is this node, and only one
 
     def _apply(self) -> None:
         """Convert with the parameters as they are now."""
@@ -191,7 +190,10 @@ def main(args: Sequence[str] | None = None) -> int:
             raise OneBotError(f"expected one URDF or xacro file, not {len(files)}: {files}")
         description = load_description(files[0]) if files else None
         nodes = [RobotStatePublisher(description, each) for each in robots]
-        return nodes or [RobotStatePublisher(description)]
+        nodes = nodes or [RobotStatePublisher(description)]
+        # In every bringup there is this process, and only one.
+        DiscoveryServerCheck(nodes)
+        return nodes
 
     return run_node(make_nodes, own, events=True)
 

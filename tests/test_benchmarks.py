@@ -15,7 +15,7 @@ import pytest
 from onebot_bringup.cli import bench
 from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError
-from tests.benchmarks import command, machine, model, saving, state_publisher
+from tests.benchmarks import command, discovery, hosts, machine, model, saving, state_publisher
 from tests.benchmarks.chains import Chain
 from tests.benchmarks.measuring import (
     CHECKOUT,
@@ -30,7 +30,7 @@ from tests.benchmarks.model_libraries import LINK_POSES, TRANSFORMS, OneBot
 from tests.benchmarks.plot import svg
 from tests.benchmarks.registry import BENCHMARKS, Options
 from tests.benchmarks.report import Plot, Report, at_least, at_most, plain, text
-from tests.support import wait_for
+from tests.support import skip_for, wait_for
 
 MAIN = "import sys; from tests.benchmarks.command import main; sys.exit(main(sys.argv[1:]))"
 REPORT = Report(
@@ -276,3 +276,14 @@ def test_command_lists_all(capsys):
     assert bench.run(["--list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == list(BENCHMARKS)
+
+
+@pytest.mark.slow
+def test_discovery_is_measured_between_hosts():
+    """Both ways: two robots on hosts of their own are discovered, and their packets counted."""
+    if problem := hosts.missing():
+        skip_for(problem)
+    rows = discovery.run([2], steady=1.0)
+    assert [row["discovery"] for row in rows] == [discovery.SUBNET, discovery.SERVER]
+    for row in rows:
+        assert row["start: packets"] > 10 and row["start: MB"] > 0.001 and row["start: CPU s"] > 0

@@ -4,7 +4,8 @@ import argparse
 import os
 import random
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 from onebot_bringup.cli.options import Parser, count, not_negative, positive
@@ -58,25 +59,19 @@ def run(argv: Sequence[str]) -> int:
 
 def _soak(robot: WatchedBringup, args: argparse.Namespace, own_network: bool) -> int:
     """Drive and inject faults until the time is over, or Ctrl-C; return how many there were."""
-    injected = 0
+    injected, reported = 0, 0.0
     try:
         robot.start()
-        names = possible(args.fault or FAULTS, [*robot.nodes, *[NETWORK] * own_network])
-        robot.report(f"faults: {', '.join(sorted(names))}")
-        chance = random.Random(args.seed)
-        gentle = shuffled(names & set(GENTLE) or names, chance)
-        everything = shuffled(names, chance)
-        seconds = 60.0 * args.minutes
-        began, reported = robot.now, robot.now
+        gentle, everything = _draws(robot, args, own_network)
+        seconds, began = 60.0 * args.minutes, robot.now
         while (passed := robot.now - began) < seconds:
             known = len(robot.watch.findings)
             robot.run_for(min(args.every, seconds - passed))
-            harsh = args.fault or passed > _GENTLE * seconds
-            if names:
-                _inject(robot, next(everything if harsh else gentle))
+            for name in islice(gentle if passed < _GENTLE * seconds else everything, 1):
+                _inject(robot, name)
                 injected += 1
             for finding in list(robot.watch.findings.values())[known:]:
-                robot.report(f"found at {finding}")
+                print(f"  found at {finding}", flush=True)
             if robot.now - reported > _PROGRESS:
                 reported = robot.now
                 robot.report(f"of {clock(seconds)}: {_progress(robot, injected)}")
@@ -89,6 +84,22 @@ def _soak(robot: WatchedBringup, args: argparse.Namespace, own_network: bool) ->
     robot.watch.judge_growth()
     remove_stale_in_background().join(1.0)
     return injected
+
+
+def _draws(
+    robot: WatchedBringup, args: argparse.Namespace, own_network: bool
+) -> tuple[Iterator[str], Iterator[str]]:
+    """Return the faults that leave all processes running, or those chosen, and all; in turn."""
+    wanted = set(args.fault or FAULTS)
+    names = possible(wanted, [*robot.nodes, *[NETWORK] * own_network])
+    robot.report(f"faults: {', '.join(sorted(names))}")
+    if left_out := wanted - names:
+        robot.report(f"not possible here: {', '.join(sorted(left_out))}")
+    chance = random.Random(args.seed)
+    everything = shuffled(names, chance)
+    if args.fault or not names & set(GENTLE):
+        return everything, everything
+    return shuffled(names & set(GENTLE), chance), everything
 
 
 def _inject(robot: WatchedBringup, name: str) -> None:

@@ -60,8 +60,8 @@ class GrpcGate(LoopThread):
                 await self._pass_through(reader, client)
             else:
                 client.write(_RESPONSE)
-        except (OSError, EOFError, asyncio.TimeoutError):
-            pass  # it left, or Rerun's server did
+        except (OSError, EOFError, asyncio.TimeoutError, asyncio.CancelledError):
+            pass  # it left, Rerun's server did, or the gate ends: what is cancelled is logged
         finally:
             self._clients.pop(client, None)
             client.close()

@@ -99,6 +99,7 @@ def lose_driver(robot: WatchedBringup) -> None:
             [sys.executable, "-m", "onebot_bringup.cli.main", *words],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         try:
             robot.expect(lambda: robot.speed > _MOVING, _PATIENCE, "the robot to drive")
@@ -191,6 +192,6 @@ def possible(names: Collection[str], there: Collection[str]) -> set[str]:
 
 
 def shuffled(names: Collection[str], chance: random.Random) -> Iterator[str]:
-    """Yield names without end, each once before any comes again."""
-    while True:
+    """Yield names without end, if there are any; each once before any comes again."""
+    while names:
         yield from chance.sample(sorted(names), len(names))

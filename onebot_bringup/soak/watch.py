@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _WINDOW = 5.0  # s, of a rate
+_BUSY = 3.0  # times as long may a gap be where no processor is free
 _LEAST_SAMPLES = 8  # of a process, to judge its growth
 _MOST_PARTS = 40  # of its samples
 _MOST_POSES = 200  # of odometry that wait for the truth
@@ -95,6 +96,7 @@ class Watch:
     def __init__(self, limits: Limits | None = None) -> None:
         """Nothing is measured yet."""
         self.limits = limits or Limits()
+        self._longest_gap = self.limits.gap
         self.findings: dict[str, Finding] = {}
         self.streams: dict[str, Stream] = {}
         self.processes: dict[tuple[str, int], Samples] = {}  # by name and process id
@@ -160,14 +162,14 @@ class Watch:
 
         Args:
             now: s.
-            busy: the machine did not run this process as it should: messages may wait unread.
+            busy: this process had to wait for a processor: messages may be unread, or lost.
         """
+        self._longest_gap = self.limits.gap * (_BUSY if busy else 1.0)
         for topic, stream in self.streams.items():
+            self._gap(topic, stream, now, now)
             if busy:
                 stream.window, stream.in_window = now, 0
-                continue
-            self._gap(topic, stream, now, now)
-            if now - stream.window >= _WINDOW:
+            elif now - stream.window >= _WINDOW:
                 self._judge_rate(topic, stream, now)
                 stream.window, stream.in_window = now, 0
 
@@ -183,11 +185,11 @@ class Watch:
     def _gap(self, topic: str, stream: Stream, end: float, now: float) -> None:
         """Judge the time from the last stamp to ``end``."""
         begin = stream.stamp
-        if end - begin <= self.limits.gap:
+        if end - begin <= self._longest_gap:
             return
         gap = end - begin - self._explained(topic, begin, end)
         stream.longest = max(stream.longest, gap)
-        if gap > self.limits.gap:
+        if gap > self._longest_gap:
             what, amount = f"{topic}: silent", f"for {gap:.1f} s without a reason"
             self.find(now, what, amount, gap, again=stream.silent != begin)
             stream.silent, stream.window, stream.in_window = begin, now, 0

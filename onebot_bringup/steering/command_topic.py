@@ -2,7 +2,7 @@
 
 import re
 import threading
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,11 +78,16 @@ class CommandedRobot:
     name: str  # the robot's namespace; the topic where that names no robot, or several
 
 
-def commanded_robots(node: Node) -> tuple[CommandedRobot, ...]:
-    """Return the robots that take commands, by the nodes that subscribe to them."""
+def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[CommandedRobot, ...]:
+    """Return the robots that take commands, by the nodes that subscribe to them.
+
+    Args:
+        node: whose knowledge of the ROS graph is used.
+        topics: of commands, where they are known.
+    """
     topics = [
         topic
-        for topic in command_topics(node)
+        for topic in (command_topics(node) if topics is None else topics)
         if any(not end.observes for end in command_subscribers(node, topic))
     ]
     return named_robots(topics)

@@ -221,8 +221,8 @@ def state_text(fields: Mapping[str, Any]) -> str:
 
     Args:
         fields: ``driver`` (the name of the page that drives, or None), ``you``, ``pages``,
-            ``topic``, ``topic_type``, ``topics``, ``listeners``, ``controllers``, ``limits``
-            (in force), ``chosen``, ``ceiling``, ``ceiling_from``, ``braking``, ``command``,
-            ``odometry`` and ``view``.
+            ``topic``, ``topic_type``, ``topics``, ``robots`` (``name`` and ``topic`` of each),
+            ``listeners``, ``controllers``, ``limits`` (in force), ``chosen``, ``ceiling``,
+            ``ceiling_from``, ``braking``, ``command``, ``odometry`` and ``view``.
     """
     return json.dumps({"type": "state", **fields}, allow_nan=False)

@@ -15,6 +15,7 @@ from aiohttp import WebSocketError, WSMsgType, web
 from onebot_bringup.serving.connections import KEEP
 from onebot_bringup.steering.access import Access, other_site
 from onebot_bringup.steering.arbiter import ThreadSafeArbiter
+from onebot_bringup.steering.command_topic import CommandedRobot
 from onebot_bringup.steering.limits import Braking, Limits
 from onebot_bringup.steering.protocol import (
     ChooseTopic,
@@ -50,6 +51,7 @@ class RobotStatus:
     topic: str  # the full name of the command topic
     topic_type: str = "geometry_msgs/msg/Twist"
     topics: tuple[str, ...] = ()  # the topics to choose from, those with subscribers first
+    robots: tuple[CommandedRobot, ...] = ()  # to choose from
     listeners: int = 0  # the number of subscribers
     controllers: tuple[str, ...] = ()  # the nodes whose limits are known
     braking: Braking | None = None  # None if no controller is known
@@ -245,6 +247,7 @@ class SteeringServer:
             "topic": robot.topic,
             "topic_type": robot.topic_type,
             "topics": robot.topics,
+            "robots": [asdict(each) for each in robot.robots],
             "listeners": robot.listeners,
             "controllers": robot.controllers,
             **_limit_fields(now.limits),

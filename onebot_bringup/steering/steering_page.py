@@ -23,7 +23,8 @@ Parameters:
         the page's address has a token.
     port (int, 8080): another one if it is in use, 0 for any.
     token (string, ""): required in the page's address; generated where one is needed.
-    topic (string, "velocity_controller/cmd_vel"): the initial command topic.
+    topic (string, "velocity_controller/cmd_vel"): the initial command topic; where several robots
+        take commands, the page chooses another robot: the one driven before is stopped first.
     odom_topic (string, ""): "" for the controller's own, or else the sibling "odom" of the topic,
         another subscriber's own, or the only Odometry.
     rate (double, 20.0 Hz): of commands; 5 to 100.
@@ -51,7 +52,13 @@ from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, reachable_as
 from onebot_bringup.steering.access import Access, new_token
 from onebot_bringup.steering.arbiter import ThreadSafeArbiter
-from onebot_bringup.steering.command_topic import CommandTopic, command_topics, foreign_type
+from onebot_bringup.steering.command_topic import (
+    CommandedRobot,
+    CommandTopic,
+    command_topics,
+    commanded_robots,
+    foreign_type,
+)
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_of, limits_of
 from onebot_bringup.steering.odometry import OdometryTopic
@@ -159,6 +166,7 @@ class SteeringPage(Node):
         self._controllers = Controllers(self, self._on_controllers)
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
+        self._robots: tuple[CommandedRobot, ...] = ()
         self._requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
         self._arbiter = ThreadSafeArbiter(settings.limits(()), self._commands.publish)
         self._view = ViewProxy()
@@ -238,6 +246,7 @@ class SteeringPage(Node):
             commands.topic,
             commands.kind,
             self._topics,
+            self._robots,
             len(commands.listeners),
             tuple(one.node for one in controllers),
             self._braking,
@@ -279,6 +288,7 @@ class SteeringPage(Node):
         self._controllers.update(subscribers)
         self._odometry.update(commands.topic, robots, subscribers)
         self._topics = command_topics(self)
+        self._robots = commanded_robots(self, self._topics)
         if self._view.view is not None and not self.count_publishers(self._page_topic):
             self._set_view(None)
         after = commands.kind, commands.topic, len(commands.listeners)

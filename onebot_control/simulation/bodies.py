@@ -6,24 +6,22 @@ joints are added up as written, and each rigid body becomes one link.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.simulation.shapes import geometry, words
 from onebot_description.description.description import (
     MOVING_KINDS,
-    Box,
-    Cylinder,
     Description,
     Joint,
     Link,
     Mesh,
     Origin,
     Shape,
-    Sphere,
 )
 from onebot_description.description.xml import to_text
 from onebot_description.errors import OneBotError
@@ -214,7 +212,7 @@ def _add_collisions(link: Element, body: Body, meshes: Mapping[str, str], *, con
         if concave and isinstance(shape, Mesh):
             part.set("concave", "yes")
         part.append(_origin(where))
-        SubElement(part, "geometry").append(_shape(shape, meshes))
+        SubElement(part, "geometry").append(geometry(shape, meshes))
 
 
 def _inertial(description: Description, body: Body, share: float = 1.0) -> Element:
@@ -240,17 +238,6 @@ def _add_mass(inertial: Element, mass: float, moments: Floats) -> None:
     values = {"ixy": "0", "ixz": "0", "iyz": "0"}
     values |= {name: repr(float(m)) for name, m in zip(("ixx", "iyy", "izz"), moments, strict=True)}
     SubElement(inertial, "inertia", values)
-
-
-def _shape(shape: Shape, meshes: Mapping[str, str]) -> Element:
-    if isinstance(shape, Mesh):
-        return Element("mesh", filename=meshes[shape.uri], scale=_words(shape.scale))
-    if isinstance(shape, Box):
-        return Element("box", size=_words(shape.size))
-    if isinstance(shape, Sphere):
-        return Element("sphere", radius=repr(shape.radius))
-    kind = "cylinder" if isinstance(shape, Cylinder) else "capsule"
-    return Element(kind, radius=repr(shape.radius), length=repr(shape.length))
 
 
 def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
@@ -293,7 +280,7 @@ def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> E
     SubElement(result, "parent", link=parent)
     SubElement(result, "child", link=child)
     result.append(_origin(place))
-    SubElement(result, "axis", xyz=_words(joint.axis))
+    SubElement(result, "axis", xyz=words(joint.axis))
     limits = {name: getattr(joint, name) for name in ("lower", "upper", "effort", "velocity")}
     if joint.kind == "continuous":
         limits["lower"] = limits["upper"] = None
@@ -321,8 +308,4 @@ def origin_of(pose: Floats) -> Origin:
 def _origin(pose: Floats) -> Element:
     """``<origin>`` of a transform (4, 4)."""
     xyz, rpy = origin_of(pose)
-    return Element("origin", xyz=_words(xyz), rpy=_words(rpy))
-
-
-def _words(values: Sequence[float] | Floats) -> str:
-    return " ".join(repr(float(value)) for value in np.asarray(values, float))
+    return Element("origin", xyz=words(xyz), rpy=words(rpy))

@@ -3,8 +3,8 @@
 URDF does not say what a simulation needs. Motors without a limit get the torque at which the wheels
 slip. A wide or faceted wheel touches the ground at changing places, so that driven wheels roll on a
 thin cylinder instead. Wheels that skid give way sideways as much as they do where they roll; see
-``SkidAxle``. What else touches the ground glides, unless its <lateral_friction>
-is given. Arms, grippers and heads are held still: nobody controls them here.
+``SkidAxle``. What else touches the ground glides, unless its <lateral_friction> is given. Arms,
+grippers and heads are held still: nobody controls them here.
 """
 
 import math
@@ -17,20 +17,17 @@ from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import Body, SkidAxle, link_poses, matrix, origin_of
 from onebot_control.simulation.engine import logger
-from onebot_control.simulation.loading import mesh_corners
+from onebot_control.simulation.shapes import bottom, is_round
 from onebot_control.wheels.geometry import Wheels
 from onebot_control.wheels.shapes import Tyre
 from onebot_description.description.description import (
-    Box,
     Cylinder,
     Description,
     Geometry,
     Inertial,
     Joint,
     Link,
-    Mesh,
     Origin,
-    Shape,
     Sphere,
 )
 from onebot_description.model import quaternions
@@ -46,7 +43,6 @@ _LEVEL, _LIFT = 0.005, 0.0002
 # The same, m, of the base's meshes and boxes where round shapes support it: of a mesh PyBullet has
 # the convex hull, which fills what is between the wheels.
 _DEEP, _CLEAR = 0.02, 0.002
-_MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than their mesh
 _GRAVITY = 9.81  # m/s^2
 # Least moment of inertia of a wheel, in masses of the robot at its rim: with less, the solver's
 # iterations do not reach the wheel's speed.
@@ -148,8 +144,12 @@ def _links(
     several = sum(_swivels(joint, free, bodies, joints) for joint in joints.values()) > 1
     ground, poses = _ground(description, tyres), link_poses(description)
     base = [link for link in description.links if joints.get(bodies[link.name]) is None]
-    gaps = [gap for link in base for gap in _gaps(link, poses[link.name][1], ground)]
-    supported = any(_is_round(shape) and abs(gap) < _LEVEL for shape, gap in gaps)
+    gaps = {link.name: _gaps(link, poses[link.name][1], ground) for link in base}
+    supported = any(
+        is_round(each.shape) and abs(gap) < _LEVEL
+        for link in base
+        for each, gap in zip(link.collisions, gaps[link.name], strict=True)
+    )
     depth, lift = (_DEEP, _CLEAR) if supported else (_LEVEL, _LIFT)
     for link in description.links:
         first = joints.get(bodies[link.name])
@@ -161,7 +161,7 @@ def _links(
             yield link
         elif link.friction is None and not _swivels(first, free, bodies, joints):
             if first is None:
-                link = _lifted(link, poses[link.name][1], ground, depth, lift)
+                link = _lifted(link, poses[link.name][1], gaps[link.name], depth, lift)
             yield replace(link, friction=_GLIDING)
         else:
             yield _smaller(link) if several else link
@@ -178,29 +178,24 @@ def _ground(description: Description, tyres: Mapping[str, Tyre | None]) -> float
     return max(heights)
 
 
-def _gaps(link: Link, pose: Floats, ground: float) -> Iterator[tuple[Shape, float]]:
-    """Return the shapes of a link at ``pose``, with their heights above the ground, m."""
-    for each in link.collisions:
-        yield each.shape, _bottom(each.shape, pose @ matrix(each.origin)) - ground
+def _gaps(link: Link, pose: Floats, ground: float) -> list[float]:
+    """Return the heights above the ground of the shapes of a link at ``pose``, m."""
+    return [bottom(each.shape, pose @ matrix(each.origin)) - ground for each in link.collisions]
 
 
-def _is_round(shape: Shape) -> bool:
-    return not isinstance(shape, Mesh | Box)
-
-
-def _lifted(link: Link, pose: Floats, ground: float, depth: float, lift: float) -> Link:
+def _lifted(link: Link, pose: Floats, gaps: list[float], depth: float, lift: float) -> Link:
     """Return a link of the base, at ``pose`` there, with what is as low as the wheels lifted.
 
     Args:
         link: of the base.
         pose: of the link.
-        ground: height on which the wheels roll.
+        gaps: heights of its shapes.
         depth: below the ground, to which what is not round is lifted.
         lift: above the ground, to which it is lifted.
     """
     collisions, raised = [], 0.0
-    for geometry, (shape, gap) in zip(link.collisions, _gaps(link, pose, ground), strict=True):
-        least, height = (-_LEVEL, _LIFT) if _is_round(shape) else (-depth, lift)
+    for geometry, gap in zip(link.collisions, gaps, strict=True):
+        least, height = (-_LEVEL, _LIFT) if is_round(geometry.shape) else (-depth, lift)
         if least < gap < height:
             raised = max(raised, height - gap)
             place = pose @ matrix(geometry.origin)
@@ -228,20 +223,6 @@ def _smaller(link: Link) -> Link:
         for each in link.collisions
     )
     return replace(link, collisions=collisions)
-
-
-def _bottom(shape: Shape, pose: Floats) -> float:
-    """Return the least height of a shape at ``pose``."""
-    up, height = pose[2, :3], float(pose[2, 3])
-    if isinstance(shape, Mesh):
-        corners = mesh_corners(shape) * np.array(shape.scale)
-        return height + float((corners @ up).min()) - _MARGIN
-    if isinstance(shape, Box):
-        return height - float(abs(up) @ np.array(shape.size)) / 2.0
-    if isinstance(shape, Sphere):
-        return height - shape.radius
-    around = shape.radius * (math.hypot(up[0], up[1]) if isinstance(shape, Cylinder) else 1.0)
-    return height - abs(float(up[2])) * shape.length / 2.0 - around
 
 
 def _turning(wheels: Wheels, links: Iterable[Link]) -> Iterator[Link]:

@@ -4,12 +4,8 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from onebot_control.poses import Transform, inverse
 from onebot_control.simulation.bodies import (
@@ -21,8 +17,8 @@ from onebot_control.simulation.bodies import (
 )
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
+from onebot_control.simulation.shapes import as_obj
 from onebot_description.description.description import Description, Mesh
-from onebot_description.description.meshes import fault_of, without_materials
 from onebot_description.errors import OneBotError, listing
 
 # The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
@@ -240,7 +236,7 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
     with TemporaryDirectory() as folder:
         for uri, (mesh, link) in meshes.items():
             try:
-                text = _as_obj(mesh, convex)
+                text = as_obj(mesh, convex)
             except OneBotError as error:
                 failures.setdefault(str(error), []).append(link)
                 continue
@@ -255,65 +251,3 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
                 )
             )
         yield written
-
-
-def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
-    return _triangles(mesh)[0]
-
-
-def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """The corners (N, 3) of a mesh file, and the triangles (M, 3) of which they are."""
-    import trimesh
-
-    path = mesh.path
-    if path is None:
-        raise OneBotError(mesh.problem)
-    if fault := fault_of(path):
-        raise OneBotError(f"{path} {fault}")
-    try:
-        if path.suffix.lower() == ".dae":
-            surfaces = BytesIO(without_materials(path))
-            scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
-            scene = scene.convert_units("meters")
-        else:
-            scene = trimesh.load_scene(str(path), process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # trimesh and its parsers raise exceptions of many types
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise OneBotError(f"{path} cannot be read: {reason}") from error
-    if not any(len(part.faces) for part in parts):
-        raise OneBotError(f"{path} holds no triangles")
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
-    faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]
-    return corners, np.concatenate(faces)
-
-
-def _as_obj(mesh: Mesh, convex: bool) -> str:
-    """A mesh file, or its convex hull, in metres, as Wavefront OBJ."""
-    corners, faces = _triangles(mesh)
-    if convex:
-        faces = _hull(corners)
-    used, faces = np.unique(faces, return_inverse=True)
-    lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
-    lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
-    return "\n".join(lines) + "\n"
-
-
-def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The faces (N, 3) of the convex hull of (M, 3) corners.
-
-    It is all that PyBullet makes of a mesh, but in minutes.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(ConvexHull(corners).simplices, np.intp)
-    except QhullError:  # it is flat: any faces will do, as only the corners count
-        count = len(corners)
-        return np.arange(3 * -(-count // 3), dtype=np.intp).reshape(-1, 3) % count

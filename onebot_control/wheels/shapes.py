@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import link_poses, matrix
-from onebot_control.simulation.loading import mesh_corners
+from onebot_control.simulation.shapes import mesh_corners
 from onebot_description.description.description import (
     Cylinder,
     Description,

@@ -21,13 +21,10 @@ _HOLD = f"mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo {_READY} &&
 
 
 class Traffic(NamedTuple):
-    """What an interface has sent and received."""
+    """What an interface has received."""
 
     packets: int
     bytes: int
-
-    def __sub__(self, earlier: "Traffic") -> "Traffic":  # type: ignore[override]
-        return Traffic(self.packets - earlier.packets, self.bytes - earlier.bytes)
 
 
 class Namespaces:
@@ -55,14 +52,13 @@ class Namespaces:
         enter = ["nsenter", "-t", str(self.pid), "--net", "--mount", "--uts", "--"]
         return [*enter, "env", "-C", str(Path.cwd()), *words]
 
-    def ip(self, *words: str) -> str:
-        """Run ``ip`` here; return what it prints."""
+    def ip(self, *words: str, text: str = "") -> None:
+        """Run ``ip`` here, with ``text`` as its input."""
         done = subprocess.run(
-            self.command(["ip", *words]), capture_output=True, text=True, check=False
+            self.command(["ip", *words]), input=text, capture_output=True, text=True, check=False
         )
         if done.returncode:
             raise OneBotError(f"ip {' '.join(words)}: {done.stderr.strip()}")
-        return done.stdout
 
     def close(self) -> None:
         """End what holds them; they go with the last process in them."""
@@ -88,12 +84,14 @@ class Host:
         """Connect to the switch by cable ``number``, from 1 on."""
         self.spaces, self._switch = spaces, switch
         self.address = f"10.77.0.{number}"
+        self.hardware_address = f"02:00:0a:4d:00:{number:02x}"
         self._port = f"port{number}"
         switch.ip(
             *("link", "add", self._port, "type", "veth"),
             *("peer", "name", "eth0", "netns", str(spaces.pid)),
         )
         switch.ip("link", "set", self._port, "master", "switch", "up")
+        spaces.ip("link", "set", "eth0", "address", self.hardware_address)
         spaces.ip("address", "add", f"{self.address}/24", "dev", "eth0")
         spaces.ip("link", "set", "eth0", "up")
 
@@ -105,15 +103,18 @@ class Host:
         """Connect or disconnect the cable."""
         self._switch.ip("link", "set", self._port, "up" if connected else "down")
 
-    def sent(self) -> Traffic:
-        """Return what eth0 has sent so far."""
-        return self._count("tx")
+    def know(self, others: "Sequence[Host]") -> None:
+        """Have the hardware addresses of others: Linux looks up 1024 at most, for all hosts."""
+        lines = (
+            f"neighbour replace {other.address} lladdr {other.hardware_address} dev eth0 "
+            "nud permanent\n"
+            for other in others
+            if other is not self
+        )
+        self.spaces.ip("-batch", "-", text="".join(lines))
 
     def received(self) -> Traffic:
         """Return what eth0 has received so far."""
-        return self._count("rx")
-
-    def _count(self, way: str) -> Traffic:
         # As the host has it: /sys is that of the namespace it was mounted in, /proc is not.
         line = next(
             line
@@ -121,8 +122,7 @@ class Host:
             if line.strip().startswith("eth0:")
         )
         numbers = [int(word) for word in line.partition(":")[2].split()]
-        first = 0 if way == "rx" else 8
-        return Traffic(numbers[first + 1], numbers[first])
+        return Traffic(packets=numbers[1], bytes=numbers[0])
 
 
 def missing() -> str:

@@ -20,6 +20,7 @@ BENCHMARKS = {
     "state_publisher": "CPU, latency and memory of robot_state_publisher against a relay of bytes",
     "model": "transforms per second of RobotModel against yourdfpy, pinocchio, kinpy and ikpy",
     "simulation": "real-time factor of 1 to 100 OneBots with controllers against bare PyBullet",
+    "fleet": "processor time and memory of robots:=1 to 50 in one world against bare PyBullet",
     "startup": "command to first /tf, /odom and frame logged, and memory, against an empty node",
     "control_loop": "jitter at 100 Hz and latency of commands, with the viewer and without",
     "viewer": "CPU of the viewer for each robot state against bare send_columns",

@@ -74,7 +74,7 @@ def markdown(results: Results, plot: str = "") -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def write_section(file: Path, text: str) -> None:
+def write_section(file: Path, text: str, marks: tuple[str, str] = (BEGIN, END)) -> None:
     """Put ``text`` between the marks in ``file``.
 
     Raises:
@@ -84,11 +84,11 @@ def write_section(file: Path, text: str) -> None:
         old = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise OneBotError(f"{file}: {error}") from None
-    before, begin, rest = old.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    before, begin, rest = old.partition(marks[0])
+    _, end, after = rest.partition(marks[1])
     if not (begin and end):
-        raise OneBotError(f"{file}: has no lines {BEGIN} and {END} to put the tables between")
-    _replace(file, f"{before}{BEGIN}\n{text}{END}{after}")
+        raise OneBotError(f"{file}: has no lines {' and '.join(marks)} to put the tables between")
+    _replace(file, f"{before}{begin}\n{text}{end}{after}")
 
 
 def _replace(file: Path, text: str) -> None:

@@ -40,7 +40,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/parameters.py": _control("control_config", "control_files"),
     "onebot_control/simulation/bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/simulation/rest_pose.py": _control("simulation_settling", *_SIMULATION),
+    "onebot_control/simulation/scene.py": _control("scene"),
     "onebot_control/simulation/settings.py": _control("simulation_values", "world"),
+    "onebot_control/simulation/spawn.py": _control("scene"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE
@@ -105,19 +107,19 @@ EQUIVALENT = (
     ),
     Equivalent(
         "onebot_control/simulation/rest_pose.py",
-        "_come_to_rest",
+        "come_to_rest",
         "needed, still = math.ceil(_RESTING_TIME * settings.rate), -1",
         "one step more of a robot at rest",
     ),
     Equivalent(
         "onebot_control/simulation/rest_pose.py",
-        "_come_to_rest",
+        "come_to_rest",
         "still = -1",
         "one step more of a robot at rest",
     ),
     Equivalent(
         "onebot_control/simulation/rest_pose.py",
-        "_come_to_rest",
+        "come_to_rest",
         "if still == needed:",
         "it counts in steps of one, and from 0 when it was reached",
     ),

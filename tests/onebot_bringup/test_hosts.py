@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,8 +17,6 @@ from tests.benchmarks.hosts import Host, connected_hosts, missing
 from tests.support import PATIENCE, skip_for, wait_for
 
 ONEBOT = "onebot_bringup.cli.main"
-CMD_VEL = "/velocity_controller/cmd_vel"
-ODOM = "/velocity_controller/odom"
 SERVER_PORT = 11811
 SPEED = 0.2  # m/s
 CUT = 10.0  # s: shorter than the 20 s for which Fast DDS remembers who is silent
@@ -71,7 +70,10 @@ class Command:
 class Fleet:
     """The three hosts, and what runs on them."""
 
-    def __init__(self, hosts: list[Host], folder: Path, discovery: str) -> None:
+    def __init__(
+        self, hosts: list[Host], folder: Path, discovery: str, namespace: str = ""
+    ) -> None:
+        self.namespace = namespace  # of the robot
         self.robot_host, self.driver_host, self.viewer_host = hosts
         self.folder, self._discovery = folder, discovery
         self._commands: list[Command] = []
@@ -84,25 +86,31 @@ class Fleet:
         discovery = f"discovery:={self._discovery}"
         return self.run(host, name, sys.executable, "-um", ONEBOT, discovery, *words)
 
-    def start_robot(self) -> Command:
+    def start_robot(self, *arguments: str) -> Command:
         """Start the robot, and print its odometry on the same host."""
         module = "onebot_bringup.launch.onebot_bringup"
-        words = (f"discovery:={self._discovery}", "viewer:=none")
+        words = (f"discovery:={self._discovery}", "viewer:=none", *arguments)
         robot = self.run(self.robot_host, "robot", sys.executable, "-m", module, *words)
         field = "twist.twist.linear.x"
         self._odom = self.onebot(
-            self.robot_host, "odom", "topic", "echo", "--csv", "--field", field, ODOM
+            self.robot_host, "odom", "topic", "echo", "--csv", "--field", field, self.odom
         )
         return robot
 
     def start_viewer(self) -> Path:
         """Start the viewer; return the recording that it writes."""
         file = self.folder / "viewer.rrd"
+        prefix = ("-p", f"frame_prefix:={self.namespace[1:]}/") if self.namespace else ()
         self.onebot(
             self.viewer_host, "viewer", "run", "onebot_bringup", "rerun_viewer",
-            "--ros-args", "-p", "viewer:=none", "-p", f"save:={file}",
+            "--ros-args", "-r", f"__ns:={self.namespace or '/'}", "-p", "viewer:=none",
+            "-p", f"save:={file}", *prefix,
         )  # fmt: skip
         return file
+
+    @property
+    def odom(self) -> str:
+        return f"{self.namespace}/velocity_controller/odom"
 
     @property
     def cycles(self) -> list[float]:
@@ -131,8 +139,8 @@ def hosts(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Hos
 
 
 @contextmanager
-def fleet_of(hosts: list[Host], folder: Path, discovery: str) -> Iterator[Fleet]:
-    fleet = Fleet(hosts, folder, discovery)
+def fleet_of(hosts: list[Host], *args: Any) -> Iterator[Fleet]:
+    fleet = Fleet(hosts, *args)
     try:
         yield fleet
     finally:
@@ -178,16 +186,18 @@ def test_all_carry_on_after_the_robot_was_cut_off(hosts: list[Host], tmp_path: P
 
 @pytest.mark.slow
 def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path) -> None:
-    """Nodes that started before it join when it runs; lists are of all; a cut is survived."""
+    """Robots that started before it join when it runs; lists are of all; a cut is survived."""
     address = f"{hosts[2].address}:{SERVER_PORT}"
-    with fleet_of(hosts, tmp_path, address) as fleet:
-        robot = fleet.start_robot()
+    with fleet_of(hosts, tmp_path, address, "/robot2") as fleet:
+        robot = fleet.start_robot("robots:=2")
         robot.says(f"no other node is discovered: does the discovery server at {address} run")
-        drives = ("topic", "pub", "-r", "20", CMD_VEL, "geometry_msgs/msg/Twist")
+        cmd_vel = f"{fleet.namespace}/velocity_controller/cmd_vel"
+        drives = ("topic", "pub", "-r", "20", cmd_vel, "geometry_msgs/msg/Twist")
         fleet.onebot(fleet.driver_host, "pub", *drives, f"{{linear: {{x: {SPEED}}}}}")
         server = ("fastdds", "discovery", "-i", "0", "-p", str(SERVER_PORT))
         fleet.run(fleet.viewer_host, "server", *server)
         robot.says("other nodes are discovered now")
+        assert robot.output.count("no other node is discovered") == 1
         wait_for(fleet.drives, "the robot to drive")
         recording = fleet.start_viewer()
         wait_for(recording.exists, "the recording")
@@ -195,7 +205,9 @@ def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path
         # Of what it neither publishes nor subscribes to itself.
         listed = fleet.onebot(fleet.viewer_host, "list", "topic", "list")
         listed.process.wait(PATIENCE)
-        assert {CMD_VEL, ODOM, "/joint_states"} <= set(listed.output.split()), listed.output
+        assert {cmd_vel, fleet.odom, "/robot1/joint_states"} <= set(listed.output.split()), (
+            listed.output
+        )
 
         fleet.driver_host.plug(False)
         wait_for(fleet.rests, "the robot to stop")

@@ -18,6 +18,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.introspection.shared_memory import FOLDER
 from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_control.control_support import urdf
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import PATIENCE, wait_for
 
@@ -214,3 +215,36 @@ def test_a_bad_control_file_brings_it_down_with_the_reason(ros_domain, tmp_path)
         assert node.wait() == 1
         assert "left_weel_joint" in node.output and "left_wheel_joint" in node.output
         assert "Traceback" not in node.output
+
+
+@pytest.mark.slow
+def test_robots_of_two_kinds_in_one_world(ros_domain, tmp_path):
+    """Each has its own description, frames and command; wheels and odometry hang together."""
+    file = tmp_path / "fleet.yaml"
+    (tmp_path / "small.urdf").write_text(urdf(name="small"))
+    file.write_text(
+        "robots:\n  a: {x: 0.0, y: 0.0}\n  b: {x: 0.0, y: 2.0, yaw: 1.5708, model: small.urdf}\n"
+    )
+    with NodeProcess(MODULE, "viewer:=none", f"robots:={file}") as node, Peer(ros_domain) as peer:
+        tf, odom = peer.hear(TFMessage, "/tf", 1000), peer.hear(Odometry, f"/b{ODOM}")
+        described = {
+            name: peer.hear(String, f"/{name}/robot_description", LATCHED) for name in ("a", "b")
+        }
+        wanted = {
+            *((f"{name}/odom", f"{name}/base_link") for name in ("a", "b")),
+            *((f"{name}/base_link", f"{name}/left_wheel") for name in ("a", "b")),
+        }
+        wait_for(
+            lambda: (
+                wanted <= {(e.header.frame_id, e.child_frame_id) for m in tf for e in m.transforms}
+            ),
+            "the frames of both",
+        )
+        wait_for(lambda: all(described.values()), "both descriptions")
+        assert 'name="small"' in described["b"][-1].data
+        assert 'name="small"' not in described["a"][-1].data
+        publisher, command = peer.publisher(Twist, f"/b{CMD_VEL}"), Twist()
+        command.linear.x = 0.2
+        wait_for(lambda: publisher.publish(command) or odom[-1].pose.pose.position.x > 0.1, "b")
+        assert "2 robots in one world, a to b" in node.output
+        assert node.interrupt() == 0

@@ -61,6 +61,16 @@ def test_a_gap_is_found_while_it_lasts_and_once() -> None:
         assert watch.findings["/odom: silent"].size == pytest.approx(5.0 - explained, abs=0.1)
 
 
+def test_longer_gaps_are_found_where_no_processor_is_free() -> None:
+    """Up to three times the limit messages may wait, or be lost, because nobody could read them."""
+    for gap, count in ((2.5, 0), (3.5, 1)):
+        watch = Watch()
+        feed(watch, 0.0, 20.0)
+        watch.poll(20.5, busy=True)
+        watch.message("/odom", HZ, 20.0 + gap, 20.0 + gap)
+        assert watch.count == count
+
+
 def test_rates() -> None:
     """Half the rate is found, but not while the machine is busy or a fault goes on."""
     watch = Watch()
@@ -177,7 +187,7 @@ def test_faults_are_chosen_by_seed() -> None:
 
 DISTURBED = (
     "stall-robot_state_publisher", "break-model", "lose-driver", "kill-steering_page",
-    "kill-velocity_controller", "restart", "cut-link",
+    "kill-velocity_controller", "cut-link",
 )  # fmt: skip
 
 
@@ -187,8 +197,8 @@ def test_a_robot_passes_one_fault_of_each_kind(tmp_path: Path) -> None:
     faults = [word for name in DISTURBED for word in ("--fault", name)]
     words = ("soak", "--minutes", "600", "--every", "0.5", "--patience", "20", *faults)
     with running(tmp_path, *words, "viewer:=none") as soak:
-        soak.says("faults: ")
-        for name in soak.out.partition("faults: ")[2].strip().split(", "):
+        soak.says("kill-velocity_controller (")
+        for name in soak.out.partition("faults: ")[2].splitlines()[0].split(", "):
             soak.says(f"{name} (")
         children = psutil.Process(soak.process.pid).children(recursive=True)
         code = soak.interrupt()
@@ -202,7 +212,17 @@ def test_a_leak_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     """Of memory, of handles and of threads, in a node; and a traceback."""
     (tmp_path / "sitecustomize.py").write_text(LEAK)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', CHECKOUT)}")
-    words = ("--minutes", "0.5", "--fault", "lose-driver", "--patience", "20", "viewer:=none")
+    words = (
+        "--minutes",
+        "0.4",
+        "--every",
+        "5",
+        "--fault",
+        "lose-driver",
+        "--patience",
+        "20",
+        "viewer:=none",
+    )
     done = onebot("soak", *words)
     assert done.returncode == 1, done.stdout + done.stderr
     for kind in ("memory", "handles", "threads"):

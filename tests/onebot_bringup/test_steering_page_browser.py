@@ -570,6 +570,33 @@ def test_another_topic_of_the_other_type(peer: Peer, page: Page) -> None:
         wait_for(lambda: heard[-1].twist == STILL, "the stop")
 
 
+def _last(heard: list[Twist]) -> tuple[float, float] | None:
+    return pair(heard[-1]) if heard else None
+
+
+def test_another_robot_is_chosen(peer: Peer, page: Page) -> None:
+    """By the keyboard too, whose next press does not drive; the robot before is stopped."""
+    topics = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("robot1", "robot2")}
+    heard = {name: peer.hear(Twist, topic, 1000) for name, topic in topics.items()}
+    with steering(**LIMITS, topic=topics["robot1"]) as node:
+        page.open(node.address)
+        select = page.find("#robot select")
+        wait_for(lambda: "robot2" in page.text("#robot select"), "the choice")
+        assert page.in_sight("#robot select")
+        page.drive_by_keys("w", lambda: _last(heard["robot1"]) == (0.5, 0.0))
+        page.driver.execute_script("arguments[0].focus()", select)
+        page.release_keys("w")
+        page.act().send_keys(Keys.ARROW_DOWN).perform()
+        wait_for(lambda: page.driver.title.startswith(topics["robot2"]), "the other robot")
+        assert _last(heard["robot1"]) == (0.0, 0.0)
+        page.act().send_keys(Keys.ARROW_DOWN).send_keys(Keys.ENTER).perform()
+        assert select.get_property("value") == topics["robot2"] and not heard["robot2"]
+        page.drive_by_keys("w", lambda: _last(heard["robot2"]) == (0.5, 0.0))
+        page.release_keys("w")
+        wait_for(lambda: _last(heard["robot2"]) == (0.0, 0.0), "the stop")
+        assert _last(heard["robot1"]) == (0.0, 0.0)
+
+
 def test_a_finger_drives(peer: Peer, page: Page) -> None:
     """On a phone; a touch that the system takes away stops the robot."""
     heard = peer.hear(Twist, TOPIC, 1000)

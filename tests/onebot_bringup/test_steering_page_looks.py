@@ -5,8 +5,10 @@ from collections.abc import Iterator
 from importlib.resources import files
 
 import pytest
+from geometry_msgs.msg import Twist
 
 from tests.onebot_bringup.steering_support import PageClient
+from tests.ros_support import Peer
 from tests.steering_browser_support import Page, Steering, steering
 from tests.support import used_domain, wait_for
 from tests.support_browser import browser
@@ -31,12 +33,20 @@ STEERS = (
     "#linear-limit",
     "#angular-limit",
     "#driver",
+    "#connection",
+    "#robot select",
 )
 
 
 @pytest.fixture(scope="module")
 def node() -> Iterator[Steering]:
-    with used_domain(), steering(max_linear=0.5, max_angular=1.0) as node:
+    with (
+        used_domain() as domain,
+        Peer(domain) as peer,
+        steering(max_linear=0.5, max_angular=1.0) as node,
+    ):
+        for number in range(10, 12):  # there is a choice of robots
+            peer.hear(Twist, f"/robot{number}/velocity_controller/cmd_vel")
         yield node
 
 

@@ -171,6 +171,7 @@ def test_topics_with_a_listener_are_offered_first(peer):
     peer.hear(String, "/not_a_command")
     with steered() as (_, page):
         _waited(page, "topics", ["/z_robot", "/a_source"])
+        _waited(page, "robots", [{"topic": "/z_robot", "name": "/z_robot"}])
 
 
 def _pair(linear: Any, angular: Any) -> dict[str, Any]:

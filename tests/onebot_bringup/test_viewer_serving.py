@@ -143,8 +143,11 @@ PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 SETTINGS = bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))  # an empty frame of HTTP/2
 
 
-def test_native_viewers_get_through_to_the_recording():
-    """HTTP/2 from the first byte: Rerun's own server answers, however many others do nothing."""
+def test_native_viewers_get_through_to_the_recording(caplog):
+    """HTTP/2 from the first byte: Rerun's own server answers, however many others do nothing.
+
+    The end closes all connections and logs nothing.
+    """
     recording = open_recording(0)
     address = ("127.0.0.1", recording.port)
     with contextlib.ExitStack() as opened:
@@ -167,6 +170,7 @@ def test_native_viewers_get_through_to_the_recording():
         with contextlib.suppress(ConnectionResetError):
             while viewer.recv(1000):
                 pass
+    assert caplog.records == []
 
 
 def test_a_page_that_died_is_hosted_again_at_the_same_address():

@@ -245,9 +245,7 @@ BALLAST = part("ballast", "-0.1 0 0.1", '<box size="0.1 0.1 0.1"/>', kind="fixed
 MIDDLE = wheel("middle_l", 0.0, 0.2), wheel("middle_r", 0.0, -0.2)
 
 
-@pytest.mark.parametrize(
-    "parts", [FOUR, (*FOUR, BALLAST), (*FOUR, *MIDDLE), (*FOUR, *MIDDLE, BALLAST)]
-)
+@pytest.mark.parametrize("parts", [FOUR, (*FOUR, BALLAST), (*FOUR, *MIDDLE, BALLAST)])
 def test_several_wheels_a_side_skid(parts: tuple[str, ...]) -> None:
     """The truth follows the odometry, whose separation is the effective one, wherever the mass is.
 

@@ -57,6 +57,10 @@ export class Keys {
   }
 }
 
+/** Whether an element needs these keys itself. */
 function isText(element) {
-  return element instanceof HTMLInputElement && element.type !== "range";
+  return (
+    element instanceof HTMLSelectElement ||
+    (element instanceof HTMLInputElement && element.type !== "range")
+  );
 }

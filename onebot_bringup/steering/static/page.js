@@ -6,7 +6,7 @@ import { Gamepads } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { Pad } from "./pad.js";
 import { Readout, share } from "./readout.js";
-import { Limits, Topic, write } from "./settings.js";
+import { Limits, Robot, Topic, write } from "./settings.js";
 import { Sliders } from "./sliders.js";
 import { Stop } from "./stop.js";
 import { View } from "./view.js";
@@ -21,10 +21,8 @@ const stop = new Stop(element("stop"), sender, letGo);
 const pad = new Pad(element("pad"), sender);
 const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, sender);
 const inputs = [pad, sliders, new Keys(sender), new Gamepads(sender, stop)];
-const topic = new Topic(element("topic"), (name) => {
-  sender.drop();
-  connection.send({ type: "topic", topic: name });
-});
+const robot = new Robot(element("robot"), choose);
+const topic = new Topic(element("topic"), choose);
 const limits = new Limits(
   { linear: element("linear-field"), angular: element("angular-field") },
   (chosen) => connection.send({ type: "limits", ...chosen }),
@@ -44,6 +42,13 @@ document.querySelector("aside").addEventListener("pointerenter", () => {
   if (framed()) view.giveBackFocus();
 });
 for (const type of ["focus", "blur", "focusin"]) window.addEventListener(type, showFocus);
+
+/** Steer another topic; the server stops the robot of the one before. */
+function choose(name) {
+  letGo();
+  sender.drop();
+  connection.send({ type: "topic", topic: name });
+}
 
 function letGo() {
   for (const input of inputs) input.cancel();
@@ -72,7 +77,9 @@ function down(reason) {
 
 function enable(yes) {
   sender.enabled = yes;
-  const parts = document.querySelectorAll("#steer :is(input, button):not(#stop), #settings");
+  const parts = document.querySelectorAll(
+    "#steer :is(input, button):not(#stop), #settings, #robot select",
+  );
   for (const part of parts) part.disabled = !yes;
   // Not "disabled", which takes the focus away: Enter stops again when the connection is back.
   element("stop").setAttribute("aria-disabled", !yes);
@@ -83,11 +90,14 @@ function receive(message) {
     // The server ignores commands after a refused message until a release.
     sender.drop();
     connection.send({ type: "release" });
-    if (message.about === "topic") topic.refuse(message.message);
-    else notify(message.message);
+    if (message.about === "topic") {
+      topic.refuse(message.message);
+      robot.refuse();
+    } else notify(message.message);
   } else if (message.type === "state") {
     sender.update(message);
     topic.show(message);
+    robot.show(message);
     showTitle(message.topic);
     limits.show(message);
     readout.show(message);

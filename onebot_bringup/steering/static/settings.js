@@ -1,9 +1,47 @@
-/** The fields that say what is steered and how fast: the topic and the limits. */
+/** The fields that say what is steered and how fast: the robot, its topic and the limits. */
 
 const UNITS = { linear: "m/s", angular: "rad/s" };
 const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const CONFIRM_MS = 1000; // after an entry; later the server's states have it
 const STORED = "limits"; // in the tab's storage, which outlives a reload
+
+export class Robot {
+  /**
+   * @param {HTMLElement} group with a select; hidden while there is no choice.
+   * @param {(topic: string) => void} choose called with the topic of the robot that is chosen.
+   */
+  constructor(group, choose) {
+    this.group = group;
+    this.select = group.querySelector("select");
+    this.select.addEventListener("pointerdown", () => (this.pointed = true));
+    this.select.addEventListener("keydown", () => (this.pointed = false));
+    this.select.addEventListener("change", () => {
+      choose(this.select.value);
+      // The keys drive again, unless they choose: their next press must not drive the new robot.
+      if (this.pointed) this.select.blur();
+    });
+    onEnterLeave(this.select);
+  }
+
+  /** Show the server's robots, and the one that is steered. */
+  show({ topic, robots }) {
+    const known = robots.some((robot) => robot.topic === topic);
+    const offered = known ? robots : [...robots, { name: topic, topic }];
+    const text = JSON.stringify(offered);
+    if (text === this.offered && topic === this.topic) return;
+    if (text !== this.offered) {
+      this.select.replaceChildren(...offered.map(({ name, topic }) => new Option(name, topic)));
+    }
+    this.group.hidden = offered.length < 2;
+    this.offered = text;
+    this.topic = this.select.value = topic;
+  }
+
+  /** The server refused the choice. */
+  refuse() {
+    this.select.value = this.topic;
+  }
+}
 
 export class Topic {
   /**
