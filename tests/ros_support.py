@@ -44,7 +44,7 @@ class Peer:
 
     def __exit__(self, *_: object) -> None:
         self._executor.shutdown()
-        self._thread.join(10)
+        self._thread.join(PATIENCE)
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 

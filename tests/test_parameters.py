@@ -127,7 +127,12 @@ def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     node = start_node(RerunViewer, viewer="none", save=tmp_path / "x.rrd", **{"axes.length": 2})
     found = described(node)
     own = {"viewer", "save", "view", "frame_prefix", "grpc_port", "web_port", "open_browser"}
-    assert {name for name, one in found.items() if one.read_only} == {*own, "memory_limit"}
+    assert {name for name, one in found.items() if one.read_only} == {
+        *own,
+        "memory_limit",
+        "robots",
+        "plots",
+    }
     assert float_range(found["axes.length"])[0] == 0.0
     assert "one of hidden" in found["panels.top"].additional_constraints
     assert node.get_parameter("camera.eye").value == []

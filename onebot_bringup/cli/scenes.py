@@ -138,6 +138,7 @@ def _warn_of(messages: Sequence[str]) -> None:
 
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
+_TICK = 0.05  # seconds between two
 _LISTED = 5
 
 
@@ -176,6 +177,7 @@ class RunningRobots:
         self._received: set[str] = set()  # topics
         self._broken: OneBotError | None = None  # what is wrong with the description
         self._warnings: list[str] = []
+        self._next_tick = 0.0
         self._topics = TopicSubscriptions(session.node, self._take)
         self._topics.set_topics(self._view.topics)
 
@@ -192,6 +194,7 @@ class RunningRobots:
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
             self._topics.set_topics(self._view.topics)
+        self._next_tick = 0.0  # it is laid out anew, also where nothing is missing any more
         self._await_frames(robot)
         return self._warnings + self._view.finish()
 
@@ -204,10 +207,13 @@ class RunningRobots:
             self._broken = error  # another bad message is no reason to give up
 
     def _tick(self) -> None:
+        if time.monotonic() < self._next_tick:
+            return  # it is called with every message, of which many robots have thousands a second
         self._topics.update()
         now_ns = int(self._session.node.get_clock().now().nanoseconds)
         warnings = self._view.tick(now_ns)
         self._warnings += warnings if self._view.robot is not None else []
+        self._next_tick = time.monotonic() + _TICK
 
     def await_descriptions(self) -> Description:
         """Return the first robot's description, once those of all have come.
@@ -216,14 +222,19 @@ class RunningRobots:
             OneBotError: there is none, or one is broken.
         """
 
-        def found() -> bool:
+        def found(count: int) -> bool:
             self._tick()
-            return len(self._view.robots) == len(self._robots) or self._broken is not None
+            return len(self._view.robots) >= count or self._broken is not None
 
-        _look_for_robot(self._session, found)
-        if self._view.robot is None or len(self._view.robots) < len(self._robots):
-            assert self._broken is not None
+        _look_for_robot(self._session, lambda: found(1))
+        self._session.spin(lambda: found(len(self._robots)), _FRAMES)
+        lacking = [str(one) for one in self._robots if str(one) not in self._view.robots]
+        if self._broken is not None and lacking:
             raise self._broken
+        if self._view.robot is None or lacking:
+            raise OneBotError(
+                f"no description within {_FRAMES:.0f} s of the robots in {listing(lacking)}"
+            )
         return self._view.robot
 
     def _await_frames(self, robot: Description) -> None:
@@ -295,7 +306,7 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
             published = frame_prefix(session, publishers(session.node, topic).values())
             # Of several robots each has another one.
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
-        found.append(RobotToShow(space, of_robot))
+        found.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
     return found
 
 

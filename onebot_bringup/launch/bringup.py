@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -42,6 +43,7 @@ _FRAME_PREFIX = ("tf_frame_prefix_enable", "tf_frame_prefix")
 _OF_ALL_NODES = (*_FRAME_PREFIX, "use_sim_time", "robot_description")
 _TURNING = ("continuous", "revolute")  # kinds of joints
 _LONG = 100_000  # bytes of a parameter file
+_COMMENT = re.compile(rb"(?:^|(?<=\s))#.*", re.MULTILINE)  # in YAML
 
 
 class ModelArguments(NamedTuple):
@@ -346,13 +348,14 @@ def check_wheels(description: "Description", values: Mapping[str, str]) -> None:
 
 
 def _mentions(file: Path, names: Sequence[str]) -> bool:
-    """Whether one of ``names`` may be in a file; in most none is, and reading YAML is slow."""
+    """Whether a file may give one of ``names``; most give none, and reading YAML is slow."""
     try:
         with file.open("rb") as opened:
             text = opened.read(_LONG)
     except OSError as error:
         raise OneBotError(f"{file}: cannot be read: {error.strerror}") from None
-    return len(text) == _LONG or any(name.encode() in text for name in names)
+    written = _COMMENT.sub(b"", text)
+    return len(text) == _LONG or any(name.encode() in written for name in names)
 
 
 def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:

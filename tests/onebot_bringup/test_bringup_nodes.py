@@ -230,14 +230,14 @@ def test_a_robot_without_wheels_is_refused_at_once(
     arm: Path, given: dict[str, str], problem: str
 ) -> None:
     """Before any node is started, with the controller's own error."""
-    file = arm.parent / "control.yaml"
-    values = {"left_wheel": "", "right_wheel": "", "params_file": str(file), **given}
-    file.write_text("")
+    default = onebot_bringup.command().control
+    values = {"left_wheel": "", "right_wheel": "", "params_file": default, **given}
     with pytest.raises(OneBotError, match=problem):
         check_wheels(load_description(arm), values)
     if not given:  # the file may name wheels: the controller reads it
-        file.write_text("/**:\n  ros__parameters:\n    left_wheel_names: [shoulder]\n")
-        check_wheels(load_description(arm), values)
+        file = arm.parent / "control.yaml"
+        file.write_text("/**:\n  ros__parameters: {left_wheel_names: [shoulder]} # these\n")
+        check_wheels(load_description(arm), {**values, "params_file": str(file)})
 
 
 def test_looking_for_wheels_does_not_delay_the_start() -> None:

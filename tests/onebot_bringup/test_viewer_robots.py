@@ -1,11 +1,15 @@
 """Several robots in one view, each at its place, under its namespace, with curves of its own."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import rerun.blueprint as rrb
+from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
 
+from onebot_bringup.cli.scenes import RunningRobots, running_robots
+from onebot_bringup.cli.session import Session
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.rerun_viewer import ViewerParameters
@@ -13,6 +17,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, column, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -24,6 +29,7 @@ from tests.onebot_bringup.viewer_support import (
     take_tf,
     transforms,
 )
+from tests.ros_support import LATCHED, Peer
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 FRAME = "CoordinateFrame:frame"
@@ -193,6 +199,41 @@ def test_both_are_in_the_picture_each_at_its_place():
             blue, orange = colored(half, BLUE), colored(half, ORANGE)
             assert blue.any() and orange.any() and center(blue)[0] < center(orange)[0]
     fleet.end()
+
+
+def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path):
+    """Found by their descriptions; a prefix that nobody publishes is the namespace."""
+    with Peer(ros_domain) as peer, Session() as session:
+        edges = []
+        for space in ("left", "right"):
+            topic = f"/{space}/robot_description"
+            # By its name it has a view of its own.
+            urdf = ARM.replace('"arm"', '"onebot"').replace('"base"', '"base_link"')
+            peer.node.create_publisher(String, topic, LATCHED).publish(String(data=urdf))
+            chain = ["world", *(f"{space}/{frame}" for frame in ("odom", "base_link", "tip"))]
+            for parent, child in pairwise(chain):
+                edge = TransformStamped(child_frame_id=child)
+                edge.header.frame_id = parent
+                edges.append(edge)
+        static = peer.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        static.publish(TFMessage(transforms=edges))
+        robots = running_robots(session)
+        found = [(one.namespace, one.frame_prefix) for one in robots]
+        assert found == [("/left", "left/"), ("/right", "right/")]
+        recording = open_recording(save=tmp_path / "x.rrd")
+        sent: list[rrb.Blueprint] = []
+        recording.stream.send_blueprint = lambda item, **_: sent.append(item)
+        shown = RunningRobots(session, "", recording.stream, robots)
+        shown.await_descriptions()
+        assert shown.record() == []
+        recording.close()
+        assert "Background" in sent[-1].root_container.contents[0].properties
+        assert column(tmp_path / "x.rrd", "/right/robot/visual/tip/0", FRAME) == [["right/tip"]]
+        late = RunningRobots(session, "none", recording.stream, [*robots, RobotToShow("/later")])
+        with pytest.raises(OneBotError, match="no description within 6 s of the robots in /later"):
+            late.await_descriptions()
+        with pytest.raises(OneBotError, match="--frame-prefix is one robot's, and several run"):
+            running_robots(session, "x/")
 
 
 @pytest.mark.parametrize(
