@@ -46,8 +46,8 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
     if name.startswith("/"):
         return session.full_name(name)
     if not name:
-        if session.spin(lambda: commanded_robots(session), PATIENCE):
-            session.discover()  # there may be more
+        session.discover()  # one that is found first may not be the only one
+        session.spin(lambda: commanded_robots(session), PATIENCE)
         return _only(commanded_robots(session), first) or session.full_name(COMMANDS)
     topic = session.full_name(name)
 
@@ -55,7 +55,7 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
         found = commanded_robots(session)
         return [each.topic for each in found if topic == each.topic or name == each.name]
 
-    if found := session.spin(named, PATIENCE):
+    if found := session.look_for(named, f'the robot or the topic "{name}"'):
         return str(found[0])
     others = [each.name for each in commanded_robots(session)]
     if others and "/" not in name and not session.node.count_subscribers(topic):
