@@ -1,6 +1,7 @@
 """``onebot topic``, on real DDS, against the very forms that ros2 prints."""
 
 import re
+import shlex
 import subprocess
 import sys
 import time
@@ -11,9 +12,10 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import String
 
 from onebot_description.wire.tf_message import TFMessage
+from tests.benchmarks.hosts import missing
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of, running
 from tests.ros_support import LATCHED, Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, skip_for, wait_for
 
 TWIST = "geometry_msgs/msg/Twist"
 SHOWN = (
@@ -132,6 +134,24 @@ def test_echo_forms(ros_domain: int) -> None:
             assert (done.returncode, done.stdout) == (0, expected), done.stderr
         wrong = onebot("topic", "echo", "--once", "/cmd_vel", "--field", "linar.x")
         assert wrong.returncode == 1 and 'did you mean "linear"' in wrong.stderr
+
+
+def test_errors_of_dds_are_not_output(ros_domain: int) -> None:
+    """Without shared memory Fast DDS logs errors: to stderr, for stdout may be a file of values."""
+    if problem := missing():
+        skip_for(problem)
+    read_only = "mount -t tmpfs -o ro none /dev/shm && exec " + shlex.join(
+        [sys.executable, "-m", MODULE, "topic", "list"]
+    )
+    done = subprocess.run(
+        ["unshare", "--mount", "sh", "-c", read_only],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "RTPS_TRANSPORT_SHM" in done.stderr
+    assert done.stdout.split() == ["/parameter_events", "/rosout"]
 
 
 def test_echo_waits_for_the_topic(ros_domain: int, tmp_path: Path) -> None:
