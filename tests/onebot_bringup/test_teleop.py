@@ -1,5 +1,6 @@
 """``onebot teleop``: what the keys mean, and the command on a pseudo-terminal and real DDS."""
 
+import functools
 import os
 import pty
 import signal
@@ -8,13 +9,13 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_bringup.cli.teleop import Driver, TeleopTwist, split_keys
+from onebot_bringup.cli.teleop import HELP, Driver, TeleopTwist, split_keys
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import Peer
 from tests.support import PATIENCE, wait_for
@@ -252,13 +253,18 @@ def test_of_several_robots_one_is_named(ros_domain: int) -> None:
             ((), "2 robots take commands: robot1, robot2; choose one by its name"),
             (("robot3",), 'no robot "robot3" takes commands (did you mean'),
         ):
-            with teleop(*words) as terminal:
-                terminal.says(text)
-                assert terminal.process.wait(PATIENCE) == 1
+            wait_for(functools.partial(_refused, words, text), text)
         with teleop("robot2") as terminal:
             ready(peer, terminal, "/robot2/velocity_controller/cmd_vel")
             _hold(terminal, "i", heard["robot2"])
             assert heard["robot2"] and not heard["robot1"]
+
+
+def _refused(words: Sequence[str], text: str) -> bool:
+    """Whether it ended with this error; not if it did not discover the robots in its time."""
+    with teleop(*words) as terminal:
+        wait_for(lambda: text in terminal.shown or HELP[:20] in terminal.shown, text)
+        return text in terminal.shown and terminal.process.wait(PATIENCE) == 1
 
 
 def test_ctrl_z_stops_the_robot_only(ros_domain: int) -> None:

@@ -179,9 +179,9 @@ def test_places_are_finite(bad, row):
 
 
 def test_a_member_stands_at_the_origin_unless_told():
-    """Heading along x."""
+    """Heading along x; without a name."""
     description = robot()
-    assert RobotSpawn(description, DRIVEN) == (description, DRIVEN, 0.0, 0.0, 0.0)
+    assert RobotSpawn(description, DRIVEN) == (description, DRIVEN, 0.0, 0.0, 0.0, "")
 
 
 def test_speeds_are_limited_to_the_joints_own():
