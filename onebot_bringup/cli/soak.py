@@ -14,7 +14,7 @@ from onebot_bringup.introspection.domains import claimed_domain
 from onebot_bringup.introspection.shared_memory import remove_stale_in_background
 from onebot_bringup.soak.faults import FAULTS, GENTLE, NETWORK, possible, shuffled
 from onebot_bringup.soak.network import enter_own_network
-from onebot_bringup.soak.watch import Limits, Watch, clock
+from onebot_bringup.soak.watch import Tolerances, Watch, clock
 from onebot_bringup.soak.watched_bringup import WatchedBringup
 from onebot_description.errors import OneBotError
 
@@ -46,7 +46,7 @@ def run(argv: Sequence[str]) -> int:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         # Within one host alone, rmw has DDS use shared memory, which cannot be cut.
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET" if own_network else "LOCALHOST"
-        watch = Watch(Limits(gap=args.patience, warm_up=min(60.0, 12.0 * args.minutes)))
+        watch = Watch(Tolerances(gap=args.patience, warm_up=min(60.0, 12.0 * args.minutes)))
         with Session(args.ros_args) as session:
             robot = WatchedBringup(
                 session, watch, Path(folder), args.arguments,

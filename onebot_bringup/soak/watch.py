@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from onebot_control.poses import PlanarPose
 
 _WINDOW = 5.0  # s, of a rate
 _BUSY = 3.0  # times as long may a gap be where no processor is free
@@ -16,7 +17,7 @@ _MOST_POSES = 200  # of odometry that wait for the truth
 
 
 @dataclass(frozen=True)
-class Limits:
+class Tolerances:
     """Beyond which a measurement is a finding."""
 
     gap: float = 1.0  # s between two stamps, without what faults explain
@@ -35,7 +36,7 @@ class Limits:
 
 
 @dataclass
-class Finding:
+class Violation:
     """Something that went wrong, once or more often."""
 
     what: str
@@ -93,14 +94,14 @@ class Samples:
 class Watch:
     """Judges what is measured."""
 
-    def __init__(self, limits: Limits | None = None) -> None:
+    def __init__(self, tolerances: Tolerances | None = None) -> None:
         """Nothing is measured yet."""
-        self.limits = limits or Limits()
-        self._longest_gap = self.limits.gap
-        self.findings: dict[str, Finding] = {}
+        self.tolerances = tolerances or Tolerances()
+        self._longest_gap = self.tolerances.gap
+        self.findings: dict[str, Violation] = {}
         self.streams: dict[str, Stream] = {}
         self.processes: dict[tuple[str, int], Samples] = {}  # by name and process id
-        self.drives: dict[str, Drive] = {}
+        self.drives: dict[str, DrivenPath] = {}
         self.stops: list[float] = []  # s from Ctrl-C to the end
         self._excuses: list[Excuse] = []
 
@@ -116,7 +117,7 @@ class Watch:
             size: to find the worst.
             again: it counts; False for one that goes on.
         """
-        known = self.findings.setdefault(what, Finding(what, at, amount, size, 0))
+        known = self.findings.setdefault(what, Violation(what, at, amount, size, 0))
         known.count, known.last = known.count + again, at
         if size > known.size:
             known.amount, known.size = amount, size
@@ -145,7 +146,7 @@ class Watch:
         if stamp < stream.stamp:
             back = stream.stamp - stamp
             self.find(received, f"{topic}: stamps go back", f"by {back:.3f} s", back)
-        if (ahead := stamp - received) > self.limits.future:
+        if (ahead := stamp - received) > self.tolerances.future:
             self.find(received, f"{topic}: stamps in the future", f"by {ahead:.3f} s", ahead)
         self._gap(topic, stream, stamp, received)
         stream.stamp, stream.received = stamp, received
@@ -164,7 +165,7 @@ class Watch:
             now: s.
             busy: this process had to wait for a processor: messages may be unread, or lost.
         """
-        self._longest_gap = self.limits.gap * (_BUSY if busy else 1.0)
+        self._longest_gap = self.tolerances.gap * (_BUSY if busy else 1.0)
         for topic, stream in self.streams.items():
             self._gap(topic, stream, now, now)
             if busy:
@@ -178,7 +179,7 @@ class Watch:
             return
         rate = stream.in_window / (now - stream.window)
         stream.slowest = min(stream.slowest, rate)
-        if rate < self.limits.rate * stream.rate:
+        if rate < self.tolerances.rate * stream.rate:
             amount = f"{rate:.0f} Hz instead of {stream.rate:.0f} Hz"
             self.find(now, f"{topic}: slow", amount, stream.rate - rate)
 
@@ -197,7 +198,7 @@ class Watch:
     def is_alive(self, now: float) -> bool:
         """Whether all topics are being received."""
         return bool(self.streams) and all(
-            now - stream.received < self.limits.gap for stream in self.streams.values()
+            now - stream.received < self.tolerances.gap for stream in self.streams.values()
         )
 
     # Processes
@@ -220,7 +221,7 @@ class Watch:
             times = samples.times[begin:]
             for kind, values in samples.values.items():
                 grown = growth(times, values[begin:])
-                if grown > self.limits.growth[kind]:
+                if grown > self.tolerances.growth[kind]:
                     unit = " MB" if kind == "memory" else ""
                     span = times[-1] - times[0]
                     amount = f"{grown:.0f}{unit} more in {span:.0f} s, now {values[-1]:.0f}{unit}"
@@ -236,7 +237,7 @@ class Watch:
         ]
 
     def _warm(self, samples: Samples) -> float:
-        return samples.times[0] + self.limits.warm_up
+        return samples.times[0] + self.tolerances.warm_up
 
     def report(self) -> list[str]:
         """Return what was measured, as lines."""
@@ -284,22 +285,7 @@ def growth(times: Sequence[float], values: Sequence[float]) -> float:
     return float(np.percentile(slopes, 25) * (times[-1] - times[0]))
 
 
-class Pose(NamedTuple):
-    """Of a robot on the ground: m, m and rad."""
-
-    x: float
-    y: float
-    yaw: float
-
-    def seen_from(self, origin: "Pose") -> "Pose":
-        """Return it in the frame of ``origin``."""
-        x, y = self.x - origin.x, self.y - origin.y
-        cos, sin = math.cos(origin.yaw), math.sin(origin.yaw)
-        turn = math.remainder(self.yaw - origin.yaw, math.tau)
-        return Pose(cos * x + sin * y, cos * y - sin * x, turn)
-
-
-class Drive:
+class DrivenPath:
     """The odometry of a robot against the truth: both from where they were first compared."""
 
     def __init__(self, watch: Watch, name: str) -> None:
@@ -311,18 +297,18 @@ class Drive:
 
     def restart(self) -> None:
         """The robot starts anew, with its odometry."""
-        self._odometry: dict[float, Pose] = {}  # by stamp
-        self._origins: tuple[Pose, Pose] | None = None  # of odometry and truth
-        self._last: tuple[float, Pose] | None = None  # stamp and truth
+        self._odometry: dict[float, PlanarPose] = {}  # by stamp
+        self._origins: tuple[PlanarPose, PlanarPose] | None = None  # of odometry and truth
+        self._last: tuple[float, PlanarPose] | None = None  # stamp and truth
         self._driven = 0.0  # m, since then
 
-    def odometry(self, stamp: float, pose: Pose) -> None:
+    def odometry(self, stamp: float, pose: PlanarPose) -> None:
         """Keep a pose until the truth of that time is known."""
         self._odometry[stamp] = pose
         if len(self._odometry) > _MOST_POSES:
             del self._odometry[next(iter(self._odometry))]
 
-    def truth(self, stamp: float, truth: Pose) -> None:
+    def truth(self, stamp: float, truth: PlanarPose) -> None:
         """Compare."""
         if self._last is not None:
             moved = math.hypot(truth.x - self._last[1].x, truth.y - self._last[1].y)
@@ -332,25 +318,27 @@ class Drive:
             if self._origins is None:
                 self._origins = pose, truth
             self._compare(
-                stamp, pose.seen_from(self._origins[0]), truth.seen_from(self._origins[1])
+                stamp,
+                self._origins[0].inverse().compose(pose),
+                self._origins[1].inverse().compose(truth),
             )
 
     def _move(self, stamp: float, moved: float, seconds: float) -> None:
         self.distance += moved
         self._driven += moved
-        limits = self._watch.limits
-        if moved > limits.jump + limits.speed * max(seconds, 0.0):
+        tolerances = self._watch.tolerances
+        if moved > tolerances.jump + tolerances.speed * max(seconds, 0.0):
             self._watch.find(stamp, f"{self._name}: jumps", f"by {moved:.2f} m", moved)
 
-    def _compare(self, stamp: float, pose: Pose, truth: Pose) -> None:
+    def _compare(self, stamp: float, pose: PlanarPose, truth: PlanarPose) -> None:
         error = math.hypot(pose.x - truth.x, pose.y - truth.y)
         turn = abs(math.remainder(pose.yaw - truth.yaw, math.tau))
         self.worst, self.worst_heading = max(self.worst, error), max(self.worst_heading, turn)
-        limits, find = self._watch.limits, self._watch.find
-        if error > limits.position + limits.drift * self._driven:
+        tolerances, find = self._watch.tolerances, self._watch.find
+        if error > tolerances.position + tolerances.drift * self._driven:
             amount = f"{1e3 * error:.0f} mm after {self._driven:.1f} m"
             find(stamp, f"{self._name}: odometry error", amount, error)
-        if turn > limits.heading:
+        if turn > tolerances.heading:
             find(stamp, f"{self._name}: heading error", f"{math.degrees(turn):.1f} degrees", turn)
 
 

@@ -12,13 +12,14 @@ import psutil
 import pytest
 
 from onebot_bringup.soak.faults import FAULTS, NETWORK, possible, shuffled
-from onebot_bringup.soak.watch import Drive, Limits, Pose, Watch, growth
+from onebot_bringup.soak.watch import DrivenPath, Tolerances, Watch, growth
+from onebot_control.poses import PlanarPose
 from tests.onebot_bringup.cli_support import onebot, running
 from tests.readme import CHECKOUT
 from tests.support import wait_for
 
 HZ = 50.0
-ORIGIN = Pose(0.0, 0.0, 0.0)
+ORIGIN = PlanarPose(0.0, 0.0, 0.0)
 NODES = ("velocity_controller", "robot_state_publisher", "steering_page", "description_watcher")
 
 
@@ -125,7 +126,7 @@ def test_growth(shape, least: float, most: float) -> None:
 
 def test_leaks_of_processes() -> None:
     """Each process by itself: that of a restarted node does not go on from the one before."""
-    watch = Watch(Limits(warm_up=60.0))
+    watch = Watch(Tolerances(warm_up=60.0))
     for n in range(300):
         at = 2.0 * n
         pid = 1 + n // 100  # restarted: each grows while it starts
@@ -141,18 +142,19 @@ def test_leaks_of_processes() -> None:
     assert "  well, 3 processes, one for 198 s: memory 90 to 100" in "\n".join(watch.report())
 
 
-def drive(watch: Watch, slip: float, *, start: Pose = ORIGIN) -> Drive:
+def drive(watch: Watch, slip: float, *, start: PlanarPose = ORIGIN) -> DrivenPath:
     """A circle by odometry, of which the truth, in another frame, falls short by a part."""
-    robot = Drive(watch, "robot")
+    robot = DrivenPath(watch, "robot")
     for n in range(1000):
         angle = n * 0.01
         stamp = n * 0.02
-        robot.odometry(stamp, Pose(math.sin(angle), 1.0 - math.cos(angle), angle))
+        robot.odometry(stamp, PlanarPose(math.sin(angle), 1.0 - math.cos(angle), angle))
         angle *= 1.0 - slip
         x, y = math.sin(angle), 1.0 - math.cos(angle)
         cos, sin = math.cos(start.yaw), math.sin(start.yaw)
         robot.truth(
-            stamp, Pose(start.x + cos * x - sin * y, start.y + sin * x + cos * y, start.yaw + angle)
+            stamp,
+            PlanarPose(start.x + cos * x - sin * y, start.y + sin * x + cos * y, start.yaw + angle),
         )
     return robot
 
@@ -160,14 +162,14 @@ def drive(watch: Watch, slip: float, *, start: Pose = ORIGIN) -> Drive:
 def test_odometry_against_the_truth() -> None:
     """From wherever it starts; slipping wheels and a jump are found."""
     watch = Watch()
-    robot = drive(watch, 0.0, start=Pose(3.0, -2.0, 1.0))
+    robot = drive(watch, 0.0, start=PlanarPose(3.0, -2.0, 1.0))
     assert (
         not found(watch) and robot.worst < 1e-9 and robot.distance == pytest.approx(10.0, rel=0.01)
     )
     slipping = Watch()
     drive(slipping, 0.05)
     assert {"robot: odometry error", "robot: heading error"} == set(slipping.findings)
-    robot.truth(20.0, Pose(9.0, 9.0, 1.0))
+    robot.truth(20.0, PlanarPose(9.0, 9.0, 1.0))
     assert list(watch.findings) == ["robot: jumps"]
     robot.restart()
     robot.truth(21.0, ORIGIN)
