@@ -25,7 +25,7 @@ TEXTS = {
         CHECKOUT / "tests/benchmarks/README.md",
     )
 }
-ALL = "\n".join(TEXTS.values())
+ALL = "\n".join(TEXTS.values()).replace("\\\n", "")
 BESIDE = re.compile(r"<!-- beside (.*?) -->\n```sh\n(.*?)```", re.DOTALL)
 IN_TURN = re.compile(r"<!-- in turn -->\n```sh\n(.*?)```", re.DOTALL)
 WHOLE = re.compile(r"<!-- whole -->\n```sh\n(.*?)```", re.DOTALL)

@@ -208,6 +208,8 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
     latched = peer.node.create_publisher(String, "robot_description", LATCHED)
     if node.description:
         latched.publish(String(data=node.description))
+    if (world := "/world_description") in node.documented("Subscribed topics"):
+        peer.node.create_publisher(String, world, LATCHED)
     with node.running(parameters, folder):
         wait_for(lambda: node.name in peer.node.get_node_names(), node.name)
         yield

@@ -30,6 +30,7 @@ from tests.onebot_bringup.viewer_support import (
     transforms,
 )
 from tests.ros_support import LATCHED, Peer
+from tests.support import wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 FRAME = "CoordinateFrame:frame"
@@ -193,11 +194,17 @@ def test_both_are_in_the_picture_each_at_its_place():
     fleet = Fleet(None, view.replace("follow: base", "follow: ''").replace("[0.1,", "[6.0,"))
     fleet.show()
     with headless_viewer(fleet.recording.uri, 640, 480) as client:
-        image = pixels(still(client))
+
+        def one_in_each_half():
+            image = pixels(still(client))
+            for half in (image[:, :260], image[:, 260:]):  # the plots are on the right
+                blue, orange = colored(half, BLUE), colored(half, ORANGE)
+                if not (blue.any() and orange.any() and center(blue)[0] < center(orange)[0]):
+                    return False
+            return True
+
+        wait_for(one_in_each_half, "both robots in the picture")
         assert [view.reports for view in client.get_state().views if view.name == "Robot"] == [[]]
-        for half in (image[:, :260], image[:, 260:]):  # the plots are on the right
-            blue, orange = colored(half, BLUE), colored(half, ORANGE)
-            assert blue.any() and orange.any() and center(blue)[0] < center(orange)[0]
     fleet.end()
 
 
