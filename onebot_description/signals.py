@@ -72,6 +72,10 @@ class StopSignals:
             if self._arrived:
                 raise KeyboardInterrupt
             yield
+        except Exception as error:
+            if self._arrived:  # C++ code that it passes through has errors of its own
+                raise KeyboardInterrupt from error
+            raise
         finally:
             self._interrupting = False
 

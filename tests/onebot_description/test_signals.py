@@ -29,6 +29,18 @@ def test_what_may_be_given_up_is_interrupted() -> None:
         assert called.wait(60.0)
 
 
+def test_an_interruption_stays_one() -> None:
+    """Also where C++ code has made an error of its own of it; any other error stays as it is."""
+    with StopSignals(lambda: None) as signals:
+        with pytest.raises(TypeError), signals.interrupting():
+            raise TypeError("no signal came")
+        with pytest.raises(KeyboardInterrupt), signals.interrupting():
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt as error:
+                raise TypeError("cannot convert the return value") from error
+
+
 def test_the_former_handlers_come_back() -> None:
     """As they were, once it is left."""
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
