@@ -25,13 +25,8 @@ _SCRIPTS = {
     "mrm_bringup": EXECUTABLES["mrm_description"]["mrm_bringup"],
 }
 _LAUNCH = ("check", "view", "replay", "steer")  # which take name:=value
-_PARSED = (
-    "doctor",
-    "soak",
-    "snapshot",
-    "teleop",
-    "completion",
-)  # whose ``run`` begins with a Parser
+# whose ``run`` begins with a Parser
+_PARSED = ("doctor", "soak", "snapshot", "teleop", "completion")
 _ARGUMENT = re.compile(r"^  (\w+):=(\S*)(?:\n {4,}| *)(.*)$", re.MULTILINE)
 _CHOICES = re.compile(r"\((\w+(?:, \w+)+)\)$")
 _SWITCH = ("true", "false")

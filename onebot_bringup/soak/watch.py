@@ -101,7 +101,7 @@ class Watch:
         self.findings: dict[str, Violation] = {}
         self.streams: dict[str, Stream] = {}
         self.processes: dict[tuple[str, int], Samples] = {}  # by name and process id
-        self.drives: dict[str, DrivenPath] = {}
+        self.drives: dict[str, OdometryCheck] = {}
         self.stops: list[float] = []  # s from Ctrl-C to the end
         self._excuses: list[Excuse] = []
 
@@ -285,7 +285,7 @@ def growth(times: Sequence[float], values: Sequence[float]) -> float:
     return float(np.percentile(slopes, 25) * (times[-1] - times[0]))
 
 
-class DrivenPath:
+class OdometryCheck:
     """The odometry of a robot against the truth: both from where they were first compared."""
 
     def __init__(self, watch: Watch, name: str) -> None:

@@ -20,7 +20,7 @@ from onebot_bringup.soak.processes import (
     usage,
     waited_for_processor,
 )
-from onebot_bringup.soak.watch import DrivenPath, Watch, clock
+from onebot_bringup.soak.watch import OdometryCheck, Watch, clock
 from onebot_control.poses import PlanarPose
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -101,9 +101,9 @@ class WatchedBringup:
             node.create_publisher(Twist, f"{space}/velocity_controller/cmd_vel", 10)
             for space in spaces
         ]
-        self._drives: list[DrivenPath] = []
+        self._drives: list[OdometryCheck] = []
         for space in dict.fromkeys((spaces[0], spaces[-1])):  # of more there is not the time
-            drive = DrivenPath(self.watch, space or "robot")
+            drive = OdometryCheck(self.watch, space or "robot")
             self._drives.append(drive)
             for kind, name, callback in (
                 (JointState, "joint_states", self._on_joints),
@@ -143,7 +143,7 @@ class WatchedBringup:
         self.watch.message(topic, _JOINTS, now, self._seconds(joints.stamp_ns))
         self.watch.values(topic, now, joints.positions, joints.velocities, joints.efforts)
 
-    def _on_odometry(self, drive: DrivenPath, first: bool, topic: str, data: bytes) -> None:
+    def _on_odometry(self, drive: OdometryCheck, first: bool, topic: str, data: bytes) -> None:
         from onebot_description.wire.messages import odometry_sample
 
         now, sample = self.now, odometry_sample(data)

@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from onebot_bringup.soak.faults import FAULTS, NETWORK, possible, shuffled
-from onebot_bringup.soak.watch import DrivenPath, Tolerances, Watch, growth
+from onebot_bringup.soak.watch import OdometryCheck, Tolerances, Watch, growth
 from onebot_control.poses import PlanarPose
 from tests.onebot_bringup.cli_support import onebot, running
 from tests.readme import CHECKOUT
@@ -142,9 +142,9 @@ def test_leaks_of_processes() -> None:
     assert "  well, 3 processes, one for 198 s: memory 90 to 100" in "\n".join(watch.report())
 
 
-def drive(watch: Watch, slip: float, *, start: PlanarPose = ORIGIN) -> DrivenPath:
+def drive(watch: Watch, slip: float, *, start: PlanarPose = ORIGIN) -> OdometryCheck:
     """A circle by odometry, of which the truth, in another frame, falls short by a part."""
-    robot = DrivenPath(watch, "robot")
+    robot = OdometryCheck(watch, "robot")
     for n in range(1000):
         angle = n * 0.01
         stamp = n * 0.02
