@@ -1,5 +1,6 @@
 """Messages of every type read by their definition as rclpy reads them by its classes."""
 
+import copy
 import random
 import struct
 from typing import Any
@@ -189,10 +190,11 @@ def test_an_unknown_field_is_named_with_those_that_exist():
         scan.range  # noqa: B018
     with pytest.raises(LookupError, match='LaserScan.header has no field "frame"'):
         scan["header.frame"]
-    with pytest.raises(LookupError, match='"angle_min" is no message'):
+    with pytest.raises(LookupError, match="LaserScan.angle_min .* is no message"):
         scan["angle_min.x"]
     assert repr(scan).startswith("<sensor_msgs/LaserScan: header, angle_min,")
     assert "ranges" in dir(scan)
+    assert copy.copy(scan).angle_min == 0
 
 
 # ---- Layout ----
