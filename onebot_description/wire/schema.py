@@ -7,11 +7,10 @@
     path.poses.pose.position.array()            # (N, 3)
     path.poses[0].pose.position.x               # float
 
-The definition is the text that rosbag2 and MCAP store with messages ("ros2msg"): the type's own
-.msg file, then those of the types in it, each after a line of ``=`` and ``MSG: package/Name``.
-cdr.py has the format of the bytes. ``Schema.read`` checks a whole message; after that each field is
-made when it is asked for. Numbers of a sequence are a view into the message, which is never copied;
-structs of varying size (those with strings) are read into rows of equal size, in one compiled call.
+definition.py has the format of the definition, cdr.py that of the bytes. ``Schema.read`` checks a
+whole message; after that each field is made when it is asked for. Numbers of a sequence are a view
+into the message, which is never copied; structs of varying size (those with strings) are read into
+rows of equal size, in one compiled call.
 
 Strings are UTF-8, what is not is replaced, as rclpy does; the characters of a wstring are UTF-16,
 as Fast DDS from Jazzy on and Cyclone DDS write them. Upper bounds are not checked.
@@ -21,7 +20,6 @@ import ctypes
 import functools
 import itertools
 import math
-import re
 import struct
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -29,94 +27,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.errors import did_you_mean, printable, shortened
+from onebot_description.errors import did_you_mean
 from onebot_description.wire.cdr import ENCAPSULATION, HEADER, WireError
+from onebot_description.wire.definition import (
+    NUMBERS,
+    STRINGS,
+    DefinitionError,
+    Field,
+    fields,
+    files,
+    short_name,
+)
 from onebot_description.wire.library import load_library
 
-_NUMBERS = {
-    **{"bool": "?", "byte": "u1", "char": "u1", "float32": "<f4", "float64": "<f8"},
-    **{
-        f"{sign}int{8 * size}": f"<{sign or 'i'}{size}"
-        for sign in ("", "u")
-        for size in (1, 2, 4, 8)
-    },
-}
-_STRINGS = {"string": 1, "wstring": 2}  # bytes of a character
-_KNOWN = {  # what some writers leave out
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
-}
-_SECTION = re.compile(r"^={3,}[ \t\r]*\n(MSG|IDL):[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.MULTILINE)
-_TYPE = re.compile(r"[A-Za-z]\w*/(?:msg/)?[A-Za-z]\w*", re.ASCII)
-_FIELD = re.compile(
-    r"(?P<type>[A-Za-z]\w*(?:/[A-Za-z]\w*){0,2})(?:<=\d+)?"
-    r"(?P<array>\[(?:(?P<size>\d+)|(?:<=\d+)?)\])?\s+(?P<name>[A-Za-z]\w*)(?![^\s=])\s*(?P<constant>=)?",
-    re.ASCII,
-)
 # A definition may come from anywhere.
 _MAX_FIELDS = 10_000
 _MAX_DEPTH = 64  # of types in types
 _MAX_SIZE = 2**31 - 1  # bytes
+_PLAIN = ENCAPSULATION[:2]  # the other two bytes are options, which receivers ignore
 _PHASES = 8  # the largest alignment: a layout depends on where it starts modulo this
-
-
-class DefinitionError(ValueError):
-    """A definition that cannot be used; ``str(error)`` names the type and the line."""
-
-
-# ---- Definitions ----
-
-
-class _Field(NamedTuple):
-    """A line of a .msg file."""
-
-    name: str
-    type: str  # as in _NUMBERS or _STRINGS, or a full name of a message type
-    size: int | None  # of an array; 0: as many as the message has; None: one
-    where: str
-
-
-def _sections(name: str, definition: str) -> dict[str, str]:
-    """Split a definition into the texts of its types."""
-    first, *rest = _SECTION.split(definition)
-    texts = _KNOWN | {_short(kind): text for kind, text in zip(rest[1::3], rest[2::3], strict=True)}
-    if first.strip() or name not in texts:
-        texts[name] = first
-    if "IDL" in rest[::3] or re.match(r"\s*(#include|module)\b", first):
-        raise DefinitionError(f"{name}: its definition is in IDL; only .msg text can be read")
-    return texts
-
-
-def _short(name: str) -> str:
-    return name.replace("/msg/", "/")
-
-
-def _fields(kind: str, text: str) -> Iterator[_Field]:
-    """Parse the .msg file of a type."""
-    names = set()
-    for number, line in enumerate(text.split("\n"), 1):
-        line = line.partition("#")[0].strip()
-        if not line:
-            continue
-        where = f'{kind}, line {number}: "{printable(shortened(line))}"'
-        match = _FIELD.match(line)
-        if match is None:
-            raise DefinitionError(f"{where} is no field of a .msg file, such as `float64[3] point`")
-        if match["constant"]:
-            continue
-        size = None if match["array"] is None else int(match["size"] or 0)
-        if match["name"] in names or match["size"] and not 0 < int(match["size"]) <= _MAX_SIZE:
-            what = "an earlier field has this name" if match["name"] in names else "no such size"
-            raise DefinitionError(f"{where}: {what}")
-        names.add(match["name"])
-        yield _Field(match["name"], _full(match["type"], kind), size, where)
-
-
-def _full(name: str, home: str) -> str:
-    """Return the name of a type with its package, which is that of ``home`` if none is given."""
-    if name in _NUMBERS or name in _STRINGS:
-        return name
-    return _short(name) if "/" in name else f"{home.partition('/')[0]}/{name}"
 
 
 # ---- What reads a field ----
@@ -167,7 +96,6 @@ class _Number(_Leaf):
     """A number or a fixed number of them."""
 
     kind = _COPIED
-
     dtype: np.dtype[Any]
 
     def __init__(self, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> None:
@@ -244,13 +172,9 @@ class _Group:
         self.name, self.leaves = name, list(leaves)
         self.fields: dict[str, tuple[_Leaf | _Group, int]] = {}
         for field, found in itertools.groupby(self.leaves, lambda leaf: leaf[0][0]):
-            [(path, leaf, offset), *others] = found
-            inner = [
-                (path[1:], leaf, offset) for path, leaf, offset in ((path, leaf, offset), *others)
-            ]
-            self.fields[field] = (
-                (_Group(f"{name}.{field}", inner), 0) if len(path) > 1 else (leaf, offset)
-            )
+            inner = [(path[1:], leaf, offset) for path, leaf, offset in found]
+            path, leaf, offset = inner[0]
+            self.fields[field] = (_Group(f"{name}.{field}", inner), 0) if path else (leaf, offset)
 
     def value(self, rows: _Rows, offset: int) -> "Message":
         return Message(self, rows)
@@ -386,48 +310,48 @@ class _Compiler:
 
     def __init__(self, texts: dict[str, str]) -> None:
         self.programs: dict[str, _Program] = {}
-        self._texts = texts
+        self._files = texts
         self._within: list[str] = []
         self._fields = 0
 
     def compile(self, kind: str) -> _Program:
         """Return the program of a message type, or of ``string`` or ``wstring``."""
         if kind not in self.programs:
-            text = [(("",), _Text(_STRINGS[kind]))] if kind in _STRINGS else None
+            text = [(("",), _Text(STRINGS[kind]))] if kind in STRINGS else None
             leaves = dict(text or self._leaves(kind, ()))
             self.programs[kind] = _Program(kind, leaves, len(self.programs))
         return self.programs[kind]
 
     def _leaves(self, kind: str, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], _Leaf]]:
         self._within.append(kind)
-        fields = list(_fields(kind, self._texts[kind]))
-        for field in fields:
+        lines = list(fields(kind, self._files[kind]))
+        for field in lines:
             self._check(field)
             inner = (*path, field.name)
-            if field.size is None and field.type not in (*_NUMBERS, *_STRINGS):
+            if field.size is None and field.type not in (*NUMBERS, *STRINGS):
                 yield from self._leaves(field.type, inner)
             else:
                 yield inner, self._leaf(field)
-        if not fields:  # nothing takes a byte
+        if not lines:  # nothing takes a byte
             yield (*path, ""), _Number(np.dtype("u1"))
         self._within.pop()
 
-    def _leaf(self, field: _Field) -> _Leaf:
-        if field.type in _NUMBERS:
-            dtype = np.dtype(_NUMBERS[field.type])
+    def _leaf(self, field: Field) -> _Leaf:
+        if field.type in NUMBERS:
+            dtype = np.dtype(NUMBERS[field.type])
             if field.size == 0:
                 return _Numbers(dtype)
             return _Number(dtype, () if field.size is None else (field.size,))
         if field.size is None:
-            return _Text(_STRINGS[field.type])
+            return _Text(STRINGS[field.type])
         return _Structs(self.compile(field.type), field.size)
 
-    def _check(self, field: _Field) -> None:
+    def _check(self, field: Field) -> None:
         self._fields += 1
         problem = None
         if self._fields > _MAX_FIELDS:
             problem = f"more than {_MAX_FIELDS} fields in all"
-        elif field.type not in (*_NUMBERS, *_STRINGS, *self._texts):
+        elif field.type not in (*NUMBERS, *STRINGS, *self._files):
             problem = f"there is no definition of {field.type}"
         elif field.type in self._within:
             problem = f"{field.type} contains itself"
@@ -558,10 +482,9 @@ class Schema:
 
     def __init__(self, name: str, definition: str) -> None:
         """Compile a definition; ``Schema.of`` keeps what is compiled."""
-        if not _TYPE.fullmatch(name):
-            raise DefinitionError(f'"{printable(shortened(name))}" is no name of a message type')
-        compiler = _Compiler(_sections(_short(name), definition))
-        self._program = compiler.compile(_short(name))
+        name = short_name(name)
+        compiler = _Compiler(files(name, definition))
+        self._program = compiler.compile(name)
         self._block = _block([*compiler.programs.values()])
 
     @staticmethod
@@ -584,7 +507,7 @@ class Schema:
         Raises:
             WireError: these bytes are no such message, or not plain little-endian CDR.
         """
-        if data[:2] != ENCAPSULATION[:2] or len(data) < HEADER:
+        if not data.startswith(_PLAIN):
             raise WireError("not plain little-endian CDR")
         rows = self._program.read(data, self._block, HEADER, 1)
         return Message(self._program.root, rows)
