@@ -75,6 +75,15 @@ class ColumnMaker:
         return ReadyColumn(self._descriptor, array)
 
 
+def one_row(batch: Any) -> ReadyColumn:
+    """Return a component batch, which Rerun has made, as a column of one row."""
+    array = batch.as_arrow_array()
+    rows = pa.Array.from_buffers(
+        pa.list_(array.type), 1, [None, _offsets(1, len(array))], children=[array]
+    )
+    return ReadyColumn(batch.component_descriptor(), rows)
+
+
 class StampColumn:
     """A column of times (``rr.TimeColumn`` is another)."""
 

@@ -5,12 +5,16 @@ Subscribes, in the namespace of each robot:
     robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
     joint_states (sensor_msgs/JointState): plotted.
     what the displays of the view name (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped, ...).
+    every topic of a type that has a display (nav_msgs/Path, ...), up to some: see automatic, hidden
+        and shown.
     /tf, /tf_static (tf2_msgs/TFMessage): the transforms of all frames; nothing is computed here.
     /world_description (std_msgs/String, latched): the URDF of what stands around the robots.
 
 Publishes:
     ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
         server, too, so that another page can show the robot.
+    ~/displays (std_msgs/String, latched): in JSON, the topics that could be shown: the topic, its
+        type, and whether it is visible. Parameters hidden and shown change that.
 
 Serves:
     ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
@@ -38,6 +42,7 @@ Parameters:
     memory_limit (string, "256MB"): what is kept for viewers that join later.
 """
 
+import json
 import re
 import sys
 import time
@@ -371,10 +376,13 @@ class RerunViewer(Node):
             robots=parameters.robots_to_show(self.resolve_topic_name),
             resolve=self.resolve_topic_name,
             report=self._report,
+            live=True,
         )
         self._robots: dict[str, Description] = {}
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
         self._published_page = ""
+        self._displays_publisher = self.create_publisher(String, "~/displays", LATCHED)
+        self._published_displays = ""
         self._topics = TopicSubscriptions(self, self._view.take)
         self._topics.set_topics(self._view.topics)
         self._conflicts = FrameConflicts(self)
@@ -410,6 +418,7 @@ class RerunViewer(Node):
         if address != self._published_page:
             self._published_page = address
             self._page_publisher.publish(String(data=address))
+        self._offer_topics()
         try:
             self._topics.update()
         except OneBotError as error:
@@ -417,6 +426,24 @@ class RerunViewer(Node):
         for conflict in self._conflicts.poll(time.monotonic()):
             self._warn(f"publishers {conflict.publishers}", f"/tf: {conflict}", every=60.0)
         self._updates.poll()
+
+    def _offer_topics(self) -> None:
+        """Show what others publish now, and publish what of it is shown."""
+        published = {
+            name: types[0] for name, types in self.get_topic_names_and_types() if len(types) == 1
+        }
+        for problem in self._view.offer(published):
+            self._warn(problem, problem, every=60.0)
+        offered = [each._asdict() for each in self._view.offered]
+        displays = json.dumps({"shown": offered})
+        if displays == self._published_displays:
+            return
+        self._published_displays = displays
+        self._displays_publisher.publish(String(data=displays))
+        try:
+            self._topics.set_topics(self._view.topics)
+        except OneBotError as error:
+            self._warn("topics", str(error), every=10.0)
 
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""

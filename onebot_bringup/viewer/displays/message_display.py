@@ -1,0 +1,209 @@
+"""Displays of whole message types, as RViz has them: every topic of the type is drawn.
+
+A display of this kind names its types and how one topic is drawn::
+
+    @dataclass(frozen=True)
+    class PathLook(Look):
+        width: float = setting(0.02, "of the line, metres")
+
+    class PathDisplay(MessageDisplay["PathLook"]):
+        key = "path"
+        Look = PathLook
+        message_types = ("nav_msgs/msg/Path",)
+        draws = PathDrawing
+
+    class PathDrawing(Drawing[PathLook]):
+        def draw(self, message): ...  # -> Rerun's archetypes
+
+Messages are decoded by their type's definition (``onebot_description.wire.schema``), so that a
+type need not be installed. In a view file the look is under the key, for all topics, and under
+``topics`` of that for one of them: ``path: {width: 0.05, topics: {/plan: {width: 0.1}}}``.
+"""
+
+import time
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+import rerun as rr
+
+from onebot_bringup.viewer.displays.display import (
+    REPEAT_AFTER,
+    Context,
+    ItemsDisplay,
+    LayoutPart,
+    WantedTopic,
+    below,
+)
+from onebot_bringup.viewer.settings import Color, setting
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a topic is drawn."""
+
+    visible: bool = setting(True, "draw it")
+
+
+L = TypeVar("L", bound=Look)
+
+
+class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
+    """Draws the topics of some types, each by a ``Drawing`` of its own."""
+
+    Look: ClassVar[type[Look]]
+    draws: ClassVar[type["Drawing[Any]"]]  # a topic
+    message_types: ClassVar[tuple[str, ...]]  # as ROS has them, such as "nav_msgs/msg/Path"
+    of_all = True  # topics are by their full names, whichever robot's they are
+    optional = True
+    heavy: ClassVar[bool] = False  # megabytes a second: only some topics are shown by themselves
+    live: ClassVar[bool] = True  # as of ``MessageType``
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Make the settings: the look of all topics, and that of one."""
+        super().__init_subclass__(**options)
+        if "Look" in cls.__dict__:
+            looks: Any = Mapping[str, cls.Look]  # type: ignore[name-defined]
+            one: Any = ("topics", looks, field(default_factory=dict))
+            name = cls.Look.__name__.replace("Look", "Settings")
+            cls.Settings = make_dataclass(name, [one], bases=(cls.Look,), frozen=True)
+            cls.Settings.__doc__, cls.Settings.__module__ = cls.Look.__doc__, cls.__module__
+            cls.noun = cls.key.replace("_", " ")
+
+    def __init__(self, *contexts: Context) -> None:
+        """Draw nothing yet."""
+        super().__init__(contexts[0])
+        self._offered: Mapping[str, str] = {}
+
+    def offer(self, topics: Mapping[str, str]) -> bool:
+        """Draw these topics, and no others, from the next ``apply`` on.
+
+        Args:
+            topics: the type of each by its full name.
+
+        Returns:
+            Whether they are others than before.
+        """
+        before, self._offered = self._offered, topics
+        return topics != before
+
+    def wanted(self, settings: Any) -> Mapping[str, tuple[str, Any]]:
+        """Return the look of each topic that is drawn."""
+        looks = {
+            topic: settings.topics.get(topic, settings)
+            for topic in self._offered
+            if settings.topics.get(topic, settings).visible
+        }
+        return {topic: (topic, look) for topic, look in looks.items()}
+
+    def make(self, name: str, settings: Any, color: Color) -> "Drawing[Any]":
+        """Return the drawing of a topic."""
+        return self.draws(self.context, topic_entity(self.key, name), settings, color)
+
+    def apply(self, settings: Any) -> None:
+        """Draw the topics anew whose look is another; erase those that are no longer drawn."""
+        before = self.items
+        super().apply(settings)
+        for name, drawing in before.items():
+            if self.items.get(name) is not drawing:
+                drawing.erase()
+
+    def subscription(self, topic: str, _settings: Any) -> WantedTopic:
+        """Return how a topic is subscribed: by its type's definition, reliable if it is."""
+        kind = self.context.message_type(self._offered[topic], live=self.live)
+        depth = _DEPTH_HEAVY if self.heavy else _DEPTH
+        return WantedTopic(topic, (kind,), optional=True, as_published=True, depth=depth)
+
+    def layout(self) -> LayoutPart:
+        """Return what its drawings add: what is in the robots' view needs nothing."""
+        parts = [drawing.layout() for drawing in self.items.values()]
+        return LayoutPart(views=tuple(view for part in parts for view in part.views))
+
+
+_DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
+_MOST_WAITING = 100
+
+
+class Drawing(Generic[L]):
+    """Draws the messages of one topic, each in place of the one before."""
+
+    stamped: ClassVar[bool] = True  # its messages have a header, whose frame it is in
+    # Logged again from time to time, where messages come seldom: see REPEAT_AFTER.
+    repeated: ClassVar[bool] = False
+    waiting: ClassVar[int] = _MOST_WAITING  # messages kept while no transform leads to their frame
+
+    def __init__(self, context: Context, entity: str, look: L, color: Color) -> None:
+        """Draw nothing yet.
+
+        Args:
+            context: where to log, and what is known of the frames.
+            entity: to log to.
+            look: how to draw.
+            color: one of ours, where the look has none.
+        """
+        self.context, self.entity, self.look, self.color = context, entity, look, color
+        self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
+        self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
+        self._last: tuple[int, Any] | None = None  # drawn
+        self._drawn_at = 0.0
+        self._in_frame = ""  # the entity is
+
+    @abstractmethod
+    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
+        """Return what replaces the message before at the entity; nothing to keep that."""
+
+    def style(self) -> Sequence[rr.AsComponents]:
+        """Return what is the same for all messages; logged once."""
+        return ()
+
+    def layout(self) -> LayoutPart:
+        """Return its part of the layout."""
+        return LayoutPart()
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a message, to be logged by ``flush``."""
+        if self.stamped:
+            frame = message.header.frame_id.lstrip("/")
+            if frame not in ("", self.frame):
+                self.frame = frame
+                self._pending.clear()  # they were in the other frame
+        if self.frame or not self.stamped:
+            self._pending.append((stamp_ns, message))
+
+    def flush(self) -> None:
+        """Log what has come; where that is seldom, from time to time the last message again."""
+        now = time.monotonic()
+        if not self._pending:
+            again = self.repeated and self._last and now - self._drawn_at > REPEAT_AFTER
+            if not again or self._last is None:
+                return
+            self._pending.append(self._last)
+        self._drawn_at = now
+        if self._in_frame != self.frame:
+            self._in_frame = self.frame
+            self.context.recording.log(self.entity, rr.CoordinateFrame(self.frame), static=True)
+        if self._last is None:
+            for component in self.style():
+                self.context.recording.log(self.entity, component, static=True)
+        for stamp_ns, message in self._pending:
+            self.log(stamp_ns, *self.draw(message))
+        self._last = self._pending[-1]
+        self._pending.clear()
+
+    def log(self, stamp_ns: int, *archetypes: rr.AsComponents, below_it: str = "") -> None:
+        """Log at a time, to the entity or to one below it."""
+        entity = below(self.entity, below_it) if below_it else self.entity
+        if archetypes:
+            self.context.log_row(entity, stamp_ns, *archetypes)
+
+    def erase(self) -> None:
+        """Remove what is drawn, from its last time on."""
+        if self._last is not None:
+            self.log(self._last[0] + 1, rr.Clear(recursive=True))
+
+
+def topic_entity(key: str, topic: str) -> str:
+    """Return the entity of a topic that the display ``key`` draws."""
+    return rr.new_entity_path([key, *topic.strip("/").split("/")]).lstrip("/")
