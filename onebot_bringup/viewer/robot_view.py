@@ -101,7 +101,7 @@ class RobotView:
         self._stamps = Stamps()
         self._definitions = definitions
         self._published: Mapping[str, str] = {}
-        self._selection = TopicSelection()
+        self._selection = TopicSelection(resolve)
         self.frames = FrameTree()
         self._transforms = TransformStream(recording, self.frames)
         self._alone = len(robots) == 1
@@ -152,6 +152,7 @@ class RobotView:
             self._clock,
             root,
             self._definitions,
+            self._resolve,
         )
 
     # --- messages -------------------------------------------------------------------------------

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, cas
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from onebot_description.wire.schema import Schema
 
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.columns import TIMELINE, one_row, time_column
@@ -24,6 +23,7 @@ from onebot_bringup.viewer.settings import Color
 from onebot_description.description import Description
 from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.messages import BAD_MESSAGE, OdometrySample, odometry_sample
+from onebot_description.wire.schema import Schema
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.tf import TransformStream
@@ -215,6 +215,7 @@ class Context:
         clock: Callable[[], float] = lambda: 0.0,
         root: str = "",
         definitions: Callable[[str], str] = full_definition,
+        resolve: Callable[[str], str] = str,
     ) -> None:
         """Share where to log, and what is known of the robot.
 
@@ -227,9 +228,11 @@ class Context:
             clock: seconds.
             root: the entity below which all of the robot is logged; "" where it is the only one.
             definitions: returns the definition of a message type; raises OneBotError.
+            resolve: returns the full name of a topic that the view names.
         """
         self.root = root
         self._definitions = definitions
+        self.resolve = resolve
         self.recording = cast(rr.RecordingStream, _Subtree(recording, root)) if root else recording
         self.frames = frames
         self.transforms = transforms
