@@ -29,6 +29,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import rerun as rr
 
+from onebot_bringup.viewer.columns import ReadyColumn
 from onebot_bringup.viewer.displays.display import (
     REPEAT_AFTER,
     Context,
@@ -135,7 +136,21 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
         parts = [drawing.layout() for drawing in self.items.values()]
-        return LayoutPart(views=tuple(view for part in parts for view in part.views))
+        return LayoutPart(
+            views=tuple(view for part in parts for view in part.views),
+            hidden=tuple(entity for part in parts for entity in part.hidden),
+            shown=tuple(entity for part in parts for entity in part.shown),
+            windows=tuple(window for part in parts for window in part.windows),
+        )
+
+    def warnings(self) -> list[str]:
+        """Return which topics wait for a transform, and what cannot be drawn."""
+        bad = [
+            f'{self.noun} "{name}": {drawing.problem}'
+            for name, drawing in self.items.items()
+            if drawing.problem
+        ]
+        return [*super().warnings(), *bad]
 
 
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
@@ -161,14 +176,23 @@ class Drawing(Generic[L]):
         """
         self.context, self.entity, self.look, self.color = context, entity, look, color
         self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
+        self.problem = ""  # of the last message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
         self._drawn_at = 0.0
         self._in_frame = ""  # the entity is
 
     @abstractmethod
-    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return what replaces the message before at the entity; nothing to keep that."""
+    def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
+        """Return what replaces the message before at the entity; nothing to keep that.
+
+        Raises:
+            ValueError: the message cannot be drawn; says why, for a warning.
+        """
+
+    def drawn_in(self) -> str:
+        """Return the frame that the entity is in."""
+        return self.frame
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return what is the same for all messages; logged once."""
@@ -197,18 +221,24 @@ class Drawing(Generic[L]):
                 return
             self._pending.append(self._last)
         self._drawn_at = now
-        if self._in_frame != self.frame:
-            self._in_frame = self.frame
-            self.context.recording.log(self.entity, rr.CoordinateFrame(self.frame), static=True)
+        frame = self.drawn_in()
+        if self._in_frame != frame:
+            self._in_frame = frame
+            self.context.recording.log(self.entity, rr.CoordinateFrame(frame), static=True)
         if self._last is None:
             for component in self.style():
                 self.context.recording.log(self.entity, component, static=True)
         for stamp_ns, message in self._pending:
-            self.log(stamp_ns, *self.draw(message))
+            try:
+                self.log(stamp_ns, *self.draw(message))
+            except ValueError as error:
+                self.problem = str(error)
         self._last = self._pending[-1]
         self._pending.clear()
 
-    def log(self, stamp_ns: int, *archetypes: rr.AsComponents, below_it: str = "") -> None:
+    def log(
+        self, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn, below_it: str = ""
+    ) -> None:
         """Log at a time, to the entity or to one below it."""
         entity = below(self.entity, below_it) if below_it else self.entity
         if archetypes:
