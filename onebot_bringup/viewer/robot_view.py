@@ -236,10 +236,11 @@ class RobotView:
         """
         warnings = self._update(now_ns)
         if self.robot is None:
-            if not self.fixed_frame:
-                return self._warnings.waiting()
-            self._lay_out(complete=False)
-            return warnings + self._warnings.once(dict.fromkeys(self._display_warnings()))
+            if self.fixed_frame:
+                self._lay_out(complete=False)
+            warnings += self._warnings.once(dict.fromkeys(self._display_warnings()))
+            there = self._frame_without_robot  # something else is shown
+            return warnings if there else warnings + self._warnings.waiting()
         wanted = self._wanted_frame
         self._lay_out(complete=all(shown.is_complete(wanted) for shown in self._robots))
         late = self._display_warnings()
