@@ -42,7 +42,7 @@ Visualization Manager:
           Color: 255; 0; 10
           Enabled: true
           Name: Path
-          Topic: {Depth: 7, Durability Policy: Volatile, Reliability Policy: Best Effort, Value: plan}
+          Topic: {Depth: 7, Reliability Policy: Best Effort, Value: plan}
           Value: true
         - Class: rviz_default_plugins/Path
           Enabled: false
