@@ -185,7 +185,8 @@ class RobotView:
         """Pass the topics on that are to be shown; where that changes them, subscribe anew."""
         readable, problems = self._readable()
         before = self._selection.offered
-        self._selection.choose(readable, self._view)
+        drawn = {name for name, display, _ in self._named() if display and not display.plots}
+        self._selection.choose(readable, self._view, drawn)
         if self._selection.offered == before:
             return problems
         self._deliver(self._displays)
@@ -338,11 +339,20 @@ class RobotView:
 
     def _wanted(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
         """Yield each topic by its full name, the display that takes it, and how it wants it."""
+        yield from self._named()
+        for display in self._of_all:
+            if isinstance(display, MessageDisplay):
+                for topic in display.topics():
+                    yield topic.name, display, topic
+
+    def _named(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
+        """Yield, of the same, the topics that the view names or every robot has."""
+        of_all = [each for each in self._of_all if not isinstance(each, MessageDisplay)]
         for number, shown in enumerate(self._robots):
             names = shown.names
             description = WantedTopic(names.description, (DESCRIPTION,), latched=True)
             yield self._full_name(names, description.name), None, description
-            displays = shown.displays if number else [*self._of_all, *shown.displays]
+            displays = shown.displays if number else [*of_all, *shown.displays]
             for display in displays:
                 for topic in display.topics():
                     if not number or not topic.name.startswith("/"):  # which is no robot's own
