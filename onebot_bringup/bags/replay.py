@@ -87,8 +87,8 @@ def log_bag(
     if known:
         source.set_robot(next(iter(known.values())).robot_name)
     config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
-    for sentence in bag.warnings:
-        warn(sentence)
+    for warning in bag.warnings:
+        warn(warning)
     warned = len(bag.warnings)
     player = _Player(bag, warn)
     robot_view = RobotView(
@@ -102,21 +102,14 @@ def log_bag(
         from_start=from_start,
         definitions=bag.definition,
     )
-    for sentence in robot_view.offer(_with_messages(bag, names, namespace)):
-        warn(sentence)
-    crowded = [
-        each.topic
-        for each in robot_view.offered
-        if not each.visible and each.topic not in config.hidden
-    ]
-    if crowded and config.automatic:
-        progress(f"not shown, as there is much: {listing(crowded)}; a view's shown: adds topics")
+    for warning in robot_view.offer(_with_messages(bag, names, namespace)):
+        warn(warning)
     shown = player.play(robot_view, progress)
-    for sentence in bag.warnings[warned:]:
-        warn(sentence)
+    for warning in bag.warnings[warned:]:
+        warn(warning)
     if not shown.messages:
-        there = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
-        raise OneBotError(f"nothing of {bag.source} can be shown: it has {listing(there)}")
+        topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
+        raise OneBotError(f"nothing of {bag.source} can be shown: it has {listing(topics)}")
     return shown
 
 
@@ -139,7 +132,7 @@ class _Player:
         self._bag = bag
         self._warn = warn
         self._bad: dict[str, int] = {}  # messages by topic
-        self.now_ns = 0
+        self.now_ns = bag.start_ns
 
     def report(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be shown; warn of the first of each topic."""
@@ -176,11 +169,8 @@ class _Player:
         return Shown(robot, count - sum(self._bad.values()), seconds)
 
     def _tick(self, view: RobotView) -> None:
-        warnings = view.tick(self.now_ns)
-        # Without either it waits for a description that will not come.
-        if view.robot is not None or view.fixed_frame:
-            for sentence in warnings:
-                self._warn(sentence)
+        for sentence in view.tick(self.now_ns):
+            self._warn(sentence)
 
 
 # --- which robot ----------------------------------------------------------------------------

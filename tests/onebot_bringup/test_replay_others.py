@@ -197,9 +197,9 @@ def test_much_is_not_shown_at_once(tmp_path):
             robot.write(f"/plan{number:02}", path(0, 2), frame="map")
     replayed = Replayed(tmp_path / "bag")
     assert replayed.shown.messages == 40
-    [sentence] = replayed.printed
-    assert sentence.startswith("not shown, as there is much: /plan40, /plan41")
-    assert sentence.endswith("a view's shown: adds topics")
+    [_, sentence] = replayed.warnings
+    assert sentence.startswith("too many topics to show all: not /plan40, /plan41")
+    assert sentence.endswith("and 5 more; shown: in a view adds some")
 
 
 def test_nothing_to_show(tmp_path, capsys):
