@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, cas
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from onebot_description.wire.schema import Schema
 
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.columns import TIMELINE, ReadyColumn, one_row, time_column
@@ -24,6 +23,7 @@ from onebot_bringup.viewer.settings import Color
 from onebot_description.description import Description
 from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.messages import BAD_MESSAGE, OdometrySample, odometry_sample
+from onebot_description.wire.schema import Schema
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.tf import TransformStream
