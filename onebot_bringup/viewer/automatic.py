@@ -1,6 +1,6 @@
 """What is shown without being named: which topics, and how much of what comes on them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from onebot_bringup.viewer.displays import DISPLAYS
@@ -32,9 +32,10 @@ class OfferedTopic(NamedTuple):
 class TopicSelection:
     """Chooses of the topics that there are those that are shown."""
 
-    def __init__(self) -> None:
-        """Begin with none."""
+    def __init__(self, resolve: Callable[[str], str]) -> None:
+        """Begin with none; ``resolve`` returns the full name of a topic that a view names."""
         self.offered: tuple[OfferedTopic, ...] = ()
+        self._resolve = resolve
 
     def choose(self, topics: Mapping[str, str], view: ViewConfig) -> None:
         """Choose of ``topics``, the type of each by its full name.
@@ -43,13 +44,17 @@ class TopicSelection:
         """
         kept = {each.topic for each in self.offered if each.visible}
         known = [name for name, kind in topics.items() if kind in MESSAGE_DISPLAYS]
+        hidden, named = set(map(self._resolve, view.hidden)), set(map(self._resolve, view.shown))
         visible: set[str] = set()
         room = {False: MOST_SHOWN, True: MOST_HEAVY}
         for topic in sorted(known, key=lambda name: (name not in kept, name)):
             display = MESSAGE_DISPLAYS[topics[topic]]
-            named = topic in view.shown or topic in view.of(display).topics
+            settings = view.of(display)
+            looks = {self._resolve(name): look for name, look in settings.topics.items()}
             automatic = view.automatic and room[display.heavy] > 0 and not _is_hidden(topic)
-            if topic not in view.hidden and (named or automatic):
+            drawn = topic in named or looks.get(topic, settings).visible
+            wanted = topic in named or topic in looks or automatic
+            if topic not in hidden and drawn and wanted:
                 visible.add(topic)
                 room[display.heavy] -= 1
         self.offered = tuple(

@@ -22,9 +22,10 @@ Serves:
 Parameters:
     viewer (string, "web"): web, native (a window) or none.
     save (string, ""): a .rrd file to write the recording to, alone or beside the viewer.
-    view (string, ""): a saved view: .yaml (see viewer/view_config.py), or .rbl, a layout saved in
-        the viewer; "" for config/view.yaml of the package <robot name>_description, if there is
-        one; "none" for none. Edits of the file are shown at once.
+    view (string, ""): a saved view: .yaml (see viewer/view_config.py), .rviz (RViz's own), or .rbl
+        (a layout saved in the viewer); "" for config/view.yaml of the package
+        <robot name>_description, if there is one; "none" for none. Edits of the file are shown at
+        once.
     save_view_to (string, ""): the file that ~/save_view writes; "" for the one the view is from.
     fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
         frame above the robot's root link (such as odom; else the root link).
@@ -66,8 +67,8 @@ from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
 from onebot_bringup.viewer.topics import TopicSubscriptions
-from onebot_bringup.viewer.view_config import ViewConfig, load_view
-from onebot_bringup.viewer.view_source import ViewSource
+from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.view_source import ViewSource, load_any_view
 from onebot_control.poses import prefixed
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
@@ -111,7 +112,7 @@ class ViewerParameters:
     viewer: str = parameter("web", "where to see it", choices=VIEWERS, read_only=True)
     save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
     view: str = parameter(
-        "", "a saved view, .yaml or .rbl; empty: the robot's own; none: none", read_only=True
+        "", "a saved view, .yaml, .rviz or .rbl; empty: the robot's own; none: none", read_only=True
     )
     robots: tuple[str, ...] = parameter(
         (),
@@ -301,7 +302,7 @@ class ViewUpdates:
             if file == self._source.blueprint_file:
                 self._use(file, partial(self._view.use_blueprint, file))
             else:
-                self._reading = file, in_background(partial(load_view, file))
+                self._reading = file, in_background(partial(load_any_view, file, self._log.warning))
         if self._reading is not None and self._reading[1].done():
             (file, reading), self._reading = self._reading, None
             self._use(file, lambda: self._reload(file, reading.result()))
@@ -366,7 +367,7 @@ class RerunViewer(Node):
         if parameters.viewer == "none" and parameters.recording is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
-        source = ViewSource(parameters.view)
+        source = ViewSource(parameters.view, self.get_logger().warning)
         settings = ViewParameters(self, source, lambda: self._updates.apply())
         self._server = parameters.open_server(self.get_logger())
         self._view = RobotView(

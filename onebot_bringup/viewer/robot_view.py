@@ -101,7 +101,7 @@ class RobotView:
         self._stamps = Stamps()
         self._definitions = definitions
         self._published: Mapping[str, str] = {}
-        self._selection = TopicSelection()
+        self._selection = TopicSelection(resolve)
         self.frames = FrameTree()
         self._transforms = TransformStream(recording, self.frames)
         self._alone = len(robots) == 1
@@ -152,6 +152,7 @@ class RobotView:
             self._clock,
             root,
             self._definitions,
+            self._resolve,
         )
 
     # --- messages -------------------------------------------------------------------------------
@@ -292,9 +293,7 @@ class RobotView:
                     found: Sequence[tuple[int, Any]] = decoded[id(kind)]
                     if limit is not None:
                         found = limit.admit(found, map(len, messages))
-                        limit.dropped += queue.dropped
                     display.add(name, kind, found)
-                queue.dropped = 0
 
     def _decoded(
         self, topic: str, kind: MessageType[Any], messages: Sequence[bytes], times: Sequence[int]
@@ -327,8 +326,9 @@ class RobotView:
                 if display is not None:
                     queue.takers.append((display, topic.name, kind))
         for (name, kind_name), queue in queues.items():
-            if queue.takers and all(id(display) in self._limits for display, *_ in queue.takers):
-                queue.most = topics[name].depth
+            limits = [self._limits.get(id(display)) for display, *_ in queue.takers]
+            if all(limits):
+                queue.limits, queue.most = [each for each in limits if each], topics[name].depth
             before = self._queues.get((name, kind_name))
             if before is not None:
                 queue.messages, queue.times = before.empty()
@@ -507,16 +507,17 @@ class _Queue:
     times: list[int] = field(default_factory=list)
     # A display, the topic as it names it, and how it wants messages decoded.
     takers: list[tuple[Display[Any], str, MessageType[Any]]] = field(default_factory=list)
-    most: int | None = None  # that wait; of more, the oldest are dropped
-    dropped: int = 0
+    limits: list[LoadLimit] = field(default_factory=list)  # if each of them has one:
+    most: int = 0  # that wait then; of more, the oldest are dropped
 
     def append(self, data: bytes, time_ns: int) -> None:
         """Add a message."""
         self.messages.append(data)
         self.times.append(time_ns)
-        if self.most is not None and len(self.messages) > self.most:
+        if self.limits and len(self.messages) > self.most:
             del self.messages[0], self.times[0]
-            self.dropped += 1
+            for limit in self.limits:
+                limit.dropped += 1
 
     def empty(self) -> tuple[list[bytes], list[int]]:
         """Return the messages and when each was received, and keep none."""

@@ -215,6 +215,7 @@ class Context:
         clock: Callable[[], float] = lambda: 0.0,
         root: str = "",
         definitions: Callable[[str], str] = full_definition,
+        resolve: Callable[[str], str] = str,
     ) -> None:
         """Share where to log, and what is known of the robot.
 
@@ -227,9 +228,11 @@ class Context:
             clock: seconds.
             root: the entity below which all of the robot is logged; "" where it is the only one.
             definitions: returns the definition of a message type; raises OneBotError.
+            resolve: returns the full name of a topic that the view names.
         """
         self.root = root
         self._definitions = definitions
+        self.resolve = resolve
         self.recording = cast(rr.RecordingStream, _Subtree(recording, root)) if root else recording
         self.frames = frames
         self.transforms = transforms

@@ -38,7 +38,10 @@ from onebot_bringup.viewer.displays.display import (
     WantedTopic,
     below,
 )
-from onebot_bringup.viewer.settings import Color, setting
+from onebot_bringup.viewer.settings import Color, one_of, setting
+
+AUTO = "auto"
+_RELIABILITIES = (AUTO, "reliable", "best_effort")
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,14 @@ class Look:
     """How a topic is drawn."""
 
     visible: bool = setting(True, "draw it")
+
+
+@dataclass(frozen=True)
+class TopicQos:
+    """How one topic is subscribed, where that is not to follow from its publishers."""
+
+    reliability: str = setting(AUTO, "as the publishers are, or as named", one_of(*_RELIABILITIES))
+    depth: int = setting(0, "messages that wait in DDS; 0 for the usual number")
 
 
 L = TypeVar("L", bound=Look)
@@ -66,11 +77,14 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         """Make the settings: the look of all topics, and that of one."""
         super().__init_subclass__(**options)
         if "Look" in cls.__dict__:
-            looks: Any = Mapping[str, cls.Look]  # type: ignore[name-defined]
-            one: Any = ("topics", looks, field(default_factory=dict))
-            name = cls.Look.__name__.replace("Look", "Settings")
-            cls.Settings = make_dataclass(name, [one], bases=(cls.Look,), frozen=True)
-            cls.Settings.__doc__, cls.Settings.__module__ = cls.Look.__doc__, cls.__module__
+            look = cls.Look
+            one = make_dataclass(f"{look.__name__}OfTopic", [], bases=(look, TopicQos), frozen=True)
+            topics: Any = ("topics", Mapping[str, one], field(default_factory=dict))  # type: ignore[valid-type]
+            cls.Settings = make_dataclass(
+                look.__name__.replace("Look", "Settings"), [topics], bases=(look,), frozen=True
+            )
+            for made in (one, cls.Settings):
+                made.__doc__, made.__module__ = look.__doc__, cls.__module__
             cls.noun = cls.key.replace("_", " ")
 
     def __init__(self, *contexts: Context) -> None:
@@ -92,12 +106,8 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[str, Any]]:
         """Return the look of each topic that is drawn."""
-        looks = {
-            topic: settings.topics.get(topic, settings)
-            for topic in self._offered
-            if settings.topics.get(topic, settings).visible
-        }
-        return {topic: (topic, look) for topic, look in looks.items()}
+        looks = {self.context.resolve(name): look for name, look in settings.topics.items()}
+        return {topic: (topic, looks.get(topic, settings)) for topic in self._offered}
 
     def make(self, name: str, settings: Any, color: Color) -> "Drawing[Any]":
         """Return the drawing of a topic."""
@@ -111,11 +121,17 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             if self.items.get(name) is not drawing:
                 drawing.erase()
 
-    def subscription(self, topic: str, _settings: Any) -> WantedTopic:
+    def subscription(self, topic: str, settings: Any) -> WantedTopic:
         """Return how a topic is subscribed: by its type's definition, reliable if it is."""
-        kind = self.context.message_type(self._offered[topic], live=self.live)
-        depth = _DEPTH_HEAVY if self.heavy else _DEPTH
-        return WantedTopic(topic, (kind,), optional=True, as_published=True, depth=depth)
+        qos = settings if isinstance(settings, TopicQos) else TopicQos()
+        return WantedTopic(
+            topic,
+            (self.context.message_type(self._offered[topic], live=self.live),),
+            reliable=qos.reliability == "reliable",
+            optional=True,
+            as_published=qos.reliability == AUTO,
+            depth=qos.depth or (_DEPTH_HEAVY if self.heavy else _DEPTH),
+        )
 
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
