@@ -119,7 +119,7 @@ class PointsDrawing(Drawing[PointsLook]):
             bounds = None if look.autocompute_value_bounds else (look.min_value, look.max_value)
             return colored(self._along_axis(positions), bounds, _table(True, False))
         values = channel(look.channel_name) if transformer == INTENSITY else None
-        if values is None:
+        if values is None or (look.color_transformer == AUTO and _is_constant(values)):
             return self._flat() if transformer == FLAT else None
         fixed = (look.min_intensity, look.max_intensity)
         return colored(
@@ -142,6 +142,11 @@ class PointsDrawing(Drawing[PointsLook]):
 
     def _pose(self) -> NDArray[np.float64] | None:
         return self.context.frames.pose(self.frame, self.context.fixed_frame)
+
+
+def _is_constant(values: NDArray[Any]) -> bool:
+    """Whether there is nothing to see in values (N,): many sensors send zeros."""
+    return not len(values) or bool(values[0] == values[-1] and (values == values[0]).all())
 
 
 def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
