@@ -26,8 +26,8 @@ Example (every key may be left out)::
     hidden: [/local_plan]         # but for these topics,
     shown: [/camera/points]       # and these in any case
     path: {visible: true, width: 0.02, topics: {/plan: {width: 0.1}}}  # of nav_msgs/Path; metres
-    laser_scan: {size: 0.0, color_transformer: auto, color: [255, 176, 32], decay_time: 0.0}   # seconds
-    point_cloud2: {color_transformer: Intensity, channel_name: ring}   # or RGB8, AxisColor, FlatColor
+    laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
+    point_cloud2: {color_transformer: Intensity, channel_name: ring}
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 

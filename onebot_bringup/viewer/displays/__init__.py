@@ -5,8 +5,10 @@ A display is registered by its name in ``DISPLAYS``, and by nothing else.
 
 from typing import Any
 
+from onebot_bringup.viewer.displays.camera_info import CameraInfoDisplay
 from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
 from onebot_bringup.viewer.displays.display import Display
+from onebot_bringup.viewer.displays.image import ImageDisplay
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
 from onebot_bringup.viewer.displays.laser_scan import LaserScanDisplay
@@ -27,4 +29,6 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     PathDisplay,
     LaserScanDisplay,
     PointCloud2Display,
+    ImageDisplay,
+    CameraInfoDisplay,
 )
