@@ -1,6 +1,6 @@
 """What is shown without being named: which topics, and how much of what comes on them."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from onebot_bringup.viewer.displays import DISPLAYS
@@ -37,10 +37,15 @@ class TopicSelection:
         self.offered: tuple[OfferedTopic, ...] = ()
         self._resolve = resolve
 
-    def choose(self, topics: Mapping[str, str], view: ViewConfig) -> None:
-        """Choose of ``topics``, the type of each by its full name.
+    def choose(
+        self, topics: Mapping[str, str], view: ViewConfig, drawn_otherwise: Collection[str] = ()
+    ) -> None:
+        """Choose of ``topics``; those that are shown stay so, whatever else is published later.
 
-        Those that are shown stay so, whatever else is published later.
+        Args:
+            topics: the type of each by its full name.
+            view: what to show.
+            drawn_otherwise: topics not shown by themselves, since the view draws them, as a trail.
         """
         kept = {each.topic for each in self.offered if each.visible}
         known = [name for name, kind in topics.items() if kind in MESSAGE_DISPLAYS]
@@ -51,7 +56,8 @@ class TopicSelection:
             display = MESSAGE_DISPLAYS[topics[topic]]
             settings = view.of(display)
             looks = {self._resolve(name): look for name, look in settings.topics.items()}
-            automatic = view.automatic and room[display.heavy] > 0 and not _is_hidden(topic)
+            other = _is_hidden(topic) or topic in drawn_otherwise
+            automatic = view.automatic and room[display.heavy] > 0 and not other
             drawn = topic in named or looks.get(topic, settings).visible
             wanted = topic in named or topic in looks or automatic
             if topic not in hidden and drawn and wanted:

@@ -185,7 +185,8 @@ class RobotView:
         """Pass the topics on that are to be shown; where that changes them, subscribe anew."""
         readable, problems = self._readable()
         before = self._selection.offered
-        self._selection.choose(readable, self._view)
+        drawn = {name for name, display, _ in self._named() if display and not display.plots}
+        self._selection.choose(readable, self._view, drawn)
         if self._selection.offered == before:
             return problems
         self._deliver(self._displays)
@@ -236,10 +237,11 @@ class RobotView:
         """
         warnings = self._update(now_ns)
         if self.robot is None:
-            if not self.fixed_frame:
-                return self._warnings.waiting()
-            self._lay_out(complete=False)
-            return warnings + self._warnings.once(dict.fromkeys(self._display_warnings()))
+            if self.fixed_frame:
+                self._lay_out(complete=False)
+            warnings += self._warnings.once(dict.fromkeys(self._display_warnings()))
+            there = self._frame_without_robot  # something else is shown
+            return warnings if there else warnings + self._warnings.waiting()
         wanted = self._wanted_frame
         self._lay_out(complete=all(shown.is_complete(wanted) for shown in self._robots))
         late = self._display_warnings()
@@ -337,11 +339,20 @@ class RobotView:
 
     def _wanted(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
         """Yield each topic by its full name, the display that takes it, and how it wants it."""
+        yield from self._named()
+        for display in self._of_all:
+            if isinstance(display, MessageDisplay):
+                for topic in display.topics():
+                    yield topic.name, display, topic
+
+    def _named(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
+        """Yield, of the same, the topics that the view names or every robot has."""
+        of_all = [each for each in self._of_all if not isinstance(each, MessageDisplay)]
         for number, shown in enumerate(self._robots):
             names = shown.names
             description = WantedTopic(names.description, (DESCRIPTION,), latched=True)
             yield self._full_name(names, description.name), None, description
-            displays = shown.displays if number else [*self._of_all, *shown.displays]
+            displays = shown.displays if number else [*of_all, *shown.displays]
             for display in displays:
                 for topic in display.topics():
                     if not number or not topic.name.startswith("/"):  # which is no robot's own

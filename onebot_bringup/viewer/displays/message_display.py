@@ -118,8 +118,11 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         before = self.items
         super().apply(settings)
         for name, drawing in before.items():
-            if self.items.get(name) is not drawing:
+            new = self.items.get(name)
+            if new is not drawing:
                 drawing.erase()
+            if new is not None and new is not drawing:
+                new.replace(drawing)
 
     def subscription(self, topic: str, settings: Any) -> WantedTopic:
         """Return how a topic is subscribed: by its type's definition, reliable if it is."""
@@ -245,9 +248,18 @@ class Drawing(Generic[L]):
             self.context.log_row(entity, stamp_ns, *archetypes)
 
     def erase(self) -> None:
-        """Remove what is drawn, from its last time on."""
+        """Remove what is drawn, from its last time on.
+
+        What is logged later at that very time is drawn: a latched message, shown again.
+        """
         if self._last is not None:
-            self.log(self._last[0] + 1, rr.Clear(recursive=True))
+            self.log(self._last[0], rr.Clear(recursive=True))
+
+    def replace(self, before: "Drawing[L]") -> None:
+        """Draw anew what another look has drawn, and what it waited with."""
+        self.frame = before.frame
+        self._pending.extend([before._last] if before._last is not None else [])
+        self._pending.extend(before._pending)
 
 
 def topic_entity(key: str, topic: str) -> str:
