@@ -43,7 +43,7 @@ class CameraInfoDrawing(Drawing[CameraInfoLook]):
 
     def layout(self) -> LayoutPart:
         """Return the pictures that are in the frustum, once there is one."""
-        space = self.entity.partition("/")[2].rpartition("/")[0]
+        space = self.topic.rpartition("/")[0]
         pictures = [topic_entity("image", f"{space}/{name}") for name in _NAMES]
         return LayoutPart(shown=tuple(pictures) if self._drawn else ())
 
@@ -63,14 +63,13 @@ class CameraInfoDrawing(Drawing[CameraInfoLook]):
         if values == self._drawn and now - self._drawn_at < REPEAT_AFTER:
             return ()
         self._drawn, self._drawn_at = values, now
-        topic = "/" + self.entity.partition("/")[2]
         return [
             rr.Pinhole.from_fields(
                 image_from_camera=matrix,
                 resolution=resolution,
                 camera_xyz=rr.ViewCoordinates.RDF,
                 parent_frame=self.frame,
-                child_frame=picture_frame(topic),
+                child_frame=picture_frame(self.topic),
             )
         ]
 

@@ -27,7 +27,9 @@ Bytes = NDArray[np.uint8]
 class ImageLook(Look):
     """Pictures."""
 
-    normalize_range: bool = setting(True, "of 16 and 32 bits: black and white by the values of each")
+    normalize_range: bool = setting(
+        True, "of 16 and 32 bits: black and white by the values of each"
+    )
     min_value: float = setting(0.0, "that is black, if not normalized", height)
     max_value: float = setting(1.0, "that is white, if not normalized", height)
 
@@ -58,7 +60,7 @@ def _depth(dtype: str, datatype: str, meter: float) -> _Encoding:
     return _Encoding(dtype, 1, rr.DepthImage, shown, meter)
 
 
-_GREY = _color("L", 1)
+_GREY, _YUY2 = _color("L", 1), _packed("YUY2", 2)
 _UYVY = ("yuv422", "uyvy")  # luminance in the second byte; in YUY2, which Rerun has, the first
 _ENCODINGS: Mapping[str, _Encoding] = {
     "rgb8": _color("RGB", 3),
@@ -73,7 +75,7 @@ _ENCODINGS: Mapping[str, _Encoding] = {
         f"bayer_{order}8": _packed(f"Bayer{order.upper()}8", 1)
         for order in ("rggb", "bggr", "gbrg", "grbg")
     },
-    **dict.fromkeys((*_UYVY, "yuv422_yuy2", "yuyv"), _packed("YUY2", 2)),
+    **dict.fromkeys((*_UYVY, "yuv422_yuy2", "yuyv"), _YUY2),
 }
 _COMPRESSED = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png"}
 _LONGEST = 40  # characters of a format, in warnings
@@ -90,6 +92,8 @@ def _pixels(message: Any, encoding: _Encoding) -> Bytes:
     line = width * encoding.channels * size
     if not width * rows:
         raise ValueError("it has no pixels")
+    if encoding is _YUY2 and width % 2:
+        raise ValueError("its width is odd, and two pixels share a colour")
     if step < line or len(message.data) < (rows - 1) * step + line:
         raise ValueError(
             f"{rows} rows of {width} pixels of {line // width} bytes, {step} from row to row "
@@ -108,11 +112,11 @@ class ImageDrawing(Drawing[ImageLook]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return the frame, which is that of a camera's picture if there is a CameraInfo."""
-        return [rr.CoordinateFrame(picture_frame("/" + self.entity.partition("/")[2]))]
+        return [rr.CoordinateFrame(picture_frame(self.topic))]
 
     def layout(self) -> LayoutPart:
         """Return a view; the robots' view has the picture only with a camera."""
-        return LayoutPart(views=(ImageView(self.entity),), hidden=(self.entity,))
+        return LayoutPart(views=(ImageView(self.entity, self.topic),), hidden=(self.entity,))
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
         """Return the picture."""
@@ -187,10 +191,11 @@ class ImageView:
     """A view of pictures."""
 
     entity: str
+    topic: str
 
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
-        return rrb.Spatial2DView(origin=self.entity, name="/" + self.entity.partition("/")[2])
+        return rrb.Spatial2DView(origin=self.entity, name=self.topic)
 
     def below(self, root: str) -> "ImageView":
         """Return the same view of the entity below ``root``."""
