@@ -157,7 +157,6 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
 
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
-_MOST_WAITING = 100
 
 
 class Drawing(Generic[L]):
@@ -166,7 +165,7 @@ class Drawing(Generic[L]):
     stamped: ClassVar[bool] = True  # its messages have a header, whose frame it is in
     # Logged again from time to time, where messages come seldom: see REPEAT_AFTER.
     repeated: ClassVar[bool] = False
-    waiting: ClassVar[int] = _MOST_WAITING  # messages kept while no transform leads to their frame
+    waiting: ClassVar[int | None] = None  # the most messages drawn by a flush; None: all
 
     def __init__(self, context: Context, entity: str, look: L, color: Color) -> None:
         """Draw nothing yet.
@@ -192,6 +191,11 @@ class Drawing(Generic[L]):
         Raises:
             ValueError: the message cannot be drawn; says why, for a warning.
         """
+
+    @property
+    def topic(self) -> str:
+        """The full name of its topic."""
+        return "/" + self.entity.partition("/")[2]
 
     def drawn_in(self) -> str:
         """Return the frame that the entity is in."""
