@@ -213,7 +213,8 @@ class RobotView:
                     self._of_all[0].context.message_type(kind)
                     found[topic] = kind
                 except (OneBotError, ValueError) as error:
-                    bad[kind] = f"{topic} cannot be shown: {error}"
+                    topics = [name for name, each in self._published.items() if each == kind]
+                    bad[kind] = f"{listing(topics, _LISTED)} cannot be shown: {error}"
         return found, list(bad.values())
 
     def wants(self, topic: str, type_name: str) -> bool:

@@ -154,6 +154,19 @@ def test_the_definition_in_the_recording_counts(tmp_path, plugin):
     assert Replayed(tmp_path / "bag").ends("/plan") == [2]
 
 
+@pytest.mark.parametrize("text", ["what is this?", "nav_msgs/Missing[] poses\n"])
+def test_a_broken_definition(tmp_path, text):
+    """Topics of the type are left out with one warning; the rest is shown."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_JAZZY, StoragePlugin.MCAP) as robot:
+        robot.write("/tf", transform("map", "base"))
+        for topic in ("/plan", "/local_plan"):
+            robot.write(topic, path(0, 2), frame="map", definition=text)
+    replayed = Replayed(tmp_path / "bag")
+    assert (replayed.fixed_frame, replayed.shown.messages) == ("map", 1)
+    [_, warning] = replayed.warnings
+    assert warning.startswith("/local_plan, /plan cannot be shown: ")
+
+
 @pytest.mark.parametrize("stamps_from", [0.0, 1_000_000_000.0])
 def test_simulated_stamps(tmp_path, stamps_from):
     """Messages are shown at their stamps, far from when they were received."""
@@ -171,6 +184,19 @@ def test_nothing_is_dropped(tmp_path):
         for step in range(600):
             robot.write("/plan", path(0, step), step / 1000, frame="map")
     assert Replayed(tmp_path / "bag").ends("/plan") == list(range(600))
+
+
+def test_a_topic_in_several_frames(tmp_path):
+    """Each message is drawn in its own frame, also when others are drawn later."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(40):
+            robot.write("/plan", path(0, step), step / 10, frame="left" if step % 2 else "right")
+    replayed = Replayed(tmp_path / "bag")
+    for entity, frame, first in (("/plan", "right", 0), ("/plan/_1", "left", 1)):
+        frames = column(replayed.file, f"/path{entity}", "CoordinateFrame:frame")
+        assert {name for row in frames if row for name in row} == {frame}
+        assert replayed.ends(entity) == list(range(first, 40, 2))
+        assert column(replayed.file, f"/path{entity}", "Clear:is_recursive")
 
 
 def test_transforms_below_a_namespace(tmp_path):
