@@ -9,6 +9,7 @@ from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
+from onebot_bringup.viewer.displays.marker import MarkerDisplay
 from onebot_bringup.viewer.displays.path import PathDisplay
 from onebot_bringup.viewer.displays.speeds import SpeedsDisplay
 from onebot_bringup.viewer.displays.tf import TfDisplay
@@ -23,4 +24,5 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     CovarianceDisplay,
     SpeedsDisplay,
     PathDisplay,
+    MarkerDisplay,
 )
