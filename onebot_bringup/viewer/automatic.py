@@ -1,6 +1,6 @@
 """What is shown without being named: which topics, and how much of what comes on them."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from onebot_bringup.viewer.displays import DISPLAYS
@@ -35,28 +35,40 @@ class TopicSelection:
     def __init__(self, resolve: Callable[[str], str]) -> None:
         """Begin with none; ``resolve`` returns the full name of a topic that a view names."""
         self.offered: tuple[OfferedTopic, ...] = ()
+        self.crowded: tuple[str, ...] = ()  # topics for which there is no room
         self._resolve = resolve
 
-    def choose(self, topics: Mapping[str, str], view: ViewConfig) -> None:
-        """Choose of ``topics``, the type of each by its full name.
+    def choose(
+        self, topics: Mapping[str, str], view: ViewConfig, drawn_otherwise: Collection[str] = ()
+    ) -> None:
+        """Choose of ``topics``; those that are shown stay so, whatever else is published later.
 
-        Those that are shown stay so, whatever else is published later.
+        Args:
+            topics: the type of each by its full name.
+            view: what to show.
+            drawn_otherwise: topics not shown by themselves, since the view draws them, as a trail.
         """
         kept = {each.topic for each in self.offered if each.visible}
         known = [name for name, kind in topics.items() if kind in MESSAGE_DISPLAYS]
         hidden, named = set(map(self._resolve, view.hidden)), set(map(self._resolve, view.shown))
-        visible: set[str] = set()
+        visible, crowded = set[str](), list[str]()
         room = {False: MOST_SHOWN, True: MOST_HEAVY}
         for topic in sorted(known, key=lambda name: (name not in kept, name)):
             display = MESSAGE_DISPLAYS[topics[topic]]
             settings = view.of(display)
             looks = {self._resolve(name): look for name, look in settings.topics.items()}
-            automatic = view.automatic and room[display.heavy] > 0 and not _is_hidden(topic)
+            other = _is_hidden(topic) or topic in drawn_otherwise
+            chosen = topic in named or topic in looks
             drawn = topic in named or looks.get(topic, settings).visible
-            wanted = topic in named or topic in looks or automatic
-            if topic not in hidden and drawn and wanted:
+            wanted = chosen or (view.automatic and not other)
+            if topic in hidden or not drawn or not wanted:
+                continue
+            if chosen or room[display.heavy] > 0:
                 visible.add(topic)
                 room[display.heavy] -= 1
+            else:
+                crowded.append(topic)
+        self.crowded = tuple(crowded)
         self.offered = tuple(
             OfferedTopic(topic, topics[topic], topic in visible) for topic in sorted(known)
         )

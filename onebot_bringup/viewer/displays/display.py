@@ -17,7 +17,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from onebot_bringup.introspection.interfaces import full_definition
-from onebot_bringup.viewer.columns import TIMELINE, one_row, time_column
+from onebot_bringup.viewer.columns import TIMELINE, ReadyColumn, one_row, time_column
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.settings import Color
 from onebot_description.description import Description
@@ -270,14 +270,14 @@ class Context:
         """
         return _message_type(name, self._definitions(name), live)
 
-    def log_row(self, entity: str, stamp_ns: int, *archetypes: rr.AsComponents) -> None:
+    def log_row(
+        self, entity: str, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn
+    ) -> None:
         """Log one message's archetypes at its time."""
         self.recording.send_columns(
             entity,
             indexes=[time_column(np.array([stamp_ns]))],
-            columns=[
-                one_row(batch) for each in archetypes for batch in each.as_component_batches()
-            ],
+            columns=[column for each in archetypes for column in one_row(each)],
         )
 
     def connected(self, frame: str) -> bool:

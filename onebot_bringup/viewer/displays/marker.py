@@ -141,11 +141,10 @@ class Layer:
     def __init__(self, context: Context, entity: str, key: LayerKey, kind: Kind) -> None:
         """Draw nothing yet."""
         self._context, self.entity, self._kind = context, entity, kind
-        self._own: list[Piece] = [  # the same for all rows
-            one_row(batch) for batch in rr.CoordinateFrame(key.frame).as_component_batches()
-        ]
+        self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
         if isinstance(key.variant, MeshVariant):
             self._own += key.variant.pieces()
+        self.space = key.space
         self.ids: list[MarkerId] = []
         self.batch: Batch | None = None
         self.first_end = _NEVER  # of the lifetimes
@@ -158,9 +157,14 @@ class Layer:
         self.ids, self.batch = ids, batch
         self.first_end = int(batch.ends.min()) if batch is not None and ids else _NEVER
 
-    def log(self, stamp_ns: int) -> None:
+    def forget(self) -> None:
+        """Log all with the next row: the entity was cleared."""
+        self._logged = ()
+
+    def log(self, stamp_ns: int, *, hidden: bool) -> None:
         """Log what has changed since the row before; from time to time, all."""
-        drawn = self._kind.pieces(self.batch) if self.batch is not None and self.ids else ()
+        visible = self.batch is not None and self.ids and not hidden
+        drawn = self._kind.pieces(self.batch) if visible and self.batch is not None else ()
         if not drawn:
             if self._logged:
                 self._context.log_row(self.entity, stamp_ns, rr.Clear(recursive=False))
@@ -192,7 +196,7 @@ def _is_same(piece: Piece, before: Piece) -> bool:
 def _column(piece: Piece) -> Any:
     if isinstance(piece, tuple):
         maker, numbers = piece
-        return maker.column(numbers, len(numbers))
+        return maker.row(numbers)
     return piece
 
 
@@ -276,7 +280,16 @@ class MarkerDrawing(Drawing[MarkerLook]):
     def erase(self) -> None:
         """Remove what is drawn, from its last time on."""
         if self._layers:
-            self.log(self._stamp_ns + 1, rr.Clear(recursive=True))
+            self.log(self._stamp_ns, rr.Clear(recursive=True))
+
+    def replace(self, before: Drawing[MarkerLook]) -> None:
+        """Draw what another look has drawn."""
+        own = {"look": self.look, "color": self.color}
+        vars(self).update(vars(before) | own)
+        for layer in self._layers.values():
+            layer.forget()
+            self._changed[layer.entity] = layer
+        self._log(self._stamp_ns)
 
     def _incoming(self) -> Iterator[tuple[int, Incoming]]:
         """Yield the messages; single markers that come at about the same time together."""
@@ -367,8 +380,6 @@ class MarkerDrawing(Drawing[MarkerLook]):
         """Return the layer of a marker; None if it is not drawn, or not yet."""
         space, frame = incoming.spaces[row], incoming.frames[row].lstrip("/")
         if kind not in KINDS or not frame or incoming.actions[row] != ADD:
-            return None
-        if space in self.look.hidden_namespaces:
             return None
         marker = space, int(incoming.ids[row])
         if not self.context.connected(frame):
@@ -508,7 +519,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             rows = [which]
         for row in rows:
             space = printable(shortened(incoming.spaces[row]))
-            self.problems.setdefault(text, f'marker {incoming.ids[row]} of "{space}": {text}')
+            self.problems.setdefault(text, f'id {incoming.ids[row]} of "{space}": {text}')
 
     # --- time -------------------------------------------------------------------------------------
 
@@ -536,7 +547,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         changed, self._changed = self._changed, {}
         self._stamp_ns = stamp_ns
         for layer in changed.values():
-            layer.log(stamp_ns)
+            layer.log(stamp_ns, hidden=layer.space in self.look.hidden_namespaces)
         if not all(layer.ids for layer in changed.values()):
             self._layers = {key: layer for key, layer in self._layers.items() if layer.ids}
             self._plan = None
@@ -546,7 +557,8 @@ class MarkerDrawing(Drawing[MarkerLook]):
         now = time.monotonic()
         for layer in self._layers.values():
             if now - layer.whole_at > REPEAT_AFTER:
-                layer.log(self._stamp_ns)
+                self._changed[layer.entity] = layer
+        self._log(self._stamp_ns)
 
 
 def _frame(marker: Any) -> str:
@@ -597,7 +609,7 @@ class MarkerDisplay(MessageDisplay[MarkerLook]):
     def warnings(self) -> list[str]:
         """Return what is wrong with markers, and which frames are waited for."""
         wrong = [
-            f"{topic}: {text}"
+            f'{self.noun} "{topic}": {text}'
             for topic, item in self.items.items()
             if isinstance(item, MarkerDrawing)
             for text in item.problems.values()

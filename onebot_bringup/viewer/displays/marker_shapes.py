@@ -94,7 +94,7 @@ def rgba(colors: Floats) -> NDArray[np.uint32]:
 
 
 def _ready(archetypes: Iterable[rr.AsComponents]) -> list[Piece]:
-    return [one_row(batch) for each in archetypes for batch in each.as_component_batches()]
+    return [column for each in archetypes for column in one_row(each)]
 
 
 # --- shapes that are drawn as instances of one ----------------------------------------------------

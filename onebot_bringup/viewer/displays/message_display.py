@@ -29,6 +29,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import rerun as rr
 
+from onebot_bringup.viewer.columns import ReadyColumn
 from onebot_bringup.viewer.displays.display import (
     REPEAT_AFTER,
     Context,
@@ -117,8 +118,11 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         before = self.items
         super().apply(settings)
         for name, drawing in before.items():
-            if self.items.get(name) is not drawing:
+            new = self.items.get(name)
+            if new is not drawing:
                 drawing.erase()
+            if new is not None and new is not drawing:
+                new.replace(drawing)
 
     def subscription(self, topic: str, settings: Any) -> WantedTopic:
         """Return how a topic is subscribed: by its type's definition, reliable if it is."""
@@ -135,11 +139,24 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
         parts = [drawing.layout() for drawing in self.items.values()]
-        return LayoutPart(views=tuple(view for part in parts for view in part.views))
+        return LayoutPart(
+            views=tuple(view for part in parts for view in part.views),
+            hidden=tuple(entity for part in parts for entity in part.hidden),
+            shown=tuple(entity for part in parts for entity in part.shown),
+            windows=tuple(window for part in parts for window in part.windows),
+        )
+
+    def warnings(self) -> list[str]:
+        """Return which topics wait for a transform, and what cannot be drawn."""
+        bad = [
+            f'{self.noun} "{name}": {drawing.problem}'
+            for name, drawing in self.items.items()
+            if drawing.problem
+        ]
+        return [*super().warnings(), *bad]
 
 
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
-_MOST_WAITING = 100
 
 
 class Drawing(Generic[L]):
@@ -148,7 +165,7 @@ class Drawing(Generic[L]):
     stamped: ClassVar[bool] = True  # its messages have a header, whose frame it is in
     # Logged again from time to time, where messages come seldom: see REPEAT_AFTER.
     repeated: ClassVar[bool] = False
-    waiting: ClassVar[int] = _MOST_WAITING  # messages kept while no transform leads to their frame
+    waiting: ClassVar[int | None] = None  # the most messages drawn by a flush; None: all
 
     def __init__(self, context: Context, entity: str, look: L, color: Color) -> None:
         """Draw nothing yet.
@@ -161,14 +178,28 @@ class Drawing(Generic[L]):
         """
         self.context, self.entity, self.look, self.color = context, entity, look, color
         self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
+        self.problem = ""  # of the last message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
         self._drawn_at = 0.0
         self._in_frame = ""  # the entity is
 
     @abstractmethod
-    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return what replaces the message before at the entity; nothing to keep that."""
+    def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
+        """Return what replaces the message before at the entity; nothing to keep that.
+
+        Raises:
+            ValueError: the message cannot be drawn; says why, for a warning.
+        """
+
+    @property
+    def topic(self) -> str:
+        """The full name of its topic."""
+        return "/" + self.entity.partition("/")[2]
+
+    def drawn_in(self) -> str:
+        """Return the frame that the entity is in."""
+        return self.frame
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return what is the same for all messages; logged once."""
@@ -197,27 +228,42 @@ class Drawing(Generic[L]):
                 return
             self._pending.append(self._last)
         self._drawn_at = now
-        if self._in_frame != self.frame:
-            self._in_frame = self.frame
-            self.context.recording.log(self.entity, rr.CoordinateFrame(self.frame), static=True)
+        frame = self.drawn_in()
+        if self._in_frame != frame:
+            self._in_frame = frame
+            self.context.recording.log(self.entity, rr.CoordinateFrame(frame), static=True)
         if self._last is None:
             for component in self.style():
                 self.context.recording.log(self.entity, component, static=True)
         for stamp_ns, message in self._pending:
-            self.log(stamp_ns, *self.draw(message))
+            try:
+                self.log(stamp_ns, *self.draw(message))
+            except ValueError as error:
+                self.problem = str(error)
         self._last = self._pending[-1]
         self._pending.clear()
 
-    def log(self, stamp_ns: int, *archetypes: rr.AsComponents, below_it: str = "") -> None:
+    def log(
+        self, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn, below_it: str = ""
+    ) -> None:
         """Log at a time, to the entity or to one below it."""
         entity = below(self.entity, below_it) if below_it else self.entity
         if archetypes:
             self.context.log_row(entity, stamp_ns, *archetypes)
 
     def erase(self) -> None:
-        """Remove what is drawn, from its last time on."""
+        """Remove what is drawn, from its last time on.
+
+        What is logged later at that very time is drawn: a latched message, shown again.
+        """
         if self._last is not None:
-            self.log(self._last[0] + 1, rr.Clear(recursive=True))
+            self.log(self._last[0], rr.Clear(recursive=True))
+
+    def replace(self, before: "Drawing[L]") -> None:
+        """Draw anew what another look has drawn, and what it waited with."""
+        self.frame = before.frame
+        self._pending.extend([before._last] if before._last is not None else [])
+        self._pending.extend(before._pending)
 
 
 def topic_entity(key: str, topic: str) -> str:
