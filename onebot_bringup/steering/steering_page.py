@@ -340,6 +340,10 @@ class SteeringPage(Node):
         """Return what makes the picture of the map."""
         return self._ground.grid.picture if self._ground.grid is not None else None
 
+    def reaches_all(self, click: Click) -> bool:
+        """Whether all who subscribe to a click's topic have discovered its publisher."""
+        return self._tools.reaches_all(click, namespace_of(self._commands.topic))
+
     def click(self, click: Click) -> tuple[str, int]:
         """Publish a click to the robot that is steered."""
         return self._tools.publish(click, namespace_of(self._commands.topic))

@@ -32,6 +32,7 @@ T = TypeVar("T")
 
 _POLL = 0.01  # s
 _TIMEOUT = 5.0  # s for the node's thread
+_DISCOVERY = 2.0  # s for those who subscribe to a click to discover its publisher
 _LONGEST = 1 << 14  # characters of a request to set parameters
 _LONGEST_VALUE = 1000  # characters; longer ones, such as a robot's description, are not edited here
 _AT_ONCE = 4  # requests for parameters, which wait for other nodes
@@ -102,6 +103,9 @@ class ToolNode(Protocol):
     def map_picture(self) -> Callable[[], bytes] | None:
         """Return what makes the picture of the map, in any thread; None without a map."""
 
+    def reaches_all(self, click: Click) -> bool:
+        """Whether all who subscribe to a click's topic have discovered its publisher."""
+
     def click(self, click: Click) -> tuple[str, int]:
         """Publish a click; return the topic and the number of its subscribers."""
 
@@ -144,10 +148,13 @@ class ToolRequests:
         text = await request.text()
 
         def publish() -> Mapping[str, Any]:
-            topic, subscribers = self._node.click(parse_click(text))
+            thread, click = self._thread, parse_click(text)
+            # What is published before the subscribers have discovered the publisher is lost.
+            thread.spin(lambda: thread.call(partial(self._node.reaches_all, click)), _DISCOVERY)
+            topic, subscribers = thread.call(partial(self._node.click, click))
             return {"topic": topic, "subscribers": subscribers}
 
-        return await self._respond(publish)
+        return await _json(publish)
 
     async def _respond(self, action: Callable[[], Mapping[str, Any]]) -> web.Response:
         """Respond with what ``action`` returns in the node's thread."""

@@ -102,16 +102,25 @@ class ToolPublishers:
             except RCLError:
                 pass  # of another type in this process; reported when it is clicked
 
+    def reaches_all(self, click: Click, namespace: str) -> bool:
+        """Whether all who subscribe to a click's topic have discovered its publisher."""
+        topic, publisher = self._publisher(click, namespace)
+        return bool(publisher.get_subscription_count() >= self._node.count_subscribers(topic))
+
     def publish(self, click: Click, namespace: str) -> tuple[str, int]:
         """Publish a click; return the topic's full name and the number of its subscribers.
 
         Raises:
             OneBotError: the topic has another type.
         """
-        self.prepare(namespace)
-        topic = f"{namespace}/{TOOLS[click.tool].topic}"
-        publisher = self._publishers.get(topic)
-        if publisher is None:
-            raise OneBotError(f"{topic} has another type than {TOOLS[click.tool].kind.__name__}")
+        topic, publisher = self._publisher(click, namespace)
         publisher.publish(message_of(click, self._node.get_clock().now().to_msg()))
         return topic, publisher.get_subscription_count()
+
+    def _publisher(self, click: Click, namespace: str) -> tuple[str, Any]:
+        self.prepare(namespace)
+        tool = TOOLS[click.tool]
+        topic = f"{namespace}/{tool.topic}"
+        if topic not in self._publishers:
+            raise OneBotError(f"{topic} has another type than {tool.kind.__name__}")
+        return topic, self._publishers[topic]

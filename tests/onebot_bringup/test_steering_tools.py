@@ -219,7 +219,7 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:
         status, picture = request.raw("map.png")
         assert status == 200 and Image.open(io.BytesIO(picture)).size == (2, 1)
 
-        wait_for(lambda: request("click", CLICK)["subscribers"], "the goal's subscriber")
+        assert request("click", CLICK) == {"topic": "/robot1/goal_pose", "subscribers": 1}
         wait_for(lambda: goals, "the goal")
         assert goals[-1].header.frame_id == "map" and goals[-1].pose.position.x == 1.5
         assert abs(goals[-1].header.stamp.sec - peer.node.get_clock().now().nanoseconds / 1e9) < 60
