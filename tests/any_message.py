@@ -12,6 +12,7 @@ from rosidl_parser.definition import (
     AbstractNestedType,
     Array,
     BasicType,
+    BoundedSequence,
     NamespacedType,
 )
 from sensor_msgs.msg import JointState
@@ -69,7 +70,8 @@ def _value(slot: Any, names: Sequence[str]) -> st.SearchStrategy[Any]:
     item = _value(slot.value_type, names)
     if isinstance(slot, Array):
         return st.lists(item, min_size=slot.size, max_size=slot.size)
-    return st.lists(item, max_size=6)
+    most = slot.maximum_size if isinstance(slot, BoundedSequence) else 6
+    return st.lists(item, max_size=min(most, 6))
 
 
 def _number(kind: str) -> st.SearchStrategy[Any]:

@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 import yaml
 from geometry_msgs.msg import Twist
+from nav_msgs.msg import Path as PlannedPath
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
@@ -169,7 +170,10 @@ NODES = (
     Documented(
         "onebot_bringup.viewer.rerun_viewer",
         most={"viewer": "none", "save": "TMP/run.rrd", "view": "TMP/view.yaml"},
-        topics={"topics of the view": ("trail", "commanded")},
+        topics={
+            "topics of the view": ("trail", "commanded"),
+            "topics of types that have a display": ("plan",),
+        },
     ),
     Documented(
         "onebot_bringup.steering.steering_page",
@@ -180,7 +184,7 @@ NODES = (
         "onebot_bringup.bags.bag_recorder",
         least={"folder": "TMP/run"},
         most={"folder": "TMP/run"},
-        topics={"every other topic": ("chatter", "velocity_controller/cmd_vel")},
+        topics={"every other topic": ("chatter", "plan", "velocity_controller/cmd_vel")},
     ),
 )
 VIEW = {
@@ -204,6 +208,7 @@ def peer(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Peer]:
 def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder: Path) -> Any:
     (folder / "view.yaml").write_text(yaml.safe_dump(VIEW))
     peer.node.create_publisher(String, "chatter", 10)
+    peer.node.create_publisher(PlannedPath, "plan", 10)
     peer.node.create_subscription(Twist, "velocity_controller/cmd_vel", lambda _: None, 10)
     latched = peer.node.create_publisher(String, "robot_description", LATCHED)
     if node.description:

@@ -1,9 +1,11 @@
 """Reads recordings of ROS 2, ours or anyone's: MCAP files, SQLite files, and folders of them."""
 
 import os
-import re
+import shutil
 import sqlite3
 import struct
+import tempfile
+import weakref
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import closing, suppress
@@ -21,17 +23,22 @@ from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
 from onebot_bringup.bags.writer import METADATA, Qos
-from onebot_description.errors import OneBotError
+from onebot_bringup.introspection.interfaces import full_definition
+from onebot_description.errors import OneBotError, natural_order
 from onebot_description.parameters import bounded_yaml
 
-# rosbag2's own compression, beside that of the chunks in an MCAP file.
-_COMPRESSED = {"file": "files", "message": "messages"}
+# rosbag2's own compression, of files or of each message, beside that of the chunks in an MCAP file.
+_ZSTD = "zstd"
+_COMPRESSED = f".{_ZSTD}"
+_FRAME = b"\x28\xb5\x2f\xfd"  # how zstd's data begins, and no CDR does
+_ROS1 = ".bag"
 # What mcap raises for bytes that are no MCAP.
 _DAMAGE = (
     McapError, OSError, struct.error, zstandard.ZstdError, ValueError, KeyError, EOFError,
     RuntimeError, OverflowError, MemoryError,
 )  # fmt: skip
 _CDR = "cdr"
+_MSG = "ros2msg"  # the encoding of definitions that are .msg text, not IDL
 _MOST = 1 << 30  # bytes of a record: more is taken to be damage
 _FOOTER = struct.Struct("<QQI8s")  # start of the summary and of its offsets, checksum, magic
 _CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to here
@@ -39,6 +46,13 @@ _CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to he
 _TOPICS = """
     SELECT * FROM topics
     WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
+"""
+# From Iron on; in SQLite they have a table of their own.
+_HAS_DEFINITIONS = "SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'"
+_DEFINITIONS = """
+    SELECT topic_type, encoded_message_definition FROM message_definitions
+    WHERE encoding = 'ros2msg' AND typeof(topic_type) = 'text'
+        AND typeof(encoded_message_definition) = 'text'
 """
 _EXTENTS = """
     SELECT topics.name, count(*), min(messages.timestamp), max(messages.timestamp)
@@ -70,8 +84,10 @@ class Bag:
     Attributes:
         source: the file or folder.
         files: those with the messages, in their order.
+        storage: how they are stored, as rosbag2 names it: mcap or sqlite3.
         distro: of the ROS that recorded it, in lower case; "" if that is not known.
         topics: the type of each topic, ``package/msg/Type``.
+        definitions: of the types, as far as they are in the files in .msg text.
         counts: of the messages of each topic.
         offered: what the publishers of each topic offered; empty if that was not recorded.
         count: of all messages; 0 where that is not known without reading them.
@@ -89,11 +105,15 @@ class Bag:
         self.warnings: list[str] = []
         self.distro = ""
         self.files = self._find()
+        self._readable = [self._decompressed(file) for file in self.files]
+        self.storage = _FORMATS[self._readable[0].suffix].storage
         self.topics: dict[str, str] = {}
+        self.definitions: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         self.offered: dict[str, list[Qos]] = {}
-        found = [_FORMATS[file.suffix].contents(file) for file in self.files]
+        found = [_FORMATS[file.suffix].contents(file) for file in self._readable]
         for contents in found:
+            self.definitions = {**contents.definitions, **self.definitions}
             for name, topic in contents.topics.items():
                 self.topics[name] = topic.type
                 self.counts[name] = self.counts.get(name, 0) + topic.count
@@ -108,8 +128,56 @@ class Bag:
 
         Of a damaged file, the messages before the damage are returned, with a warning.
         """
-        for file in self.files:
-            yield from _FORMATS[file.suffix].read(file, topics, self.warnings.append)
+        for file in self._readable:
+            for message in _FORMATS[file.suffix].read(file, topics, self.warnings.append):
+                if not message.data.startswith(_FRAME):
+                    yield message
+                elif (data := self._decompressed_message(message)) is not None:
+                    yield message._replace(data=data)
+
+    def definition(self, type_name: str) -> str:
+        """Return the definition of a message type: the recording's, or else the installed one.
+
+        Args:
+            type_name: ``package/msg/Type``.
+
+        Raises:
+            OneBotError: it is neither in the recording, as .msg text, nor installed.
+        """
+        if type_name in self.definitions:
+            return self.definitions[type_name]
+        try:
+            return full_definition(type_name)
+        except (OneBotError, ValueError) as error:  # ValueError: a name that is none of ROS 2
+            raise OneBotError(
+                f"the definition of {type_name} is neither in {self.source} nor installed"
+            ) from error
+
+    def _decompressed(self, file: Path) -> Path:
+        """The file, or what is in it in a temporary folder that goes away with the bag."""
+        if file.suffix != _COMPRESSED:
+            return file
+        folder = tempfile.mkdtemp(prefix="onebot-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        target = Path(folder, file.stem)
+        try:
+            with file.open("rb") as source, target.open("wb") as plain:
+                zstandard.ZstdDecompressor().copy_stream(source, plain)
+        except (OSError, zstandard.ZstdError) as error:
+            raise OneBotError(f"{file} cannot be decompressed into {folder}: {error}") from error
+        return target
+
+    def _decompressed_message(self, message: BagMessage) -> bytes | None:
+        """Its data; None, with a warning for each topic, if they are damaged."""
+        try:
+            if 0 <= zstandard.frame_content_size(message.data) <= _MOST:
+                return zstandard.ZstdDecompressor().decompress(message.data)
+        except zstandard.ZstdError:
+            pass
+        warning = f"{self.source} has messages of {message.topic} that cannot be decompressed"
+        if warning not in self.warnings:
+            self.warnings.append(warning)
+        return None
 
     def _find(self) -> list[Path]:
         source = self.source
@@ -117,7 +185,12 @@ class Bag:
             return self._in_folder()
         if not source.exists():
             raise OneBotError(f"there is no recording {source}")
-        if source.suffix not in _FORMATS:
+        if source.suffix == _ROS1:
+            raise OneBotError(
+                f"{source} is a recording of ROS 1: convert it to ROS 2 by pip install rosbags and "
+                f"rosbags-convert --src {source} --dst {source.stem}"
+            )
+        if not _is_storage(source):
             raise OneBotError(
                 f"{source} is no recording: its name must end in .mcap, .db3 or .rrd, or be that "
                 "of a folder that ros2 bag has made"
@@ -126,7 +199,7 @@ class Bag:
 
     def _in_folder(self) -> list[Path]:
         """The files that metadata.yaml names, or else those that are there."""
-        there = [path for path in self.source.iterdir() if path.suffix in _FORMATS]
+        there = [path for path in self.source.iterdir() if _is_storage(path)]
         information = self._metadata()
         if information is None:
             if not there:
@@ -134,17 +207,17 @@ class Bag:
                     f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
                     ".db3 file"
                 )
-            return sorted(there, key=_by_number)
-        mode = str(information.get("compression_mode") or "").lower()
-        if mode in _COMPRESSED:
+            return sorted(there, key=lambda path: natural_order(path.name))
+        compression = str(information.get("compression_format") or _ZSTD)
+        if compression != _ZSTD:
             raise OneBotError(
-                f"{self.source} has its {_COMPRESSED[mode]} compressed by rosbag2: "
-                "unpack it by ros2 bag convert"
+                f"{self.source} is compressed by {compression}, not {_ZSTD}: decompress it by "
+                "ros2 bag convert"
             )
         names = information.get("relative_file_paths") or []
         files = [self.source / Path(str(name)).name for name in names]
         missing = [file.name for file in files if not file.is_file()]
-        files = [file for file in files if file.is_file() and file.suffix in _FORMATS]
+        files = [file for file in files if file.is_file() and _is_storage(file)]
         if not files:
             raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
         if missing:
@@ -168,10 +241,9 @@ class Bag:
         return information
 
 
-def _by_number(path: Path) -> tuple[object, ...]:
-    """A key that puts x_9 before x_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return tuple(int(part) if part.isdigit() else part for part in parts)
+def _is_storage(path: Path) -> bool:
+    """Whether its name is that of a file with messages, compressed or not."""
+    return (Path(path.stem) if path.suffix == _COMPRESSED else path).suffix in _FORMATS
 
 
 @dataclass
@@ -188,6 +260,7 @@ class _Contents:
     """What is in a file."""
 
     topics: dict[str, _Topic] = field(default_factory=dict)  # by name
+    definitions: dict[str, str] = field(default_factory=dict)  # in .msg text, by type
     count: int = 0  # of messages, those that are not in CDR too
     start_ns: int = 0  # of the first message
     end_ns: int = 0  # of the last
@@ -244,8 +317,10 @@ def _summarized(summary: Summary) -> _Contents:
 
 def _add_channel(contents: _Contents, channel: Channel, schema: Schema | None) -> None:
     if channel.message_encoding == _CDR and schema is not None:
-        offered = str(channel.metadata.get("offered_qos_profiles", ""))
-        contents.topics.setdefault(channel.topic, _Topic(_full(schema.name), offered))
+        offered, kind = str(channel.metadata.get("offered_qos_profiles", "")), _full(schema.name)
+        contents.topics.setdefault(channel.topic, _Topic(kind, offered))
+        if schema.encoding == _MSG and kind not in contents.definitions:
+            contents.definitions[kind] = schema.data.decode(errors="replace")
 
 
 def _opened(path: Path) -> IO[bytes]:
@@ -360,6 +435,8 @@ def _sqlite_contents(path: Path) -> _Contents:
                 topic = dict(zip(columns, row, strict=True))
                 offered = str(topic.get("offered_qos_profiles") or "")
                 contents.topics[topic["name"]] = _Topic(topic["type"], offered)
+            if database.execute(_HAS_DEFINITIONS).fetchone():
+                contents.definitions.update(database.execute(_DEFINITIONS))
             for extent in database.execute(_EXTENTS):
                 contents.add(*extent)
     except sqlite3.Error as error:
@@ -386,11 +463,12 @@ def _connect(path: Path) -> sqlite3.Connection:
 
 
 class _Format(NamedTuple):
+    storage: str
     contents: Callable[[Path], _Contents]
     read: Callable[[Path, Collection[str], Callable[[str], None]], Iterator[BagMessage]]
 
 
 _FORMATS: Mapping[str, _Format] = {
-    ".mcap": _Format(_mcap_contents, _read_mcap),
-    ".db3": _Format(_sqlite_contents, _read_sqlite),
+    ".mcap": _Format("mcap", _mcap_contents, _read_mcap),
+    ".db3": _Format("sqlite3", _sqlite_contents, _read_sqlite),
 }

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from onebot_bringup.bags.reader import Bag
 
 _NANO = 1_000_000_000
-_STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
 _DEPTH = 1000  # of a publisher: what is kept for late subscribers of a latched topic
 _CLOCK = "/clock"
 _CLOCK_RATE = 40.0  # Hz, ros2 bag play's
@@ -68,7 +67,7 @@ def _information(bag: "Bag") -> str:
     rows = {
         "Files": _column([file.name for file in bag.files]),
         "Bag size": _size(size),
-        "Storage id": _STORAGES[bag.files[0].suffix],
+        "Storage id": bag.storage,
         "ROS Distro": bag.distro or "unknown",
         "Duration": f"{_seconds(bag.end_ns - bag.start_ns)}s",
         "Start": _date(bag.start_ns) if bag.count else "-",

@@ -180,7 +180,7 @@ def kind_of(source: str | None) -> str:
         return "bag"  # whatever its name: record:=run.rrd makes a folder, too
     if path.suffix == ".rrd":
         return "rrd"
-    if path.suffix in (".mcap", ".db3"):
+    if path.suffix in (".mcap", ".db3", ".zstd", ".bag"):
         return "bag"
     return "description"
 

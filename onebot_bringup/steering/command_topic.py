@@ -12,12 +12,12 @@ from rclpy.node import Node
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
+from onebot_description.errors import natural_order
 from onebot_description.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
 _CONTROLLER = re.compile(r"/\w*controller$")  # in whose namespace its topic of commands is
-_NUMBERS = re.compile(r"(\d+)")
 _WARN_EVERY = 5.0  # s
 _OBSERVERS = (  # they subscribe to commands, but are certainly not robots
     "rerun_viewer",
@@ -105,11 +105,7 @@ def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
         CommandedRobot(topic, name if name and names.count(name) == 1 else topic)
         for topic, name in zip(topics, names, strict=True)
     ]
-    return tuple(sorted(robots, key=lambda robot: _natural(robot.name)))
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    return [(int(word), "") if word.isdecimal() else (0, word) for word in _NUMBERS.split(name)]
+    return tuple(sorted(robots, key=lambda robot: natural_order(robot.name)))
 
 
 def foreign_type(node: Node, topic: str) -> str:

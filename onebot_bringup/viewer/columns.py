@@ -61,18 +61,60 @@ class ColumnMaker:
             values: all numbers, row by row.
             each: components a row, of as many numbers as the component has.
         """
+        array = self._numbers(values)
+        return self._in_rows(array, len(array) // self._width // each, each)
+
+    def row(self, values: NDArray[Any]) -> ReadyColumn:
+        """Return a column of one row of numbers, of any number of components."""
+        array = self._numbers(values)
+        return self._in_rows(array, 1, len(array) // self._width)
+
+    def _numbers(self, values: NDArray[Any]) -> pa.Array:
         if self._dtype == values.dtype:
-            array = _array(self._number, values, self._dtype)
-        else:
-            with np.errstate(over="ignore"):  # too much for 32 bits: infinite
-                array = _array(self._number, values, self._dtype)
-        count = len(array) // self._width
+            return _array(self._number, values, self._dtype)
+        with np.errstate(over="ignore"):  # too much for 32 bits: infinite
+            return _array(self._number, values, self._dtype)
+
+    def _in_rows(self, array: pa.Array, rows: int, each: int) -> ReadyColumn:
         if self._vector is not None:
-            array = pa.Array.from_buffers(self._vector, count, [None], children=[array])
-        rows = count // each
+            array = pa.Array.from_buffers(self._vector, rows * each, [None], children=[array])
         buffers = [None, _offsets(rows, each)]
-        array = pa.Array.from_buffers(self._rows, rows, buffers, children=[array])
+        return ReadyColumn(
+            self._descriptor, pa.Array.from_buffers(self._rows, rows, buffers, children=[array])
+        )
+
+
+class BytesMaker:
+    """Makes columns of a component that is bytes; they are not copied."""
+
+    def __init__(self, sample: rr.ComponentColumnList) -> None:
+        """Take the kind of a column that Rerun has made, alone in its list."""
+        [column] = ready(sample)
+        self._descriptor = column.component_descriptor()
+        self._rows = column.as_arrow_array().type
+
+    def row(self, data: NDArray[np.uint8]) -> ReadyColumn:
+        """Return a column of one row of bytes, which nobody may write to from now on."""
+        kind = self._rows.value_type
+        items = pa.Array.from_buffers(kind.value_type, len(data), [None, pa.py_buffer(data)])
+        bytes_ = pa.Array.from_buffers(kind, 1, [None, _offsets(1, len(data))], children=[items])
+        array = pa.Array.from_buffers(self._rows, 1, [None, _offsets(1, 1)], children=[bytes_])
         return ReadyColumn(self._descriptor, array)
+
+
+def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
+    """Return what Rerun has made as columns of one row; one that is made already as it is."""
+    if isinstance(archetype, ReadyColumn):
+        return [archetype]
+    return [_one_row(batch) for batch in archetype.as_component_batches()]
+
+
+def _one_row(batch: Any) -> ReadyColumn:
+    array = batch.as_arrow_array()
+    rows = pa.Array.from_buffers(
+        pa.list_(array.type), 1, [None, _offsets(1, len(array))], children=[array]
+    )
+    return ReadyColumn(batch.component_descriptor(), rows)
 
 
 class StampColumn:

@@ -5,12 +5,16 @@ Subscribes, in the namespace of each robot:
     robot_description (std_msgs/String, latched): the URDF; a new one replaces the old live.
     joint_states (sensor_msgs/JointState): plotted.
     what the displays of the view name (nav_msgs/Odometry, geometry_msgs/Twist, TwistStamped, ...).
+    every topic of a type that has a display (nav_msgs/Path, ...), up to some: see automatic, hidden
+        and shown.
     /tf, /tf_static (tf2_msgs/TFMessage): the transforms of all frames; nothing is computed here.
     /world_description (std_msgs/String, latched): the URDF of what stands around the robots.
 
 Publishes:
     ~/page (std_msgs/String, latched): the page's address, once it is up; it names the recording's
         server, too, so that another page can show the robot.
+    ~/displays (std_msgs/String, latched): in JSON, the topics that could be shown: the topic, its
+        type, and whether it is visible. Parameters hidden and shown change that.
 
 Serves:
     ~/save_view (std_srvs/Trigger): writes the settings of now into the view file.
@@ -18,9 +22,10 @@ Serves:
 Parameters:
     viewer (string, "web"): web, native (a window) or none.
     save (string, ""): a .rrd file to write the recording to, alone or beside the viewer.
-    view (string, ""): a saved view: .yaml (see viewer/view_config.py), or .rbl, a layout saved in
-        the viewer; "" for config/view.yaml of the package <robot name>_description, if there is
-        one; "none" for none. Edits of the file are shown at once.
+    view (string, ""): a saved view: .yaml (see viewer/view_config.py), .rviz (RViz's own), or .rbl
+        (a layout saved in the viewer); "" for config/view.yaml of the package
+        <robot name>_description, if there is one; "none" for none. Edits of the file are shown at
+        once.
     save_view_to (string, ""): the file that ~/save_view writes; "" for the one the view is from.
     fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
         frame above the robot's root link (such as odom; else the root link).
@@ -38,6 +43,7 @@ Parameters:
     memory_limit (string, "256MB"): what is kept for viewers that join later.
 """
 
+import json
 import re
 import sys
 import time
@@ -61,8 +67,8 @@ from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
 from onebot_bringup.viewer.topics import TopicSubscriptions
-from onebot_bringup.viewer.view_config import ViewConfig, load_view
-from onebot_bringup.viewer.view_source import ViewSource
+from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.view_source import ViewSource, load_any_view
 from onebot_control.poses import prefixed
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
@@ -106,7 +112,7 @@ class ViewerParameters:
     viewer: str = parameter("web", "where to see it", choices=VIEWERS, read_only=True)
     save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
     view: str = parameter(
-        "", "a saved view, .yaml or .rbl; empty: the robot's own; none: none", read_only=True
+        "", "a saved view, .yaml, .rviz or .rbl; empty: the robot's own; none: none", read_only=True
     )
     robots: tuple[str, ...] = parameter(
         (),
@@ -296,7 +302,7 @@ class ViewUpdates:
             if file == self._source.blueprint_file:
                 self._use(file, partial(self._view.use_blueprint, file))
             else:
-                self._reading = file, in_background(partial(load_view, file))
+                self._reading = file, in_background(partial(load_any_view, file, self._log.warning))
         if self._reading is not None and self._reading[1].done():
             (file, reading), self._reading = self._reading, None
             self._use(file, lambda: self._reload(file, reading.result()))
@@ -361,7 +367,7 @@ class RerunViewer(Node):
         if parameters.viewer == "none" and parameters.recording is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
-        source = ViewSource(parameters.view)
+        source = ViewSource(parameters.view, self.get_logger().warning)
         settings = ViewParameters(self, source, lambda: self._updates.apply())
         self._server = parameters.open_server(self.get_logger())
         self._view = RobotView(
@@ -371,10 +377,13 @@ class RerunViewer(Node):
             robots=parameters.robots_to_show(self.resolve_topic_name),
             resolve=self.resolve_topic_name,
             report=self._report,
+            live=True,
         )
         self._robots: dict[str, Description] = {}
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
         self._published_page = ""
+        self._displays_publisher = self.create_publisher(String, "~/displays", LATCHED)
+        self._published_displays = ""
         self._topics = TopicSubscriptions(self, self._view.take)
         self._topics.set_topics(self._view.topics)
         self._conflicts = FrameConflicts(self)
@@ -410,6 +419,7 @@ class RerunViewer(Node):
         if address != self._published_page:
             self._published_page = address
             self._page_publisher.publish(String(data=address))
+        self._offer_topics()
         try:
             self._topics.update()
         except OneBotError as error:
@@ -417,6 +427,24 @@ class RerunViewer(Node):
         for conflict in self._conflicts.poll(time.monotonic()):
             self._warn(f"publishers {conflict.publishers}", f"/tf: {conflict}", every=60.0)
         self._updates.poll()
+
+    def _offer_topics(self) -> None:
+        """Show what others publish now, and publish what of it is shown."""
+        published = {
+            name: types[0] for name, types in self.get_topic_names_and_types() if len(types) == 1
+        }
+        for problem in self._view.offer(published):
+            self._warn(problem, problem, every=60.0)
+        offered = [each._asdict() for each in self._view.offered]
+        displays = json.dumps({"shown": offered})
+        if displays == self._published_displays:
+            return
+        self._published_displays = displays
+        self._displays_publisher.publish(String(data=displays))
+        try:
+            self._topics.set_topics(self._view.topics)
+        except OneBotError as error:
+            self._warn("topics", str(error), every=10.0)
 
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""

@@ -1,7 +1,7 @@
 """Displays robots from their incoming messages, live or recorded, in a Rerun recording."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,13 @@ from typing import Any
 import rerun as rr
 from std_msgs.msg import String
 
+from onebot_bringup.introspection.interfaces import full_definition
+from onebot_bringup.viewer.automatic import (
+    MESSAGE_DISPLAYS,
+    LoadLimit,
+    OfferedTopic,
+    TopicSelection,
+)
 from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import (
@@ -20,6 +27,7 @@ from onebot_bringup.viewer.displays.display import (
     WantedTopic,
     one_by_one,
 )
+from onebot_bringup.viewer.displays.message_display import MessageDisplay
 from onebot_bringup.viewer.displays.tf import TransformStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.shown_robot import RobotToShow, ShownRobot
@@ -61,6 +69,8 @@ class RobotView:
         report: ReportBad | None = None,
         from_start: bool = False,
         plots: bool = True,
+        definitions: Callable[[str], str] = full_definition,
+        live: bool = False,
     ) -> None:
         """Show one robot or several in ``recording``.
 
@@ -74,6 +84,10 @@ class RobotView:
             report: called with the topic and the error of a bad message; by default it is raised.
             from_start: the viewer plays from the beginning, in place of following the end.
             plots: show those of the view beside the robot; of a single moment they are empty.
+            definitions: returns the definition of a message type that is offered; raises
+                OneBotError.
+            live: messages come as they are published: of a flood, old ones are dropped, and a
+                description may still come.
 
         Raises:
             OneBotError: two displays want a topic, each as another type.
@@ -86,18 +100,31 @@ class RobotView:
         self._changed = clock()  # when the robot or the view did
         self._warnings = WarningFilter(clock)
         self._stamps = Stamps()
+        self._definitions = definitions
+        self._live = live
+        self._published: Mapping[str, str] = {}
+        self._selection = TopicSelection(resolve)
         self.frames = FrameTree()
         self._transforms = TransformStream(recording, self.frames)
         self._alone = len(robots) == 1
         self._robots = [self._shown(one) for one in robots]
         self._world = ShownRobot(_WORLD, self._context(_WORLD, "world"), ())
         contexts = [shown.context for shown in self._robots]
-        self._of_all = [display(*contexts) for display in DISPLAYS if display.of_all]
+        whole = self._context(RobotToShow(), "")
+        self._of_all = [
+            display(whole, *contexts) if issubclass(display, MessageDisplay) else display(*contexts)
+            for display in DISPLAYS
+            if display.of_all
+        ]
         self._blueprint = BlueprintSender(recording, self._robots, from_start=from_start)
         self._own_blueprint = True
         self._plots = plots
         displays = [*self._of_all, *(each for shown in self._robots for each in shown.displays)]
-        self._displays = [_Shown(display) for display in displays]
+        self._displays = [
+            _Shown(display, LoadLimit() if live and isinstance(display, MessageDisplay) else None)
+            for display in displays
+        ]
+        self._limits = {id(each.display): each.limit for each in self._displays if each.limit}
         for display in displays:
             display.apply(self._view.of(type(display)))
         self._queues: dict[tuple[str, str], _Queue] = {}
@@ -126,6 +153,8 @@ class RobotView:
             names.frame_prefix,
             self._clock,
             root,
+            self._definitions,
+            self._resolve,
         )
 
     # --- messages -------------------------------------------------------------------------------
@@ -134,6 +163,58 @@ class RobotView:
     def topics(self) -> dict[str, WantedTopic]:
         """What to subscribe now, by full names; another view may want others."""
         return self._topics
+
+    @property
+    def offered(self) -> Sequence[OfferedTopic]:
+        """The topics that could be shown, by full names, and whether they are."""
+        return self._selection.offered
+
+    def offer(self, topics: Mapping[str, str]) -> list[str]:
+        """Show of the topics that there are now those that have a display, and are not hidden.
+
+        Args:
+            topics: the type of each by its full name.
+
+        Returns:
+            What cannot be shown, a sentence each.
+        """
+        if topics == self._published:
+            return []
+        self._published = dict(topics)
+        return self._select()
+
+    def _select(self) -> list[str]:
+        """Pass the topics on that are to be shown; where that changes them, subscribe anew."""
+        readable, problems = self._readable()
+        before = self._selection.offered
+        drawn = {name for name, display, _ in self._named() if display and not display.plots}
+        self._selection.choose(readable, self._view, drawn)
+        if self._selection.crowded:
+            crowded = listing(self._selection.crowded, _LISTED)
+            problems.append(
+                f"too many topics to show all: not {crowded}; shown: in a view adds some"
+            )
+        if self._selection.offered == before:
+            return problems
+        self._deliver(self._displays)
+        for shown in self._displays:
+            display = shown.display
+            if isinstance(display, MessageDisplay) and display.offer(self._selection.of(display)):
+                shown.display.flush()
+                shown.display.apply(self._view.of(type(display)))
+        return problems + self._make_queues()
+
+    def _readable(self) -> tuple[dict[str, str], list[str]]:
+        """Return the topics whose type has a display, and a definition that can be read."""
+        found, bad = {}, {}
+        for topic, kind in self._published.items():
+            if kind in MESSAGE_DISPLAYS and kind not in bad:
+                try:
+                    self._of_all[0].context.message_type(kind)
+                    found[topic] = kind
+                except (OneBotError, ValueError) as error:
+                    bad[kind] = f"{topic} cannot be shown: {error}"
+        return found, list(bad.values())
 
     def wants(self, topic: str, type_name: str) -> bool:
         """Whether messages of a topic (its full name) of this type are shown."""
@@ -150,8 +231,7 @@ class RobotView:
         """
         queue = self._queues.get((topic, type_name))
         if queue is not None:
-            queue.messages.append(data)
-            queue.times.append(time_ns)
+            queue.append(data, time_ns)
 
     def tick(self, now_ns: int) -> list[str]:
         """Log what was taken and set the view up; call it some 20 times a second.
@@ -164,15 +244,31 @@ class RobotView:
         """
         warnings = self._update(now_ns)
         if self.robot is None:
-            return self._warnings.waiting()
+            return warnings + self._show_without_robot()
         wanted = self._wanted_frame
         self._lay_out(complete=all(shown.is_complete(wanted) for shown in self._robots))
-        late = [self._stamps.warning] if self._stamps.warning else []
-        for display in self._displays:
-            late += display.display.warnings()
+        late = self._display_warnings()
         if self._clock() - self._changed >= WARN_AFTER:
             late += self._late(wanted)
         return warnings + self._warnings.once(dict.fromkeys(late))
+
+    def _show_without_robot(self) -> list[str]:
+        """Lay out what else there is; return what the user should know."""
+        fixed, late = self.fixed_frame, self._display_warnings()
+        if fixed or any(each.visible for each in self.offered):
+            self._lay_out(complete=False)
+        wanted = self._view.fixed_frame
+        if wanted not in ("", fixed) and self._clock() - self._changed >= WARN_AFTER:
+            late.append(self.frames.unknown(wanted, fixed))
+        nothing = self._live and not self._frame_without_robot
+        hints = self._warnings.waiting() if nothing else []
+        return self._warnings.once(dict.fromkeys(late)) + hints
+
+    def _display_warnings(self) -> list[str]:
+        late = [self._stamps.warning] if self._stamps.warning else []
+        for shown in self._displays:
+            late += shown.warnings()
+        return late
 
     def _late(self, wanted: str) -> list[str]:
         """Return what has not come in all the time, a sentence each."""
@@ -197,7 +293,7 @@ class RobotView:
         due = [shown for shown in self._displays if shown.is_due(now_ns)]
         self._deliver(due)
         for shown in due:
-            shown.display.flush()
+            shown.flush()
         return warnings
 
     def _deliver(self, due: Sequence["_Shown"]) -> None:
@@ -210,7 +306,11 @@ class RobotView:
                 for display, name, kind in queue.takers:
                     if id(kind) not in decoded:
                         decoded[id(kind)] = self._decoded(topic, kind, messages, times)
-                    display.add(name, kind, decoded[id(kind)])
+                    limit = self._limits.get(id(display))
+                    found: Sequence[tuple[int, Any]] = decoded[id(kind)]
+                    if limit is not None:
+                        found = limit.admit(found, map(len, messages))
+                    display.add(name, kind, found)
 
     def _decoded(
         self, topic: str, kind: MessageType[Any], messages: Sequence[bytes], times: Sequence[int]
@@ -242,19 +342,32 @@ class RobotView:
                 queue = queues.setdefault((name, kind.name), _Queue())
                 if display is not None:
                     queue.takers.append((display, topic.name, kind))
-        for key, before in self._queues.items():
-            if key in queues:
-                queues[key].messages, queues[key].times = before.empty()
+        for (name, kind_name), queue in queues.items():
+            limits = [self._limits.get(id(display)) for display, *_ in queue.takers]
+            if all(limits):
+                queue.limits, queue.most = [each for each in limits if each], topics[name].depth
+            before = self._queues.get((name, kind_name))
+            if before is not None:
+                queue.messages, queue.times = before.empty()
         self._queues, self._topics = queues, topics
         return problems
 
     def _wanted(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
         """Yield each topic by its full name, the display that takes it, and how it wants it."""
+        yield from self._named()
+        for display in self._of_all:
+            if isinstance(display, MessageDisplay):
+                for topic in display.topics():
+                    yield topic.name, display, topic
+
+    def _named(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
+        """Yield, of the same, the topics that the view names or every robot has."""
+        of_all = [each for each in self._of_all if not isinstance(each, MessageDisplay)]
         for number, shown in enumerate(self._robots):
             names = shown.names
             description = WantedTopic(names.description, (DESCRIPTION,), latched=True)
             yield self._full_name(names, description.name), None, description
-            displays = shown.displays if number else [*self._of_all, *shown.displays]
+            displays = shown.displays if number else [*of_all, *shown.displays]
             for display in displays:
                 for topic in display.topics():
                     if not number or not topic.name.startswith("/"):  # which is no robot's own
@@ -284,12 +397,33 @@ class RobotView:
         """The frame everything is shown in; "" before there is any.
 
         The view's, also with the frame_prefix before it; while no such frame is known, the one
-        above the robot's root link. That one, too, of several robots that each have the view's.
+        above the robot's root link, or without a robot above the frame of the first message. That
+        one, too, of several robots that each have the view's.
         """
         for shown in self._robots:
             if shown.robot is not None:
                 return shown.resolution.fixed_frame(shown.robot, self._wanted_frame)
-        return self._view.fixed_frame
+        wanted = self._view.fixed_frame
+        if wanted in self.frames.names or wanted in self._message_frames:
+            return wanted
+        return self._frame_without_robot or wanted
+
+    @property
+    def _frame_without_robot(self) -> str:
+        """The frame above that of the first message shown, or above any of /tf; "" for none."""
+        frame = next(iter(self._message_frames), "") or min(self.frames.names, default="")
+        return self.frames.top(frame) if frame else ""
+
+    @property
+    def _message_frames(self) -> list[str]:
+        """The frames of the messages that are shown."""
+        return [
+            item.frame
+            for shown in self._displays
+            if isinstance(shown.display, MessageDisplay)
+            for item in shown.display.items.values()
+            if item.frame
+        ]
 
     @property
     def _wanted_frame(self) -> str:
@@ -333,7 +467,7 @@ class RobotView:
                 shown.display.flush()
                 shown.display.apply(view.of(kind))
         self._view = view
-        problems = self._make_queues()
+        problems = [*self._select(), *self._make_queues()]
         self._warnings.forget()
         self._changed = self._clock()
         return problems + self._wrong_names()
@@ -408,6 +542,17 @@ class _Queue:
     times: list[int] = field(default_factory=list)
     # A display, the topic as it names it, and how it wants messages decoded.
     takers: list[tuple[Display[Any], str, MessageType[Any]]] = field(default_factory=list)
+    limits: list[LoadLimit] = field(default_factory=list)  # if each of them has one:
+    most: int = 0  # that wait then; of more, the oldest are dropped
+
+    def append(self, data: bytes, time_ns: int) -> None:
+        """Add a message."""
+        self.messages.append(data)
+        self.times.append(time_ns)
+        if self.limits and len(self.messages) > self.most:
+            del self.messages[0], self.times[0]
+            for limit in self.limits:
+                limit.dropped += 1
 
     def empty(self) -> tuple[list[bytes], list[int]]:
         """Return the messages and when each was received, and keep none."""
@@ -421,6 +566,7 @@ class _Shown:
     """A display, and when it was flushed last."""
 
     display: Display[Any]
+    limit: LoadLimit | None = None
     flushed_ns: int | None = None
 
     def is_due(self, now_ns: int | None) -> bool:
@@ -428,8 +574,27 @@ class _Shown:
         last, period = self.flushed_ns, self.display.period_ns
         if now_ns is not None and last is not None and abs(now_ns - last) < period:
             return False
+        if now_ns is not None and self.limit is not None and not self.limit.ready(time.monotonic()):
+            return False
         self.flushed_ns = now_ns
         return True
+
+    def flush(self) -> None:
+        """Log what has come; what that takes is measured where it is limited."""
+        began = time.perf_counter()
+        self.display.flush()
+        if self.limit is not None:
+            self.limit.spent(time.perf_counter() - began)
+
+    def warnings(self) -> list[str]:
+        """Return what of it cannot be shown, a sentence each."""
+        if self.limit is None or not self.limit.dropped:
+            return self.display.warnings()
+        return [
+            *self.display.warnings(),
+            f"{self.display.key}: more comes than can be shown without delay: old messages are "
+            "dropped",
+        ]
 
 
 class Stamps:

@@ -14,6 +14,7 @@ from onebot_description.topic_subscription import (
     TypeConflictError,
     choose_type,
     compatible_qos,
+    is_reliable,
     is_transient_local,
     offers,
 )
@@ -26,7 +27,6 @@ _STAMPED = {
     "geometry_msgs/msg/TwistStamped": HEADER,
     "tf2_msgs/msg/TFMessage": HEADER + 4,  # of the first transform, after their number
 }
-_DEPTH = 100  # messages; of latched topics also publishers, each with a last message of its own
 # Topic (its full name), type, message, and when it was received, nanoseconds.
 Take = Callable[[str, str, bytes, int], None]
 
@@ -93,15 +93,17 @@ class TopicSubscriptions:
             kind = known[0] if early or any(found.values()) else None
         if kind is None:
             return
-        latched = topic.latched or is_transient_local(compatible_qos(found.get(kind, ()), _DEPTH))
+        offered = compatible_qos(found.get(kind, ()), topic.depth)
         if subscription.qos is not None and not any(found.values()):
-            latched = is_transient_local(subscription.qos)
-        subscription.update(kind, _qos(reliable=topic.reliable or latched, latched=latched))
+            offered = subscription.qos
+        latched = topic.latched or is_transient_local(offered)
+        reliable = topic.reliable or latched or (topic.as_published and is_reliable(offered))
+        subscription.update(kind, _qos(reliable=reliable, latched=latched, depth=topic.depth))
 
 
-def _qos(*, reliable: bool, latched: bool) -> QoSProfile:
+def _qos(*, reliable: bool, latched: bool, depth: int) -> QoSProfile:
     return QoSProfile(
-        depth=_DEPTH,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )

@@ -22,7 +22,14 @@ Example (every key may be left out)::
       lines:
         commanded: {topic: velocity_controller/cmd_vel, type: auto}
         measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
-    paths: {visible: true, topics: [plan, path], width: 0.02}   # of nav_msgs/Path; metres
+    automatic: true               # show every topic of a type that has a display, up to some
+    hidden: [/local_plan]         # but for these topics,
+    shown: [/camera/points]       # and these in any case
+    path: {visible: true, width: 0.02, topics: {/plan: {width: 0.1}}}  # of nav_msgs/Path; metres
+    laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
+    point_cloud2: {color_transformer: Intensity, channel_name: ring}
+    image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # of 16 or 32 bits
+    camera_info: {far_clip: 0.5}  # metres
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
@@ -36,7 +43,7 @@ import yaml
 
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import Display
-from onebot_bringup.viewer.settings import Color, color, height, one_of, setting, vector
+from onebot_bringup.viewer.settings import Color, color, height, one_of, setting, topic_list, vector
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -103,6 +110,9 @@ class ViewConfig:
     background: Color | None = setting(None, "sRGB bytes", color)
     camera: CameraSettings = group(CameraSettings)
     panels: PanelsSettings = group(PanelsSettings)
+    automatic: bool = setting(True, "show every topic of a type that has a display, up to some")
+    hidden: tuple[str, ...] = setting((), "topics that are not shown", topic_list)
+    shown: tuple[str, ...] = setting((), "topics that are shown in any case", topic_list)
 
     def of(self, display: type[Display[S]]) -> S:
         """Return the settings of a display."""

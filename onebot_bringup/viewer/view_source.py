@@ -3,7 +3,7 @@
 import io
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.representer import RoundTripRepresenter
 from ruamel.yaml.scalarstring import SingleQuotedScalarString
 
+from onebot_bringup.viewer.rviz_config import RVIZ_SUFFIX, load_rviz
 from onebot_bringup.viewer.view_config import (
     ViewConfig,
     changed_settings,
@@ -39,12 +40,13 @@ class ViewSource:
         blueprint_file: the ``.rbl`` file whose layout replaces the view's; None for the view's.
     """
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, notice: Callable[[str], object] = print) -> None:
         """Read the view of ``source``.
 
         Args:
-            source: a view file (.yaml), a layout saved in the viewer (.rbl), "" for the view that
-                belongs to the robot, or "none" for none.
+            source: a view file (.yaml), RViz's own (.rviz), a layout saved in the viewer (.rbl),
+                "" for the view that belongs to the robot, or "none" for none.
+            notice: called with what of an RViz file is not shown.
 
         Raises:
             OneBotError: there is no such file, or it is wrong.
@@ -60,7 +62,7 @@ class ViewSource:
             self.blueprint_file = path
             self._of_robot = True  # what the blueprint arranges
         elif path is not None:
-            self._file, self._base = path, load_view(path)
+            self._file, self._base = path, load_any_view(path, notice)
             self.view = self._base
         self._watch = FileWatch(self._files)
 
@@ -159,6 +161,15 @@ class ViewSource:
                 "save_view_to"
             )
         return view_text(self.view)
+
+
+def load_any_view(path: Path, notice: Callable[[str], object]) -> ViewConfig:
+    """Read a view file, ours or RViz's.
+
+    Raises:
+        OneBotError: there is no such file, or it is wrong.
+    """
+    return load_rviz(path, notice) if path.suffix == RVIZ_SUFFIX else load_view(path)
 
 
 def check_blueprint_file(path: Path) -> None:

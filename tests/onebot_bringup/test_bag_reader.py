@@ -1,6 +1,8 @@
 """Recordings of any origin and in any state are read, or refused in words."""
 
 import sqlite3
+import tempfile
+import tracemalloc
 from contextlib import closing
 
 import pytest
@@ -8,10 +10,19 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from onebot_bringup.bags.reader import Bag
+from onebot_bringup.cli.snapshot import kind_of
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, write_words
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
+CONTROL = f"""\
+builtin_interfaces/Time stamp
+float32 steering_angle
+{"=" * 80}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
 
 
 def foreign(folder, plugin, mode=CompressionMode.NONE, version=9):
@@ -22,6 +33,25 @@ def foreign(folder, plugin, mode=CompressionMode.NONE, version=9):
         one = writer.add_connection("/words", "std_msgs/msg/String", typestore=TYPES)
         for index in range(20):
             writer.write(one, 1000 + index, cdr(f"word {index}"))
+
+
+def write_foreign_types(folder, plugin):
+    """A recording of types that are not installed, by their definitions and without."""
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        for topic, kind, text in (
+            ("/control", "autoware_msgs/msg/Control", CONTROL),
+            ("/in_idl", "other_msgs/msg/InIdl", f"{'=' * 80}\nIDL: other_msgs/msg/InIdl\n"),
+        ):
+            one = writer.add_connection(topic, kind, msgdef=text, rihs01="RIHS01_" + "0" * 64)
+            writer.write(one, 1000, b"\0\1\0\0" + bytes(12))
+
+
+def change(folder, *statements):
+    """Alter the SQLite file of a recording."""
+    (path,) = folder.glob("*.db3")
+    with closing(sqlite3.connect(path)) as database, database:
+        for statement in statements:
+            database.execute(statement)
 
 
 def words_of(bag):
@@ -39,14 +69,106 @@ def test_reads_foreign_recordings(tmp_path, plugin, version):
     assert bag.warnings == []
 
 
-@pytest.mark.parametrize(
-    ("mode", "what"), [(CompressionMode.FILE, "files"), (CompressionMode.MESSAGE, "messages")]
-)
-def test_compressed_by_rosbag2(tmp_path, mode, what):
-    """Files or messages that rosbag2 has compressed are refused with what to do."""
-    foreign(tmp_path / "bag", StoragePlugin.MCAP, mode)
-    with pytest.raises(OneBotError, match=f"its {what} compressed by rosbag2: .* bag convert"):
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_compressed_by_rosbag2(tmp_path, plugin, mode):
+    """Files and messages that rosbag2 has compressed are read, without metadata.yaml too."""
+    foreign(tmp_path / "bag", plugin, mode)
+    bag = Bag(tmp_path / "bag")
+    assert words_of(bag) == [cdr(f"word {index}") for index in range(20)]
+    assert (bag.count, bag.warnings, bag.storage) == (20, [], plugin.name.lower())
+    (file,) = bag.files
+    assert (file.suffix == ".zstd") == (mode == CompressionMode.FILE)
+    assert words_of(Bag(file)) == words_of(bag)
+    assert kind_of(str(file)) == "bag"
+
+
+def test_decompressed_files_go_away_with_the_bag(tmp_path, monkeypatch):
+    """They are in a temporary folder while the recording is read."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    foreign(tmp_path / "bag", StoragePlugin.MCAP, CompressionMode.FILE)
+    messages = Bag(tmp_path / "bag").messages(["/words"])
+    assert next(messages).data == cdr("word 0")
+    assert list(folder.rglob("*.mcap"))
+    del messages
+    assert list(folder.iterdir()) == []
+
+
+def test_damaged_compression(tmp_path):
+    """Another format or a damaged file is an error; a damaged message is left out."""
+    (tmp_path / "a.mcap.zstd").write_bytes(b"what is this?")
+    with pytest.raises(OneBotError, match=r"a\.mcap\.zstd cannot be decompressed into"):
+        Bag(tmp_path / "a.mcap.zstd")
+    foreign(tmp_path / "bag", StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
+    metadata = tmp_path / "bag/metadata.yaml"
+    text = metadata.read_text()
+    metadata.write_text(text.replace("compression_format: zstd", "compression_format: lz4"))
+    with pytest.raises(OneBotError, match="is compressed by lz4, not zstd: decompress it by ros2"):
         Bag(tmp_path / "bag")
+    metadata.write_text(text)
+    change(tmp_path / "bag", "UPDATE messages SET data = substr(data, 1, 9) WHERE id > 1")
+    bag = Bag(tmp_path / "bag")
+    assert words_of(bag) == [cdr("word 0")]
+    [warning] = bag.warnings
+    assert "has messages of /words that cannot be decompressed" in warning
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("indexed", [True, False])
+def test_definitions(tmp_path, plugin, indexed):
+    """Those in the file come first, of types that are not installed too; then the installed."""
+    write_foreign_types(tmp_path / "bag", plugin)
+    (file,) = Bag(tmp_path / "bag").files
+    if not indexed and plugin == StoragePlugin.MCAP:
+        file.write_bytes(file.read_bytes()[:-8])  # cut off: the schemas between the messages
+    bag = Bag(file)
+    text, *nested = bag.definition("autoware_msgs/msg/Control").split("=" * 80 + "\n")
+    assert text == "builtin_interfaces/Time stamp\nfloat32 steering_angle\n"
+    assert nested == ["MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"]
+    assert "std_msgs/msg/String" not in bag.definitions
+    assert bag.definition("std_msgs/msg/String").splitlines()[-1] == "string data"
+    for kind in ("other_msgs/msg/InIdl", "other_msgs/msg/None", "strange"):
+        with pytest.raises(OneBotError, match=f"{kind} is neither in .* nor installed"):
+            bag.definition(kind)
+
+
+def test_recordings_of_older_distros(tmp_path):
+    """Without definitions, type hashes and QoS in the file: as Foxy wrote it."""
+    foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
+    change(
+        tmp_path / "bag",
+        "DROP TABLE message_definitions",
+        "DROP TABLE schema",
+        "DROP TABLE metadata",
+        "ALTER TABLE topics DROP COLUMN type_description_hash",
+        "ALTER TABLE topics DROP COLUMN offered_qos_profiles",
+    )
+    bag = Bag(tmp_path / "bag")
+    assert (bag.definitions, bag.offered, bag.warnings) == ({}, {"/words": []}, [])
+    assert "string data" in bag.definition("std_msgs/msg/String")
+    assert words_of(bag) == [cdr(f"word {index}") for index in range(20)]
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.FILE])
+def test_is_not_read_into_memory(tmp_path, plugin, mode):
+    """Of 64 MB, a few messages at a time are."""
+    writer = Writer(tmp_path / "bag", version=9, storage_plugin=plugin)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        one = writer.add_connection("/words", "std_msgs/msg/String", typestore=TYPES)
+        for index in range(64):
+            writer.write(one, index, cdr("x" * 1_000_000))
+    (file,) = Bag(tmp_path / "bag").files
+    tracemalloc.start()
+    try:
+        messages = Bag(file).messages(["/words"])
+        assert sum(len(message.data) for message in messages) > 64e6
+        assert tracemalloc.get_traced_memory()[1] < 16e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_reads_a_file_alone(tmp_path):
@@ -108,6 +230,12 @@ def test_damage_is_noticed(tmp_path):
         ("a.mcap", b"what is this?", "is no MCAP file"),
         ("a.db3", b"what is this?", "is no recording of rosbag2"),
         ("a.txt", b"", "its name must end in"),
+        ("a.txt.zstd", b"", "its name must end in"),
+        (
+            "a.bag",
+            b"#ROSBAG V2.0",
+            r"of ROS 1: convert it .* rosbags-convert --src \S+a\.bag --dst a",
+        ),
     ],
 )
 def test_refuses_what_is_none(tmp_path, name, content, message):
@@ -132,14 +260,15 @@ def test_refuses_what_is_not_there(tmp_path):
 def test_anything_in_a_column(tmp_path):
     """SQLite takes NULL and text for data and times, too: such messages are passed over."""
     foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
-    (path,) = (tmp_path / "bag").glob("*.db3")
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute("UPDATE messages SET data = 'text' WHERE id = 1")
-        database.execute("UPDATE messages SET timestamp = 'text' WHERE id = 2")
+    change(
+        tmp_path / "bag",
+        "UPDATE messages SET data = 'text' WHERE id = 1",
+        "UPDATE messages SET timestamp = 'text' WHERE id = 2",
         # Its own columns are NOT NULL; other writers' are not.
-        database.execute("CREATE TABLE m AS SELECT * FROM messages")
-        database.execute("DROP TABLE messages")
-        database.execute("ALTER TABLE m RENAME TO messages")
-        database.execute("UPDATE messages SET data = NULL WHERE id = 3")
-        database.execute("UPDATE messages SET timestamp = NULL WHERE id = 4")
+        "CREATE TABLE m AS SELECT * FROM messages",
+        "DROP TABLE messages",
+        "ALTER TABLE m RENAME TO messages",
+        "UPDATE messages SET data = NULL WHERE id = 3",
+        "UPDATE messages SET timestamp = NULL WHERE id = 4",
+    )
     assert words_of(Bag(tmp_path / "bag")) == [cdr(f"word {index}") for index in range(4, 20)]

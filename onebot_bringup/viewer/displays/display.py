@@ -9,16 +9,21 @@ edits while it runs come to ``apply``; the layout is made of every display's ``l
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, cast
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from onebot_bringup.viewer.columns import TIMELINE
+from onebot_bringup.introspection.interfaces import full_definition
+from onebot_bringup.viewer.columns import TIMELINE, ReadyColumn, one_row, time_column
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.settings import Color
 from onebot_description.description import Description
+from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.messages import BAD_MESSAGE, OdometrySample, odometry_sample
+from onebot_description.wire.schema import Schema
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.tf import TransformStream
@@ -62,6 +67,17 @@ class MessageType(Generic[T]):
     live: bool = True
 
 
+@lru_cache(maxsize=256)
+def _message_type(name: str, definition: str, live: bool) -> "MessageType[Any]":
+    schema = Schema.of(name, definition)
+    return MessageType(name, one_by_one(schema.read), _stamp_ns, live)
+
+
+def _stamp_ns(message: Any) -> int:
+    header = getattr(message, "header", None)
+    return nanoseconds(header.stamp) if header is not None else 0
+
+
 def one_by_one(read: Callable[[bytes], T]) -> Callable[[Sequence[bytes], Report], list[T | None]]:
     """Return the ``decode`` of a type whose messages ``read`` decodes, or raises BAD_MESSAGE."""
 
@@ -92,6 +108,8 @@ class WantedTopic:
     reliable: bool = False  # else best effort, which matches every publisher
     latched: bool = False  # durability transient_local, which implies reliable
     optional: bool = False  # subscribed only once it is published, if nothing else is shown of it
+    as_published: bool = False  # reliable if all publishers are: large messages need it
+    depth: int = 100  # messages that wait in DDS; of latched topics also publishers
 
 
 # --- part of the layout -------------------------------------------------------------------------
@@ -196,6 +214,8 @@ class Context:
         frame_prefix: str = "",
         clock: Callable[[], float] = lambda: 0.0,
         root: str = "",
+        definitions: Callable[[str], str] = full_definition,
+        resolve: Callable[[str], str] = str,
     ) -> None:
         """Share where to log, and what is known of the robot.
 
@@ -207,8 +227,12 @@ class Context:
             frame_prefix: put before link names to get their frames.
             clock: seconds.
             root: the entity below which all of the robot is logged; "" where it is the only one.
+            definitions: returns the definition of a message type; raises OneBotError.
+            resolve: returns the full name of a topic that the view names.
         """
         self.root = root
+        self._definitions = definitions
+        self.resolve = resolve
         self.recording = cast(rr.RecordingStream, _Subtree(recording, root)) if root else recording
         self.frames = frames
         self.transforms = transforms
@@ -233,6 +257,25 @@ class Context:
     def frame_of(self, link: str) -> str:
         """Return the TF frame of ``link``."""
         return self._frame_prefix + link
+
+    def message_type(self, name: str, *, live: bool = True) -> "MessageType[Any]":
+        """Return a type whose messages are decoded by its definition.
+
+        Raises:
+            OneBotError: there is no definition of it.
+            ValueError: it cannot be read.
+        """
+        return _message_type(name, self._definitions(name), live)
+
+    def log_row(
+        self, entity: str, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn
+    ) -> None:
+        """Log one message's archetypes at its time."""
+        self.recording.send_columns(
+            entity,
+            indexes=[time_column(np.array([stamp_ns]))],
+            columns=[column for each in archetypes for column in one_row(each)],
+        )
 
     def connected(self, frame: str) -> bool:
         """Whether transforms lead from ``frame`` to the fixed one.
@@ -333,6 +376,10 @@ class ItemsDisplay(Display[S], Generic[S, I]):
         """Return the types that the topic of an item may have."""
         return self.types
 
+    def subscription(self, topic: str, settings: Any) -> WantedTopic:
+        """Return how the topic of an item is subscribed."""
+        return WantedTopic(topic, self.types_of(settings), optional=self.optional)
+
     def apply(self, settings: S) -> None:
         """Keep the items that stay as they are, and make the others anew."""
         made_of: dict[str, object] = {}
@@ -343,7 +390,7 @@ class ItemsDisplay(Display[S], Generic[S, I]):
             made_of[name] = (of, color)
             same = self._made_of.get(name) == made_of[name]
             items[name] = self.items[name] if same else self.make(name, of, color)
-            self._topics[name] = WantedTopic(topic, self.types_of(of), optional=self.optional)
+            self._topics[name] = self.subscription(topic, of)
         self._made_of, self.items = made_of, items
 
     def topics(self) -> Sequence[WantedTopic]:

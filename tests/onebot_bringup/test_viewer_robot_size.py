@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from onebot_bringup.viewer.blueprint import (
+from onebot_bringup.viewer.robot_size import (
     axes_lengths,
     corners,
     fitting_eye,

@@ -1,0 +1,119 @@
+"""How large a robot is: the box around its shapes, and what camera and axes fit it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.scene import marker_size
+from onebot_bringup.viewer.shapes import load_shape
+from onebot_description.description.description import Description, Geometry, Link, Triple
+from onebot_description.errors import OneBotError
+from onebot_description.model.quaternions import from_rpy, to_matrix
+
+Floats = NDArray[np.float64]
+
+
+def corners(geometry: Geometry) -> Floats:
+    """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame.
+
+    Raises:
+        OneBotError: its mesh cannot be read.
+    """
+    low, high = load_shape(geometry.shape).bounds
+    grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    local = np.where(grid == 1, high, low)
+    turned = np.asarray(local @ to_matrix(from_rpy(geometry.origin.rpy)).T, np.float64)
+    moved: Floats = turned + np.array(geometry.origin.xyz)
+    return moved
+
+
+def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Floats | None:
+    """Return the (2, 3) box around all visuals, metres, in the fixed frame.
+
+    Args:
+        description: the robot.
+        poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
+    """
+    clouds = []
+    marker = marker_size(description)
+    for link in description.links:
+        if link.name in poses and (cloud := link_corners(link, marker)) is not None:
+            pose = poses[link.name]
+            clouds.append(cloud @ pose[:3, :3].T + pose[:3, 3])
+    return box_around(np.concatenate(clouds)) if clouds else None
+
+
+def link_corners(link: Link, marker: float) -> Floats | None:
+    """Return the corners (N, 3) of the boxes around the visuals, metres; None without any.
+
+    Args:
+        link: has the visuals.
+        marker: the size of the boxes in place of those that cannot be drawn, m.
+    """
+    found = []
+    for geometry in link.visuals:
+        try:
+            found.append(corners(geometry))
+        except OneBotError:  # reported when it was drawn
+            found.append(geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3]))
+    return np.concatenate(found) if found else None
+
+
+def box_around(points: Floats) -> Floats:
+    """Return the (2, 3) least and greatest coordinates of points (N, 3)."""
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def diagonal(bounds: Floats) -> float:
+    """Return the diagonal of a (2, 3) box, metres."""
+    return float(np.linalg.norm(bounds[1] - bounds[0]))
+
+
+def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:
+    """Return eye and target, metres, from which the whole box is seen, from front left above."""
+    center = bounds.mean(axis=0)
+    radius = max(diagonal(bounds) / 2, 0.01)
+    direction = np.array([1.0, 0.75, 0.65])
+    # A field of view of about 55 degrees; a bit of air around the robot.
+    eye = center + direction / np.linalg.norm(direction) * radius * 2.6
+    return _vector(eye), _vector(center)
+
+
+def _vector(values: Floats) -> Triple:
+    x, y, z = (round(float(value), 4) for value in values)
+    return x, y, z
+
+
+_SHORTEST = 0.05  # of a robot's size: axes of a hundred links are seen, too
+_OF_LINK = 0.75  # of a link's size
+
+
+def fitting_length(size: float, links: int) -> float:
+    """Return how long axes should be for a robot of ``size`` (its diagonal), both in metres.
+
+    Long enough to come out of a few big links, short enough for many small ones.
+    """
+    return round(size * max(0.55 / links**0.7, _SHORTEST), 3) if links else 0.0
+
+
+def axes_lengths(robot: Description) -> dict[str, float]:
+    """Return how long the axes of each link may be so that they do not hide it, metres.
+
+    In proportion to its visuals; those of a link without any are as those of its parent.
+    """
+    parents = {joint.child: joint.parent for joint in robot.joints}
+    marker = marker_size(robot)
+    lengths = {}
+    for link in robot.links:
+        cloud = link_corners(link, marker)
+        if cloud is not None:
+            lengths[link.name] = round(_OF_LINK * float(np.linalg.norm(np.ptp(cloud, axis=0))), 3)
+    for name in robot.link_names:
+        way = []
+        while name not in lengths and name in parents:
+            way.append(name)
+            name = parents[name]
+        if name in lengths:
+            lengths.update(dict.fromkeys(way, lengths[name]))
+    return lengths

@@ -1,0 +1,257 @@
+"""Reads RViz's own files (.rviz) as views: fixed frame, displays, topics, colours and camera.
+
+RViz's properties have the names of our settings, written as titles with units: "Size (m)" is
+``size``. Where a display's words or values differ, ``_SPECIAL`` has them.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from onebot_bringup.viewer.automatic import MESSAGE_DISPLAYS
+from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_description.errors import OneBotError, listing
+from onebot_description.parameters import bounded_yaml
+from onebot_description.parameters.reader import ConfigError, defaults, read, replaced
+
+RVIZ_SUFFIX = ".rviz"
+_MOST_LISTED = 12
+_UNIT = re.compile(r"\s*\([^)]*\)$")
+_COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
+_KEYS = {display.key: display for display in MESSAGE_DISPLAYS.values()}
+# RViz's displays whose class is not our key in title case.
+_CLASSES = {"marker_array": "marker", "compressed_image": "image", "camera": "image"}
+
+Properties = Mapping[str, Any]
+
+
+class RvizConfig:
+    """What an RViz file asks for, as far as there is a counterpart.
+
+    Attributes:
+        values: settings of a view, by dotted names.
+        ignored: displays that have none, and values that a setting cannot have. Not properties:
+            RViz writes all of a display, those too that nobody has changed.
+    """
+
+    def __init__(self, content: Properties) -> None:
+        """Take the file's content.
+
+        Raises:
+            ValueError: it is no RViz file.
+        """
+        manager = content.get("Visualization Manager")
+        if not isinstance(manager, Mapping):
+            raise ValueError('it has no "Visualization Manager"')
+        self.values: dict[str, Any] = {"automatic": False, "axes.visible": False}
+        self.values["grid.visible"] = False
+        self.ignored: list[str] = []
+        options = _mapping(manager.get("Global Options"))
+        self.values["fixed_frame"] = str(options.get("Fixed Frame") or "")
+        if background := _color(options.get("Background Color")):
+            self.values["background"] = background
+        for display in _displays(manager.get("Displays")):
+            self._add(display)
+        self._look(_mapping(_mapping(manager.get("Views")).get("Current")))
+
+    def view(self) -> ViewConfig:
+        """Return the view; a value that a setting cannot have is left out, and is ``ignored``."""
+        view = read(ViewConfig, {"automatic": False})
+        fixed = defaults(ViewConfig)
+        looks: dict[str, Any] = {}
+        for name, value in self.values.items():
+            try:
+                if name in fixed:
+                    view = replaced(view, name, value)
+                else:
+                    read(ViewConfig, {name: value})
+                    looks[name] = value
+            except ConfigError as error:
+                self.ignored.append(str(error))
+        return _with_looks(view, read(ViewConfig, looks), {name.split(".")[0] for name in looks})
+
+    # --- displays -------------------------------------------------------------------------------
+
+    def _add(self, display: Properties) -> None:
+        kind = str(display.get("Class", "")).rpartition("/")[2]
+        enabled = bool(display.get("Enabled", True))
+        special = _SPECIAL.get(kind)
+        if special is not None:
+            self.values |= special(display) if enabled else {}
+            return
+        key = _CLASSES.get(_snake(kind), _snake(kind))
+        topic = _topic(display)
+        if key not in _KEYS or not topic:
+            self.ignored.append(f'{kind or "a display"} "{display.get("Name", "")}"')
+            return
+        prefix = f"{key}.topics.{topic}"
+        self.values[f"{prefix}.visible"] = enabled
+        self.values |= _qos(_mapping(display.get("Topic")), prefix)
+        for name, value in _flat(display):
+            if name in _fields(key):
+                self.values[f"{prefix}.{name}"] = _color(value) or value
+
+    # --- the camera -----------------------------------------------------------------------------
+
+    def _look(self, view: Properties) -> None:
+        """Take the current view: an orbit, a top-down view, or one from a place."""
+        frame = str(view.get("Target Frame") or "")
+        if frame not in ("", "<Fixed Frame>", self.values["fixed_frame"]):
+            self.values["camera.follow"] = frame
+        kind = str(view.get("Class", "")).rpartition("/")[2]
+        if kind == "TopDownOrtho":
+            x, y = _number(view.get("X")), _number(view.get("Y"))
+            # Pixels a metre; of a window of some 800 pixels.
+            height = 800.0 / max(_number(view.get("Scale"), 50.0), 1e-3)
+            self.values |= {"camera.eye": [x, y - 1e-3, height], "camera.target": [x, y, 0.0]}
+        elif "Distance" in view:
+            center = _vector(view.get("Focal Point"))
+            reach = _number(view.get("Distance"), 10.0)
+            ahead = _direction(_number(view.get("Pitch")), _number(view.get("Yaw")))
+            eye = [c + reach * a for c, a in zip(center, ahead, strict=True)]
+            self.values |= {"camera.eye": eye, "camera.target": center}
+        elif "Position" in view:
+            eye = _vector(view.get("Position"))
+            ahead = _direction(-_number(view.get("Pitch")), _number(view.get("Yaw")))
+            self.values["camera.eye"] = eye
+            self.values["camera.target"] = [e + a for e, a in zip(eye, ahead, strict=True)]
+
+
+def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
+    """Read an RViz file as a view; ``notice`` gets what of it has no counterpart.
+
+    Raises:
+        OneBotError: there is no such file, or it is none of RViz's.
+    """
+    try:
+        content = bounded_yaml.load(bounded_yaml.read_text(path))
+        found = RvizConfig(_mapping(content))
+        view = found.view()
+    except OSError as error:
+        raise OneBotError(f"{path}: {error.strerror}") from error
+    except (yaml.YAMLError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise OneBotError(f"{path} is no file of RViz: {reason}") from error
+    if found.ignored:
+        notice(f"{path}: not shown: {listing(dict.fromkeys(found.ignored), _MOST_LISTED)}")
+    return view
+
+
+def _with_looks(view: ViewConfig, looks: ViewConfig, keys: Iterable[str]) -> ViewConfig:
+    changes: dict[str, Any] = {}
+    for key in keys:
+        changes[key] = replace(getattr(view, key), topics=getattr(looks, key).topics)
+    return replace(view, **changes)
+
+
+def _displays(found: Any) -> Iterator[Properties]:
+    """Yield the displays, those in groups too."""
+    for each in found if isinstance(found, list) else ():
+        if not isinstance(each, Mapping):
+            continue
+        if str(each.get("Class", "")).endswith("/Group"):
+            yield from _displays(each.get("Displays")) if each.get("Enabled", True) else ()
+        else:
+            yield each
+
+
+def _topic(display: Properties) -> str:
+    """The topic, of ROS 2's form or of ROS 1's."""
+    found = display.get("Topic", display.get("Image Topic", display.get("Marker Topic", "")))
+    return str(found.get("Value", "") if isinstance(found, Mapping) else found or "")
+
+
+def _qos(topic: Properties, prefix: str) -> dict[str, Any]:
+    """The QoS of a topic. Durability and history need none: a latched topic is received as such."""
+    found: dict[str, Any] = {}
+    reliability = _snake(topic.get("Reliability Policy", ""))
+    if reliability in ("reliable", "best_effort"):
+        found[f"{prefix}.reliability"] = reliability
+    if isinstance(topic.get("Depth"), int):
+        found[f"{prefix}.depth"] = topic["Depth"]
+    return found
+
+
+def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
+    """Yield each property by our kind of name; those of a group by their own."""
+    for name, value in properties.items():
+        if isinstance(value, Mapping):
+            if name != "Topic" and not name.endswith("Topic"):
+                yield from _flat(value)
+        else:
+            yield _snake(name), value
+
+
+def _fields(key: str) -> set[str]:
+    found = defaults(ViewConfig)
+    return {name.removeprefix(f"{key}.") for name in found if name.startswith(f"{key}.")}
+
+
+def _snake(name: str) -> str:
+    """``PointCloud2`` and ``Size (m)`` as ``point_cloud2`` and ``size``."""
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", _UNIT.sub("", str(name)))
+    return words.replace(" ", "_").replace("-", "_").lower()
+
+
+def _color(value: Any) -> list[int] | None:
+    found = _COLOR.fullmatch(value) if isinstance(value, str) else None
+    return [int(part) for part in found.groups()] if found else None
+
+
+def _mapping(value: Any) -> Properties:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _number(value: Any, default: float = 0.0) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return default
+    return number if math.isfinite(number) else default
+
+
+def _vector(value: Any) -> list[float]:
+    return [_number(_mapping(value).get(axis)) for axis in "XYZ"]
+
+
+def _direction(pitch: float, yaw: float) -> tuple[float, float, float]:
+    """A unit vector; RViz's orbit has its eye up by ``pitch`` and around by ``yaw``, radians."""
+    flat = math.cos(pitch)
+    return flat * math.cos(yaw), flat * math.sin(yaw), math.sin(pitch)
+
+
+# --- displays that are not of a message type ------------------------------------------------------
+
+
+def _grid(display: Properties) -> dict[str, Any]:
+    offset = _mapping(display.get("Offset"))
+    spacing, height = _number(display.get("Cell Size"), 1.0), _number(offset.get("Z"))
+    return {"grid.visible": True, "grid.spacing": spacing, "grid.height": height}
+
+
+def _axes(display: Properties) -> dict[str, Any]:
+    frames = {
+        name: bool(_mapping(value).get("Value", True))
+        for name, value in _mapping(display.get("Frames")).items()
+        if name != "All Enabled"
+    }
+    shown = [name for name, visible in frames.items() if visible]
+    only = shown if len(shown) < len(frames) else []
+    names = bool(display.get("Show Names", True))
+    return {"axes.visible": True, "axes.names": names, "axes.frames": only}
+
+
+def _robot_model(display: Properties) -> dict[str, Any]:
+    return {"collision": bool(display.get("Collision Enabled", False))}
+
+
+_SPECIAL: Mapping[str, Callable[[Properties], dict[str, Any]]] = {
+    "Grid": _grid,
+    "TF": _axes,
+    "RobotModel": _robot_model,
+}

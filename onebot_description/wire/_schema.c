@@ -1,0 +1,195 @@
+/* Reads CDR messages of any type, by the programs that schema.py makes of their definition.
+ *
+ * The messages are untrusted; the programs, and the rows that were made by them, are not checked.
+ * Python's functions are declared by its stable ABI, as in _tf_message.c.
+ */
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#define EXPORT __attribute__((visibility("default")))
+enum { BODY_AT = 4, PHASES = 8, KNOWN = 64, HASHED = 16 };
+
+typedef struct _object PyObject;
+extern PyObject _Py_NoneStruct;
+extern PyObject *PyBytes_FromStringAndSize(const char *, intptr_t);
+extern char *PyBytes_AsString(PyObject *);
+extern PyObject *PyList_New(intptr_t);
+extern int PyList_SetItem(PyObject *, intptr_t, PyObject *); /* takes over the reference */
+extern PyObject *PyUnicode_DecodeUTF8(const char *, intptr_t, const char *);
+extern PyObject *PyUnicode_DecodeUTF16(const char *, intptr_t, const char *, int *);
+extern void Py_IncRef(PyObject *);
+extern void Py_DecRef(PyObject *);
+
+/* ---- Programs: all of a definition lie in one block ---- */
+
+enum kind {
+  NUMBERS,  /* a fixed number of numbers: copied into the row */
+  SEQUENCE, /* numbers or characters: the row gets where they lie and how many they are */
+  STRUCTS,  /* of another program: as well, with where the first one begins, before padding */
+};
+
+struct operation {
+  uint32_t kind, size, count; /* count 0 of a sequence or of structs: the message has it */
+  uint32_t to;                /* byte in the row */
+  uint32_t program;
+  uint32_t booleans; /* each number must be 0 or 1: NumPy relies on that */
+};
+
+struct program {
+  uint32_t operations_at, operations; /* byte in the block, number */
+  uint32_t smallest;                  /* bytes of a struct in a message at least, never 0 */
+  uint32_t row_size;
+  /* By the start of a struct modulo PHASES: its bytes, and those from one to the next where that
+   * is constant and nothing in them needs a check; else 0. */
+  uint32_t size[PHASES], stride[PHASES];
+};
+
+/* ---- Structs ---- */
+
+struct message {
+  const unsigned char *data;
+  uint64_t size;
+  const unsigned char *block;
+};
+
+/* Return where `count` numbers of `size` bytes each lie from byte `at` on, 0 if they do not. */
+static uint64_t find(const struct message *message, uint64_t at, uint64_t size, uint64_t count) {
+  at += -(at - BODY_AT) & (size - 1);
+  return at <= message->size && message->size - at >= size * count ? at : 0;
+}
+
+static bool are_booleans(const unsigned char *bytes, uint64_t count) {
+  unsigned char all = 0;
+  for (uint64_t i = 0; i < count; i++) all |= bytes[i];
+  return all <= 1;
+}
+
+static uint64_t read_structs(const struct message *message, uint64_t at, uint32_t number,
+                             uint64_t count, unsigned char *row);
+
+static uint64_t read_numbers(const struct message *message, uint64_t at,
+                             const struct operation *operation, unsigned char *row) {
+  const uint64_t size = (uint64_t)operation->size * operation->count;
+  at = find(message, at, operation->size, operation->count);
+  if (!at || (operation->booleans && !are_booleans(message->data + at, size))) return 0;
+  if (row) memcpy(row + operation->to, message->data + at, size);
+  return at + size;
+}
+
+static uint64_t read_sequence(const struct message *message, uint64_t at,
+                              const struct operation *operation, unsigned char *row) {
+  uint32_t slot[2] = {0, operation->count};
+  if (!operation->count) {
+    at = find(message, at, sizeof *slot, 1);
+    if (!at) return 0;
+    memcpy(slot + 1, message->data + at, sizeof *slot);
+    at += sizeof *slot;
+  }
+  slot[0] = (uint32_t)at;
+  if (!slot[1]) { /* and no padding before nothing */
+  } else if (operation->kind == STRUCTS) {
+    at = read_structs(message, at, operation->program, slot[1], NULL);
+    if (!at) return 0;
+  } else {
+    at = find(message, at, operation->size, slot[1]);
+    if (!at || (operation->booleans && !are_booleans(message->data + at, slot[1]))) return 0;
+    slot[0] = (uint32_t)at;
+    at += (uint64_t)operation->size * slot[1];
+  }
+  if (row) memcpy(row + operation->to, slot, sizeof slot);
+  return at;
+}
+
+/* Read `count` structs from byte `at` on, each into a row unless `row` is NULL. Return where they
+ * end, 0 if they are not there. */
+static uint64_t read_structs(const struct message *message, uint64_t at, uint32_t number,
+                             uint64_t count, unsigned char *row) {
+  const struct program *program = (const struct program *)message->block + number;
+  const uint64_t left = message->size - at, phase = (at - BODY_AT) % PHASES;
+  if (count * program->smallest > left) return 0;
+  if (!row && count && program->stride[phase]) {
+    const uint64_t span = program->size[phase] + (count - 1) * program->stride[phase];
+    return span <= left ? at + span : 0;
+  }
+  const struct operation *first =
+      (const struct operation *)(message->block + program->operations_at);
+  const struct operation *end = first + program->operations;
+  for (uint64_t item = 0; item < count; item++) {
+    for (const struct operation *operation = first; operation < end; operation++) {
+      at = operation->kind == NUMBERS ? read_numbers(message, at, operation, row)
+                                      : read_sequence(message, at, operation, row);
+      if (!at) return 0;
+    }
+    if (row) row += program->row_size;
+  }
+  return at;
+}
+
+/* Read `count` structs of a program from byte `at` of a message on. Return their rows as bytes, or
+ * None if the message is not that. */
+EXPORT PyObject *onebot_read_structs(const unsigned char *data, uint64_t size, uint64_t at,
+                                     uint64_t count, const unsigned char *block, uint32_t number) {
+  const struct message message = {data, size, block};
+  const struct program *program = (const struct program *)block + number;
+  /* The rows are a few times as large as the structs at most. */
+  if (size > UINT32_MAX || at > size || count > UINT32_MAX || count * program->smallest > size - at) {
+    Py_IncRef(&_Py_NoneStruct);
+    return &_Py_NoneStruct;
+  }
+  PyObject *rows = PyBytes_FromStringAndSize(NULL, (intptr_t)(count * program->row_size));
+  if (!rows ||
+      read_structs(&message, at, number, count, (unsigned char *)PyBytes_AsString(rows)))
+    return rows;
+  Py_DecRef(rows);
+  Py_IncRef(&_Py_NoneStruct);
+  return &_Py_NoneStruct;
+}
+
+/* ---- Strings ---- */
+
+struct text {
+  const unsigned char *bytes;
+  uint64_t size;
+  PyObject *made; /* lent by the list that holds it */
+};
+
+static uint64_t hash(const unsigned char *bytes, uint64_t size) {
+  uint64_t value = size; /* and the end, where strings differ most */
+  for (uint64_t i = size > HASHED ? size - HASHED : 0; i < size; i++) value = value * 31 + bytes[i];
+  return value ^ value >> 7;
+}
+
+static PyObject *decode(const struct text *text, uint64_t width) {
+  const char *bytes = (const char *)text->bytes;
+  uint64_t size = text->size;
+  if (size && !bytes[size - 1] && !bytes[size - width]) size -= width; /* the closing NUL */
+  if (width == 1) return PyUnicode_DecodeUTF8(bytes, (intptr_t)size, "replace");
+  int little_endian = -1;
+  return PyUnicode_DecodeUTF16(bytes, (intptr_t)size, "replace", &little_endian);
+}
+
+/* Return a list of the strings in `count` rows, `stride` bytes apart, each with where its string
+ * lies in the message at byte `at`; equal strings are mostly one object. `width`: bytes of a
+ * character. */
+EXPORT PyObject *onebot_read_strings(const unsigned char *data, const unsigned char *rows,
+                                     uint64_t at, int64_t stride, uint64_t count, uint64_t width) {
+  struct text known[KNOWN] = {{0}};
+  PyObject *list = PyList_New((intptr_t)count);
+  for (uint64_t row = 0; list && row < count; row++) {
+    uint32_t slot[2];
+    memcpy(slot, rows + at + (int64_t)row * stride, sizeof slot);
+    struct text text = {data + slot[0], slot[1] * width, NULL};
+    struct text *same = known + hash(text.bytes, text.size) % KNOWN;
+    if (same->made && same->size == text.size && !memcmp(same->bytes, text.bytes, text.size)) {
+      Py_IncRef(text.made = same->made);
+    } else if (!(text.made = decode(&text, width))) {
+      Py_DecRef(list);
+      return NULL;
+    }
+    *same = text;
+    PyList_SetItem(list, (intptr_t)row, text.made);
+  }
+  return list;
+}

@@ -1,0 +1,134 @@
+"""What is shown without being named, and what of a flood is dropped."""
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+
+from onebot_bringup.viewer.automatic import MOST_SHOWN, LoadLimit, OfferedTopic, TopicSelection
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.errors import OneBotError
+from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, take, take_tf, transforms
+
+PATH = "nav_msgs/msg/Path"
+
+
+def full_name(topic):
+    """As a node in no namespace resolves it."""
+    return topic if topic.startswith("/") else f"/{topic}"
+
+
+def _visible(view, topics, selection=None):
+    selection = selection or TopicSelection(full_name)
+    selection.choose(topics, parse_view(view))
+    return [each.topic for each in selection.offered if each.visible]
+
+
+@pytest.mark.parametrize(
+    ("view", "visible"),
+    [
+        ("", ["/a", "/b"]),
+        ("hidden: [a]", ["/b"]),
+        ("automatic: false", []),
+        ("{automatic: false, shown: [b]}", ["/b"]),
+        ("{automatic: false, path: {topics: {/a: {}}}}", ["/a"]),
+        ("path: {visible: false}", []),
+        ("path: {visible: false, topics: {a: {visible: true}}}", ["/a"]),
+        ("path: {topics: {a: {visible: false}}}", ["/b"]),
+        ("{shown: [a, _hidden/c], path: {visible: false}}", ["/_hidden/c", "/a"]),
+    ],
+)
+def test_which_topics_are_shown(view, visible):
+    """Those of a type that has a display, but as the view says."""
+    topics = {"/b": PATH, "/a": PATH, "/_hidden/c": PATH, "/x": "foo_msgs/msg/Bar"}
+    assert _visible(view, topics) == visible
+
+
+def test_all_that_could_be_shown_are_offered():
+    """Those that are not shown, too: a page has a check box for each."""
+    selection = TopicSelection(full_name)
+    selection.choose({"/a": PATH, "/b": PATH, "/x": "foo_msgs/msg/Bar"}, parse_view("hidden: [b]"))
+    assert selection.offered == (
+        OfferedTopic("/a", PATH, True),
+        OfferedTopic("/b", PATH, False),
+    )
+
+
+def test_of_very_many_those_that_are_shown_stay():
+    """Another one that is published does not take the place of one that is seen."""
+    selection = TopicSelection(full_name)
+    many = {f"/n{number:03}": PATH for number in range(MOST_SHOWN)}
+    assert len(_visible("", many, selection)) == MOST_SHOWN
+    assert "/a" not in _visible("", many | {"/a": PATH}, selection)
+    assert "/a" in _visible("shown: [a]", many | {"/a": PATH}, selection)
+
+
+def test_a_limit_admits_what_there_is_time_for():
+    """By the time that messages took before; the newest, and one at least."""
+    limit = LoadLimit()
+    assert limit.ready(0.0)
+    assert limit.admit(range(10), [0] * 10) == range(10)
+    limit.spent(1.0)  # 0.1 s each, half a second more than it had
+    assert not limit.ready(1.0)
+    assert limit.ready(4.0)  # and now it has saved all it can, 0.5 s
+    assert limit.admit(range(100), [0] * 100) == range(95, 100)
+    assert limit.dropped == 95
+    limit.spent(0.499)
+    assert limit.ready(4.0)
+    assert limit.admit(range(3), [0] * 3) == range(2, 3)
+
+
+def test_large_messages_count_by_their_size():
+    """What Rerun does with the bytes takes its own threads' time."""
+    limit = LoadLimit()
+    limit.ready(0.0)
+    limit.admit([b""], [400_000_000])
+    limit.spent(0.0)
+    assert not limit.ready(1.0)
+
+
+def _path(length):
+    message = Path(poses=[PoseStamped(), PoseStamped()])
+    message.header.frame_id = "base"
+    message.poses[1].pose.position.x = length
+    return message
+
+
+def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
+    """It is said once, and the last message is shown."""
+    for name in ("_SHARE", "_SAVED"):
+        monkeypatch.setattr(f"onebot_bringup.viewer.automatic.{name}", 1e-9)
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = RobotView(recording.stream, live=True)
+    describe(live, ARM)
+    take_tf(live, transforms("base", "tip", 0.5))
+    live.offer({"/plan": PATH})
+    said = []
+    for number in range(400):
+        take(live, "/plan", _path(float(number)))
+        if number % 100 == 99:
+            said += live.tick(START_NS + number * 10**9)
+    live.finish()
+    recording.close()
+    lines = column(tmp_path / "x.rrd", "/path/plan", "LineStrips3D:strips")
+    assert len(lines) < 400 and lines[-1][0][1][0] == 399.0
+    assert [sentence for sentence in said if "dropped" in sentence] == [
+        "path: more comes than can be shown without delay: old messages are dropped"
+    ]
+
+
+def test_a_type_without_a_definition_is_said(tmp_path):
+    """The others are shown."""
+
+    def definitions(name):
+        raise OneBotError(f"no definition of {name}")
+
+    recording = open_recording(save=tmp_path / "x.rrd")
+    view = RobotView(recording.stream, definitions=definitions)
+    assert view.offer({"/plan": PATH, "/x": "a/msg/B"}) == [
+        "/plan cannot be shown: no definition of nav_msgs/msg/Path"
+    ]
+    assert view.offered == ()
+    recording.close()

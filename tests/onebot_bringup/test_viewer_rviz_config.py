@@ -1,0 +1,170 @@
+"""RViz's own files as views: displays, topics, QoS, colours and camera."""
+
+import pytest
+
+from onebot_bringup.viewer.rviz_config import load_rviz
+from onebot_bringup.viewer.view_source import ViewSource
+from onebot_description.errors import OneBotError
+
+# As RViz of Jazzy saves it, shortened.
+FILE = """
+Panels:
+  - Class: rviz_common/Displays
+    Name: Displays
+Visualization Manager:
+  Class: ""
+  Displays:
+    - Alpha: 0.5
+      Cell Size: 2
+      Class: rviz_default_plugins/Grid
+      Enabled: true
+      Name: Grid
+      Offset: {X: 0, Y: 0, Z: -0.5}
+    - Class: rviz_default_plugins/RobotModel
+      Collision Enabled: true
+      Description Topic: {Depth: 5, Value: robot_description}
+      Enabled: true
+      Name: RobotModel
+    - Class: rviz_default_plugins/TF
+      Enabled: true
+      Frames:
+        All Enabled: false
+        base_link: {Value: true}
+        odom: {Value: false}
+      Name: TF
+      Show Names: false
+    - Class: rviz_common/Group
+      Enabled: true
+      Name: Planner
+      Displays:
+        - Alpha: 1
+          Class: rviz_default_plugins/Path
+          Color: 255; 0; 10
+          Enabled: true
+          Name: Path
+          Topic: {Depth: 7, Reliability Policy: Best Effort, Value: plan}
+          Value: true
+        - Class: rviz_default_plugins/Path
+          Enabled: false
+          Name: Other
+          Topic: {Value: /other}
+    - Class: rviz_common/Group
+      Enabled: false
+      Name: Off
+      Displays:
+        - {Class: rviz_default_plugins/Path, Enabled: true, Name: P, Topic: {Value: /never}}
+    - Class: nav2_rviz_plugins/ParticleCloud
+      Enabled: true
+      Name: Amcl Particle Swarm
+      Topic: {Value: particle_cloud}
+  Enabled: true
+  Global Options:
+    Background Color: 48; 49; 50
+    Fixed Frame: map
+    Frame Rate: 30
+  Name: root
+  Views:
+    Current:
+      Class: rviz_default_plugins/Orbit
+      Distance: 10
+      Focal Point: {X: 1, Y: 2, Z: 3}
+      Name: Current View
+      Pitch: 0.5235987755982988
+      Target Frame: <Fixed Frame>
+      Yaw: 1.5707963267948966
+    Saved: ~
+"""
+
+
+def _loaded(tmp_path, text=FILE):
+    file = tmp_path / "x.rviz"
+    file.write_text(text)
+    notices = []
+    return load_rviz(file, notices.append), notices
+
+
+def test_what_rviz_shows_is_shown(tmp_path):
+    """And nothing else: what no display names is not shown by itself."""
+    view, notices = _loaded(tmp_path)
+    assert (view.fixed_frame, view.background, view.automatic) == ("map", (48, 49, 50), False)
+    assert (view.grid.visible, view.grid.spacing, view.grid.height) == (True, 2.0, -0.5)
+    assert (view.axes.visible, view.axes.names, view.axes.frames) == (True, False, ("base_link",))
+    assert view.collision
+    looks = view.path.topics
+    assert set(looks) == {"plan", "/other"}
+    assert (looks["plan"].color, looks["plan"].visible) == ((255, 0, 10), True)
+    assert (looks["plan"].reliability, looks["plan"].depth) == ("best_effort", 7)
+    assert not looks["/other"].visible
+    [notice] = notices
+    assert notice.endswith('not shown: ParticleCloud "Amcl Particle Swarm"')
+
+
+def test_an_orbit_looks_from_where_rviz_does(tmp_path):
+    """Pitch is up, yaw around, from the focal point."""
+    view, _ = _loaded(tmp_path)
+    assert view.camera.target == (1.0, 2.0, 3.0)
+    assert view.camera.eye == pytest.approx((1.0, 2.0 + 10 * 0.75**0.5, 3.0 + 5.0))
+    assert view.camera.follow == ""
+
+
+@pytest.mark.parametrize(
+    ("camera", "eye", "target"),
+    [
+        (
+            "{Class: rviz_default_plugins/TopDownOrtho, Scale: 80, X: 3, Y: 4}",
+            (3.0, 4.0, 10.0),
+            (3.0, 4.0, 0.0),
+        ),
+        (
+            "{Class: rviz_default_plugins/FPS, Pitch: 0, Yaw: 0, Position: {X: 1, Y: 0, Z: 2}}",
+            (1.0, 0.0, 2.0),
+            (2.0, 0.0, 2.0),
+        ),
+    ],
+)
+def test_other_views(tmp_path, camera, eye, target):
+    """From above, and from a place."""
+    start = FILE.index("    Current:")
+    text = f"{FILE[:start]}    Current: {camera}\n"
+    view, _ = _loaded(tmp_path, text)
+    assert view.camera.eye == pytest.approx(eye, abs=0.01)
+    assert view.camera.target == pytest.approx(target)
+
+
+def test_a_view_that_follows(tmp_path):
+    """A target frame other than the fixed one is followed."""
+    view, _ = _loaded(tmp_path, FILE.replace("<Fixed Frame>", "base_link"))
+    assert view.camera.follow == "base_link"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a: [", "is no file of RViz"),
+        ("a: 1", 'it has no "Visualization Manager"'),
+        ("", 'it has no "Visualization Manager"'),
+    ],
+)
+def test_other_files_are_refused(tmp_path, text, said):
+    """With what is wrong."""
+    with pytest.raises(OneBotError, match=said):
+        _loaded(tmp_path, text)
+
+
+def test_odd_values_cost_nothing_else(tmp_path):
+    """A value that a setting cannot have is left out, and said."""
+    text = FILE.replace("Cell Size: 2", "Cell Size: -2").replace("Yaw: 1.57", "Yaw: .nan #")
+    view, [notice] = _loaded(tmp_path, text)
+    assert view.grid.spacing == 0.0 and "grid.spacing: -2" in notice
+    assert view.fixed_frame == "map"
+
+
+def test_it_is_saved_as_a_view_of_ours(tmp_path):
+    """Into a file of our own format."""
+    file = tmp_path / "x.rviz"
+    file.write_text(FILE)
+    source = ViewSource(str(file), print)
+    with pytest.raises(OneBotError, match="must end in .yaml"):
+        source.save()
+    saved = source.save(tmp_path / "x.yaml")
+    assert ViewSource(str(saved)).view == source.view

@@ -1,0 +1,413 @@
+"""Messages of every type read by their definition as rclpy reads them by its classes."""
+
+import copy
+import random
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Point, PoseStamped, TwistWithCovariance
+from hypothesis import HealthCheck, given, settings
+from nav_msgs.msg import Path
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosidl_parser.definition import AbstractNestedType, NamespacedType
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from onebot_bringup.introspection.interfaces import (
+    full_definition,
+    installed,
+    message_class,
+    type_name,
+)
+from onebot_description.wire.cdr import ENCAPSULATION, WireError, nanoseconds
+from onebot_description.wire.definition import DefinitionError
+from onebot_description.wire.schema import Message, Schema, Sequences, Table
+from tests.any_message import messages, serialized
+
+
+def schema_of(message: Any) -> Schema:
+    name = type_name(message)
+    return Schema.of(name, full_definition(name))
+
+
+def read(message: Any) -> Message:
+    """Read what rclpy writes."""
+    return schema_of(message).read(serialized(message))
+
+
+def fields_of(kind: Any) -> dict[str, Any]:
+    return dict(zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True))
+
+
+def assert_same(ours: Any, theirs: Any, slot: Any) -> None:
+    """Compare a field with rclpy's, at every depth."""
+    if isinstance(slot, NamespacedType):
+        for name, inner in fields_of(type(theirs)).items():
+            assert_same(getattr(ours, name), getattr(theirs, name), inner)
+    elif not isinstance(slot, AbstractNestedType):
+        assert_equal(ours, theirs)
+    elif isinstance(slot.value_type, NamespacedType):
+        assert len(ours) == len(theirs)
+        for our, their in zip(ours, theirs, strict=True):
+            assert_same(our, their, slot.value_type)
+        assert_columns(ours)
+    else:
+        assert len(ours) == len(theirs)
+        for our, their in zip(ours, theirs, strict=True):
+            assert_equal(our, their)
+
+
+def assert_equal(ours: Any, theirs: Any) -> None:
+    """Compare a number or a string; rclpy has bytes for a byte."""
+    theirs = theirs[0] if isinstance(theirs, bytes) else theirs
+    assert ours == theirs or (ours != ours and theirs != theirs)
+
+
+def assert_columns(table: Table) -> None:
+    """Compare the columns of a table with its rows."""
+    for name in table._group.fields:
+        column = table[name]
+        assert len(column) == len(table)
+        if isinstance(column, Table):
+            assert_columns(column)
+            continue
+        for row, value in zip(table, column, strict=True):
+            if not isinstance(value, Table):
+                np.testing.assert_array_equal(row[name], value)
+
+
+@pytest.mark.parametrize("name", installed("msg"))
+def test_a_message_reads_as_rclpy_wrote_it(name):
+    kind = message_class(name)
+    schema = Schema.of(name, full_definition(name))
+
+    @settings(max_examples=5, database=None, suppress_health_check=list(HealthCheck))
+    @given(messages(kind))
+    def check(message):
+        ours = schema.read(serialized(message))
+        for field, slot in fields_of(kind).items():
+            assert_same(getattr(ours, field), getattr(message, field), slot)
+
+    check()
+
+
+# ---- Tables, arrays and views ----
+
+
+def path_of(*frames: str) -> Path:
+    path = Path()
+    for number, frame in enumerate(frames):
+        pose = PoseStamped()
+        pose.header.frame_id, pose.header.stamp.sec = frame, number
+        pose.pose.position.x, pose.pose.position.y = float(number), 0.5
+        path.poses.append(pose)
+    return path
+
+
+def test_a_sequence_of_messages_reads_by_columns_and_by_rows():
+    poses = read(path_of("map", "odom", "map", "été")).poses
+    assert len(poses) == 4
+    assert poses.header.frame_id == ["map", "odom", "map", "été"]
+    assert poses.header.frame_id[0] is poses.header.frame_id[2]
+    assert poses.pose.position.x.tolist() == [0, 1, 2, 3]
+    assert poses["pose.position.x"].tolist() == [0, 1, 2, 3]
+    assert poses.pose.position.array().tolist() == [[n, 0.5, 0] for n in range(4)]
+    assert poses.pose.array().shape == (4, 7)
+    assert poses[-1].pose.array().tolist() == [3, 0.5, 0, 0, 0, 0, 1]
+    assert poses[3].header.frame_id == "été"
+    assert nanoseconds(poses[2].header.stamp) == 2_000_000_000
+    assert [pose.pose.position.x for pose in poses] == [0, 1, 2, 3]
+    assert poses[::-2].header.frame_id == ["été", "odom"]
+    assert poses[::-2].pose.position.x.tolist() == [3, 1]
+    with pytest.raises(IndexError):
+        poses[4]
+    with pytest.raises(TypeError, match="not numbers of one type, side by side"):
+        poses.array()
+
+
+def test_an_empty_table_has_empty_columns():
+    poses = read(Path()).poses
+    assert (len(poses), poses.header.frame_id, list(poses)) == (0, [], [])
+    assert poses.pose.array().shape == (0, 7)
+    assert len(read(Marker()).points.array()) == 0
+    assert len(read(MarkerArray()).markers.points) == 0
+
+
+def test_arrays_in_a_table_are_one_for_each_row():
+    some = Marker(points=[Point(x=1.0), Point(y=2.0)], colors=[ColorRGBA(a=0.5)])
+    markers = read(MarkerArray(markers=[Marker(), some])).markers
+    assert markers.points.counts.tolist() == [0, 2]
+    assert markers.points[1].array().tolist() == [[1, 0, 0], [0, 2, 0]]
+    assert markers.colors[-1].a.tolist() == [0.5]
+    assert [len(points) for points in markers.points[1:]] == [2]
+    assert markers.texture.data[0].tolist() == []
+
+
+def test_numbers_are_views_into_the_message():
+    """They copy nothing, and nobody can change them."""
+    scan = LaserScan(ranges=[1.0, 2.0])
+    marker = Marker(points=[Point(z=3.0)] * 2)
+    for message, view in ((scan, "ranges"), (marker, "points.z")):
+        data = serialized(message)
+        found = schema_of(message).read(data)
+        for name in view.split("."):
+            found = getattr(found, name)
+        assert not found.flags.writeable
+        assert np.shares_memory(found, np.frombuffer(data, np.uint8))
+
+
+def test_fields_of_a_cloud_and_of_a_fixed_array():
+    names = ["x", "y", "rgb"]
+    fields = [PointField(name=name, offset=4 * at, datatype=7) for at, name in enumerate(names)]
+    cloud = read(PointCloud2(fields=fields, data=b"12345", is_dense=True))
+    assert cloud.fields.name == names
+    assert cloud.fields.offset.tolist() == [0, 4, 8]
+    assert (cloud.data.tobytes(), cloud.is_dense) == (b"12345", True)
+    twist = read(TwistWithCovariance(covariance=np.arange(36.0)))
+    assert twist.covariance.tolist() == list(range(36))
+
+
+def test_numeric_fields_are_those_outside_of_arrays():
+    schema = schema_of(path_of())
+    assert schema.numeric_fields() == ("header.stamp.sec", "header.stamp.nanosec")
+    twist = TwistWithCovariance()
+    twist.twist.linear.x = 0.25
+    fields = schema_of(twist).numeric_fields()
+    assert fields == tuple(
+        f"twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz"
+    )
+    assert read(twist)["twist.linear.x"] == 0.25
+    assert Schema.of("std_msgs/msg/Empty", "").numeric_fields() == ()
+
+
+def test_an_unknown_field_is_named_with_those_that_exist():
+    scan = read(LaserScan())
+    with pytest.raises(
+        AttributeError, match='LaserScan has no field "range" .*did you mean "ranges"'
+    ):
+        scan.range  # noqa: B018
+    with pytest.raises(LookupError, match='LaserScan.header has no field "frame"'):
+        scan["header.frame"]
+    with pytest.raises(LookupError, match="LaserScan.angle_min .* is no message"):
+        scan["angle_min.x"]
+    assert repr(scan).startswith("<sensor_msgs/LaserScan: header, angle_min,")
+    assert "ranges" in dir(scan)
+    assert copy.copy(scan).angle_min == 0
+
+
+# ---- Layout ----
+
+TIGHT = """uint8 flag
+float64 value
+"""
+LOOSE = """float64 value
+uint8 flag
+"""
+ALL = """
+{name}/A[] many
+uint8 before
+{name}/A[2] two
+{name}/A one
+float64[] none
+uint16 after
+================================================================================
+MSG: {name}/A
+"""
+
+
+@pytest.mark.parametrize(
+    "inner", [TIGHT, LOOSE, f"{TIGHT}uint16 end", "uint8 a\nuint8 b", "bool a", ""]
+)
+@pytest.mark.parametrize("count", [0, 1, 2, 5])
+def test_padding_is_that_of_rosbags(inner, count):
+    """Structs that begin and end anywhere; the writer is another project's."""
+    definition = ALL.format(name="test") + inner
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, "test/msg/All"))
+    kinds = store.types
+
+    def one(number: int) -> Any:
+        values = {"flag": number, "value": number / 2, "end": number, "a": number % 2, "b": 7}
+        names = [line.split()[1] for line in inner.split("\n") if line] or [EMPTY]
+        return kinds["test/msg/A"](**{name: values.get(name, 0) for name in names})
+
+    message = kinds["test/msg/All"](
+        many=[one(number) for number in range(count)],
+        before=3,
+        two=[one(8), one(9)],
+        one=one(10),
+        none=np.empty(0),
+        after=65535,
+    )
+    ours = Schema.of("test/msg/All", definition).read(
+        bytes(store.serialize_cdr(message, "test/msg/All"))
+    )
+    assert (ours.before, ours.after, len(ours.none)) == (3, 65535, 0)
+    assert len(ours.many) == count
+    tables = ((ours.many, message.many), (ours.two, message.two), ([ours.one], [message.one]))
+    for our, their in tables:
+        for row, expected in zip(our, their, strict=True):
+            for name in set(vars(expected)) - {EMPTY, "__msgtype__"}:
+                assert row[name] == getattr(expected, name)
+
+
+EMPTY = "structure_needs_at_least_one_member"
+
+
+def wide(text: str) -> bytes:
+    encoded = text.encode("utf-16-le")
+    return struct.pack("<I", len(encoded) // 2) + encoded
+
+
+def test_wstrings_and_bounded_types():
+    """Characters of two bytes, without a NUL at the end; bounds are no part of the layout."""
+    definition = """wstring<=5 a "default # not a comment"
+        wstring[] b
+        string<=3[<=2] c
+        int8[<=4] d [1, 2]
+        uint8 X=5
+        string Y = "a # b"
+        char class
+        byte lambda"""
+    body = wide("aé") + struct.pack("<I", 2) + wide("😀") + wide("")
+    body += struct.pack("<I", 2) + b"\2\0\0\0x\0" + b"\0\0" + b"\0\0\0\0"
+    body += struct.pack("<Ib", 1, -1) + b"\xfe\xff"
+    message = Schema.of("test/msg/Strings", definition).read(ENCAPSULATION + body)
+    assert (message.a, message.b, message.c) == ("aé", ["😀", ""], ["x", ""])
+    assert (message.d.tolist(), message["class"], message["lambda"]) == ([-1], 254, 255)
+
+
+def test_text_that_is_no_utf_8_is_replaced():
+    data = ENCAPSULATION + struct.pack("<I", 3) + b"a\xff\0"
+    assert Schema.of("std_msgs/msg/String", "string data").read(data).data == "a\ufffd"
+
+
+# ---- Bytes that are no message ----
+
+
+def read_all(view: Any) -> None:
+    """Read each field of a message, at every depth."""
+    for name in view._group.fields:
+        value = view[name]
+        for one in value if isinstance(value, Sequences) else [value]:
+            if isinstance(one, Message | Table):
+                read_all(one)
+
+
+FUZZED = (
+    MarkerArray(markers=[Marker(ns="a", points=[Point()] * 3, text="b"), Marker(), Marker()]),
+    path_of("map", "odom"),
+    PointCloud2(fields=[PointField(name="x")] * 3, data=bytes(40)),
+)
+
+
+@pytest.mark.parametrize("message", FUZZED, ids=lambda message: type(message).__name__)
+def test_any_bytes_are_a_message_or_an_error(message):
+    data = serialized(message)
+    schema = schema_of(message)
+    for size in range(len(data) - 3):  # the last three may be padding
+        with pytest.raises(WireError):
+            schema.read(data[:size])
+    chance = random.Random(1)
+    errors = 0
+    for _ in range(2000):
+        changed = bytearray(data)
+        for _ in range(chance.randint(1, 4)):
+            place = chance.randrange(4, len(data))
+            changed[place : place + 4] = chance.choice(
+                [b"\xff\xff\xff\xff", b"\0\0\0\x80", chance.randbytes(1), chance.randbytes(4)]
+            )
+        try:
+            read_all(schema.read(bytes(changed)))
+        except WireError:
+            errors += 1
+    assert 0 < errors < 2000
+
+
+@pytest.mark.parametrize(
+    "definition", ["float64[] a", "string[] a", "test/A[] a", "string a", "wstring a", "test/B[] a"]
+)
+def test_a_huge_count_takes_no_memory(definition):
+    definition += "\n===\nMSG: test/A\nstring s\n===\nMSG: test/B\nfloat64[100000] b"
+    schema = Schema.of("test/msg/Huge", definition)
+    for count in (5, 2**31 - 1, 2**31, 2**32 - 1):
+        with pytest.raises(WireError, match="truncated"):
+            schema.read(ENCAPSULATION + struct.pack("<I", count) + bytes(4))
+
+
+@pytest.mark.parametrize("definition", ["bool a", "bool[3] a", "bool[] a", "test/A[] a"])
+def test_a_bool_is_zero_or_one(definition):
+    """Anything else is undefined in arrays of NumPy's."""
+    schema = Schema.of("test/msg/Bool", f"{definition}\n===\nMSG: test/A\nbool b")
+    for value in (0, 1, 2):
+        data = ENCAPSULATION + (b"\3\0\0\0" if "[]" in definition else b"") + bytes([value]) * 3
+        if value == 2:
+            with pytest.raises(WireError, match="bool"):
+                schema.read(data)
+        else:
+            read_all(schema.read(data))
+
+
+def test_only_plain_little_endian_is_read():
+    schema = Schema.of("std_msgs/msg/Empty", "")
+    assert schema.read(ENCAPSULATION + b"\0")._group.fields
+    for data in (b"", b"\0\1", b"\0\0\0\0\0", b"\0\3\0\0\0", ENCAPSULATION):
+        with pytest.raises(WireError):
+            schema.read(data)
+
+
+# ---- Definitions ----
+
+
+@pytest.mark.parametrize(
+    ("definition", "problem"),
+    [
+        ("float64 x\nfloat64", 'test/T, line 2: "float64" is no field'),
+        ("float64[-1] x", "is no field"),
+        ("float64 _x", "is no field"),
+        ("float64 x:", "is no field"),
+        ("float64[0] x", "1 to 2147483647 elements"),
+        ("float64[9999999999] x", "1 to 2147483647 elements"),
+        ("float64[2000000000] x", "larger than two gigabytes"),
+        ("float64 x\nuint8 x", "an earlier field has this name"),
+        ("other/A x", "no definition of other/A"),
+        ("A x", "no definition of test/A"),
+        ("A x\n===\nMSG: test/A\nint8 x\nB y", "test/A, line 2: .*no definition of test/B"),
+        ("A x\n===\nMSG: test/A\nA x", "test/A contains itself"),
+        ("A[] x\n===\nMSG: test/A\nT[] x", "test/T contains itself"),
+        ("module test { struct T {}; };", "in IDL"),
+        ("===\nIDL: test/T\nmodule test", "in IDL"),
+    ],
+)
+def test_a_definition_that_cannot_be_used_names_type_and_line(definition, problem):
+    with pytest.raises(DefinitionError, match=problem):
+        Schema.of("test/msg/T", definition)
+
+
+def test_a_definition_that_grows_without_bound_is_refused():
+    """Ten types of ten fields each of the next one, or very many types in each other."""
+    section = "\n===\nMSG: test/A{}\n"
+    wide = "A0 a" + "".join(
+        section.format(at) + "".join(f"A{at + 1} f{field}\n" for field in range(10))
+        for at in range(9)
+    )
+    wide += f"{section.format(9)}int8 x"
+    deep = "A0 a" + "".join(f"{section.format(at)}A{at + 1} f" for at in range(5000))
+    for definition, problem in ((wide, "more than 10000 fields"), (deep, "more than 64 types")):
+        with pytest.raises(DefinitionError, match=problem):
+            Schema.of("test/msg/T", definition)
+
+
+def test_definitions_as_various_writers_store_them():
+    """Windows line ends, the full name of a type, Time left out, the type's own line of ``=``."""
+    text = "std_msgs/msg/Header header\r\n" + "=" * 80 + "\r\nMSG: std_msgs/msg/Header\r\n"
+    text += "builtin_interfaces/Time stamp\r\nstring frame_id\r\n"
+    data = ENCAPSULATION + struct.pack("<iII", 1, 2, 2) + b"m\0"
+    for definition in (text, f"===\nMSG: test/T\n{text}"):
+        message = Schema.of("test/T", definition).read(data)
+        assert (nanoseconds(message.header.stamp), message.header.frame_id) == (10**9 + 2, "m")
+    with pytest.raises(DefinitionError, match="no name of a message type"):
+        Schema.of("test/srv/T", "")
