@@ -100,6 +100,7 @@ class RobotView:
         self._changed = clock()  # when the robot or the view did
         self._warnings = WarningFilter(clock)
         self._stamps = Stamps()
+        self._now_ns = 0  # on the timeline
         self._definitions = definitions
         self._live = live
         self._published: Mapping[str, str] = {}
@@ -155,6 +156,7 @@ class RobotView:
             root,
             self._definitions,
             self._resolve,
+            lambda: self._now_ns,
         )
 
     # --- messages -------------------------------------------------------------------------------
@@ -291,6 +293,8 @@ class RobotView:
     def _update(self, now_ns: int | None) -> list[str]:
         """Decode and log what is due; None: everything."""
         warnings = self._update_robot()
+        if now_ns is not None:
+            self._now_ns = self._stamps.display_time(0, now_ns)
         due = [shown for shown in self._displays if shown.is_due(now_ns)]
         self._deliver(due)
         for shown in due:
