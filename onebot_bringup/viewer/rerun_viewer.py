@@ -421,7 +421,7 @@ class RerunViewer(Node):
             self._page_publisher.publish(String(data=address))
         self._offer_topics()
         try:
-            self._topics.update()
+            self._topics.set_topics(self._view.topics)
         except OneBotError as error:
             self._warn("topics", str(error), every=10.0)
         for conflict in self._conflicts.poll(time.monotonic()):
@@ -437,14 +437,9 @@ class RerunViewer(Node):
             self._warn(problem, problem, every=60.0)
         offered = [each._asdict() for each in self._view.offered]
         displays = json.dumps({"shown": offered})
-        if displays == self._published_displays:
-            return
-        self._published_displays = displays
-        self._displays_publisher.publish(String(data=displays))
-        try:
-            self._topics.set_topics(self._view.topics)
-        except OneBotError as error:
-            self._warn("topics", str(error), every=10.0)
+        if displays != self._published_displays:
+            self._published_displays = displays
+            self._displays_publisher.publish(String(data=displays))
 
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""
