@@ -41,6 +41,7 @@ class RangeDrawing(Drawing[RangeLook]):
             rr.Mesh3D.from_fields(
                 triangle_indices=np.concatenate([side, base]),
                 albedo_factor=shade,
+                face_rendering="Front",  # else the far side shines through
             )
         ]
 
