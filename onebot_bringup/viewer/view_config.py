@@ -32,6 +32,7 @@ Example (every key may be left out)::
     camera_info: {far_clip: 0.5}  # metres
     imu: {axes: true, axes_scale: 0.3, acceleration: true, acceleration_scale: 0.05}  # metres
     range: {color: [255, 255, 255], alpha: 0.5}
+    marker: {hidden_namespaces: [debug]}   # of visualization_msgs/Marker and MarkerArray
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
