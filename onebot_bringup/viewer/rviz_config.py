@@ -25,7 +25,7 @@ _UNIT = re.compile(r"\s*\([^)]*\)$")
 _COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
 _KEYS = {display.key: display for display in MESSAGE_DISPLAYS.values()}
 # RViz's displays whose class is not our key in title case.
-_CLASSES = {"marker_array": "marker", "compressed_image": "image"}
+_CLASSES = {"marker_array": "marker", "compressed_image": "image", "camera": "image"}
 
 Properties = Mapping[str, Any]
 
@@ -92,6 +92,10 @@ class RvizConfig:
         prefix = f"{key}.topics.{topic}"
         self.values[f"{prefix}.visible"] = enabled
         self.values |= _qos(_mapping(display.get("Topic")), prefix)
+        if "hidden_namespaces" in _fields(key):
+            spaces = _mapping(display.get("Namespaces"))
+            hidden = [name for name, shown in spaces.items() if shown is False]
+            self.values[f"{prefix}.hidden_namespaces"] = hidden
         for name, value in _flat(display):
             if name in _fields(key):
                 self.values[f"{prefix}.{name}"] = _color(value) or value
@@ -181,7 +185,7 @@ def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
     """Yield each property by our kind of name; those of a group by their own."""
     for name, value in properties.items():
         if isinstance(value, Mapping):
-            if name != "Topic" and not name.endswith("Topic"):
+            if name != "Namespaces" and not name.endswith("Topic"):
                 yield from _flat(value)
         else:
             yield _snake(name), value
