@@ -30,7 +30,7 @@ Parameters:
     fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
         frame above the robot's root link (such as odom; else the root link).
     axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
-        trails, covariance, speeds.lines and curves.lines); they can be changed while the viewer runs.
+        trails, covariance, speeds.lines and curves.lines); they can be changed while it runs.
     robots (string[], []): the namespaces of several robots, to show them all; [] for the one robot
         of the node's own namespace. A fixed frame that each of them has, and a camera that follows
         a link, are for one robot: several are shown in the frame above all, with a camera that

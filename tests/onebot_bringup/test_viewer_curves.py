@@ -206,7 +206,7 @@ curves: {lines: {ax: {topic: /imu, field: linear_acceleration.x, color: [0, 255,
 
 
 def test_the_picture_has_the_curve_and_the_log(tmp_path):
-    """Both beside the robot, without an error."""
+    """Beside the robot and below it, without an error."""
     require_renderer()
     shown = Shown(tmp_path, PICTURE)
     describe(shown.view, ARM)

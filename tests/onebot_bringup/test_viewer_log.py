@@ -53,14 +53,14 @@ def test_a_line_of_a_megabyte_is_cut(tmp_path):
         ("log: {topics: {/rosout: {visible: true}}}", (LogView("log/rosout", "/rosout"),)),
     ],
 )
-def test_its_view_is_beside_the_robot_if_it_is_asked_for(tmp_path, view, views):
+def test_its_view_is_below_the_robot_if_it_is_asked_for(tmp_path, view, views):
     """Every system has /rosout: not by itself."""
     recording = open_recording(save=tmp_path / "x.rrd")
     shown = RobotView(recording.stream, parse_view(view))
     shown.offer({"/rosout": LOG})
     assert [each.visible for each in shown.offered] == [bool(views)]
     [display] = [each for each in shown._of_all if isinstance(each, LogDisplay)]  # noqa: SLF001
-    assert display.layout() == LayoutPart(views=views)
+    assert display.layout() == LayoutPart(wide=views)
     for each in views:
         assert each.view().class_identifier == "TextLog"
         assert each.below("left") == LogView("left/log/rosout", "/rosout")

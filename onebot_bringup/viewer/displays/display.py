@@ -162,6 +162,7 @@ class LayoutPart:
     shown: tuple[str, ...] = ()  # but for these
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
     robot: str = ""  # whose views these are, where there are several
+    wide: tuple[SideView, ...] = ()  # below the robot's
 
     def below(self, root: str) -> "LayoutPart":
         """Return the same of the entities below ``root``, a robot's; "" for all there are."""
@@ -172,6 +173,7 @@ class LayoutPart:
             tuple(below(root, entity) for entity in self.shown),
             tuple((below(root, entity), seconds) for entity, seconds in self.windows),
             root,
+            tuple(view.below(root) for view in self.wide) if root else self.wide,
         )
 
 

@@ -1,4 +1,4 @@
-"""What nodes log (rcl_interfaces/Log, as on /rosout), as lines of text beside the robot.
+"""What nodes log (rcl_interfaces/Log, as on /rosout), as lines of text below the robot.
 
 Every ROS system has /rosout, and its nodes write to a terminal, too: the view takes its room only
 where it is asked for: by the topic's check box, ``shown: [/rosout]`` or ``log: {visible: true}``.
@@ -32,7 +32,7 @@ _LONGEST = 5000  # characters of a line
 class LogLook(Look):
     """What nodes log."""
 
-    visible: bool = setting(False, "show it beside the robot")
+    visible: bool = setting(False, "show it below the robot")
     level: str = setting("info", f"the least: {', '.join(_LEVELS)}", one_of(*_LEVELS))
 
 
@@ -73,7 +73,7 @@ class LogDrawing(Drawing[LogLook]):
 
     def layout(self) -> LayoutPart:
         """Return its view."""
-        return LayoutPart(views=(LogView(self.entity, self.topic),))
+        return LayoutPart(wide=(LogView(self.entity, self.topic),))
 
 
 def _level(number: int) -> rr.TextLogLevel:

@@ -144,6 +144,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             hidden=tuple(entity for part in parts for entity in part.hidden),
             shown=tuple(entity for part in parts for entity in part.shown),
             windows=tuple(window for part in parts for window in part.windows),
+            wide=tuple(view for part in parts for view in part.wide),
         )
 
     def warnings(self) -> list[str]:
