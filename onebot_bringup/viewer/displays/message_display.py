@@ -92,6 +92,11 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         super().__init__(contexts[0])
         self._offered: Mapping[str, str] = {}
 
+    @classmethod
+    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
+        """Whether one of ``topics`` has the same content, so that one is not shown by itself."""
+        return False
+
     def offer(self, topics: Mapping[str, str]) -> bool:
         """Draw these topics, and no others, from the next ``apply`` on.
 
