@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 TIMELINE = "ros_time"
 
+_MANY = 65_536  # bytes: copying them takes longer than letting go of Python's memory
 _STAMPS = pa.timestamp("ns")
 
 
@@ -65,8 +66,16 @@ class ColumnMaker:
         return self._in_rows(array, len(array) // self._width // each, each)
 
     def row(self, values: NDArray[Any]) -> ReadyColumn:
-        """Return a column of one row of numbers, of any number of components."""
-        array = self._numbers(values)
+        """Return a column of one row of numbers, of any number of components.
+
+        Many numbers are not copied: nobody may write to them from now on.
+        """
+        if values.nbytes > _MANY and self._dtype == values.dtype and _is_ready(values):
+            array = pa.Array.from_buffers(
+                self._number, values.size, [None, pa.py_buffer(values.reshape(-1))]
+            )
+        else:
+            array = self._numbers(values)
         return self._in_rows(array, 1, len(array) // self._width)
 
     def _numbers(self, values: NDArray[Any]) -> pa.Array:
@@ -82,6 +91,24 @@ class ColumnMaker:
         return ReadyColumn(
             self._descriptor, pa.Array.from_buffers(self._rows, rows, buffers, children=[array])
         )
+
+
+class BytesMaker:
+    """Makes columns of a component that is bytes; they are not copied."""
+
+    def __init__(self, sample: rr.ComponentColumnList) -> None:
+        """Take the kind of a column that Rerun has made, alone in its list."""
+        [column] = ready(sample)
+        self._descriptor = column.component_descriptor()
+        self._rows = column.as_arrow_array().type
+
+    def row(self, data: NDArray[np.uint8]) -> ReadyColumn:
+        """Return a column of one row of bytes, which nobody may write to from now on."""
+        kind = self._rows.value_type
+        items = pa.Array.from_buffers(kind.value_type, len(data), [None, pa.py_buffer(data)])
+        bytes_ = pa.Array.from_buffers(kind, 1, [None, _offsets(1, len(data))], children=[items])
+        array = pa.Array.from_buffers(self._rows, 1, [None, _offsets(1, 1)], children=[bytes_])
+        return ReadyColumn(self._descriptor, array)
 
 
 def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
@@ -114,6 +141,11 @@ class StampColumn:
     def as_arrow_array(self) -> pa.Array:
         """A time a row."""
         return self._array
+
+
+def _is_ready(values: NDArray[Any]) -> bool:
+    """Whether numbers lie side by side, and where Arrow wants them."""
+    return bool(values.flags.c_contiguous and values.ctypes.data % 8 == 0)
 
 
 def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.Array:
