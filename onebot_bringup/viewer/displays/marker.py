@@ -53,6 +53,7 @@ _UNIT = 0.01  # that the square of a quaternion's length may be off
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
 _MOST_WAITING = 10_000  # markers, while no transform leads to their frames
 
+Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
 
 
@@ -68,13 +69,13 @@ class Incoming(NamedTuple):
 
     spaces: list[str]
     frames: list[str]
-    ids: NDArray[np.int64]
-    types: NDArray[np.int64]
-    actions: NDArray[np.int64]
-    locked: NDArray[np.int64]
-    lifetimes: NDArray[np.int64]  # nanoseconds
-    points: NDArray[np.int64]  # how many
-    poses: Floats  # (N, 7) metres and x y z w
+    ids: Integers
+    types: Integers
+    actions: Integers
+    locked: Integers
+    lifetimes: Integers  # nanoseconds
+    points: Integers  # how many
+    poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
     colors: Floats  # (N, 4), 0 to 1
     messages: Sequence[Any]
@@ -82,19 +83,19 @@ class Incoming(NamedTuple):
     @classmethod
     def of_array(cls, markers: Any) -> "Incoming":
         """Take the markers of a MarkerArray, a table."""
-        seconds, rest = markers.lifetime.sec.astype(np.int64), markers.lifetime.nanosec
+        lifetimes = markers.lifetime
         return cls(
             markers.ns,
             markers.header.frame_id,
-            markers.id.astype(np.int64),
-            markers.type.astype(np.int64),
-            markers.action.astype(np.int64),
-            markers.frame_locked.astype(np.int64),
-            seconds * 1_000_000_000 + rest,
-            markers.points.counts.astype(np.int64),
-            markers.pose.array().astype(np.float64),
-            markers.scale.array().astype(np.float64),
-            markers.color.array().astype(np.float64),
+            markers.id,
+            markers.type,
+            markers.action,
+            markers.frame_locked,
+            lifetimes.sec * np.int64(1_000_000_000) + lifetimes.nanosec,
+            markers.points.counts,
+            markers.pose.array().copy(),
+            markers.scale.array(),
+            markers.color.array(),
             markers,
         )
 
@@ -189,7 +190,9 @@ class Layer:
 
 def _is_same(piece: Piece, before: Piece) -> bool:
     if isinstance(piece, tuple) and isinstance(before, tuple):
-        return np.array_equal(piece[1], before[1])
+        numbers, known = piece[1], before[1]
+        # What moves mostly moves from the first one on.
+        return np.array_equal(numbers[:1], known[:1]) and np.array_equal(numbers, known)
     return piece is before
 
 
@@ -329,7 +332,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             self._changed[change.layer.entity] = change.layer
         self._log(stamp_ns)
 
-    def _kinds(self, incoming: Incoming) -> NDArray[np.int64]:
+    def _kinds(self, incoming: Incoming) -> Integers:
         """Return the type of each marker, as KINDS has it; report those that cannot be drawn."""
         arrows = (incoming.types == ARROW) & (incoming.points > 0)
         kinds = np.where(arrows, ARROW_STRIP, incoming.types)
@@ -341,13 +344,13 @@ class MarkerDrawing(Drawing[MarkerLook]):
             self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
-    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: NDArray[np.int64]) -> Plan:
+    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> Plan:
         """Return what becomes of the markers; the plan of the message before if it is alike."""
         fixed, version = self.context.fixed_frame, self.context.frames.version
         variants = _variants(incoming, kinds)
-        numbers = np.stack([incoming.ids, incoming.actions, kinds, incoming.locked]).tobytes()
-        names = incoming.spaces, incoming.frames
-        signature = (*names, numbers, variants, fixed, version)
+        columns = incoming.ids, incoming.actions, kinds, incoming.locked
+        numbers = [column.tobytes() for column in columns]
+        signature = (incoming.spaces, incoming.frames, numbers, variants, fixed, version)
         if self._plan is not None and self._plan.signature == signature:
             return self._plan
         self._check(incoming, kinds)
@@ -431,7 +434,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         self,
         stamp_ns: int,
         incoming: Incoming,
-        kinds: NDArray[np.int64],
+        kinds: Integers,
         moved: Mapping[str, list[int]],
     ) -> Batch:
         """Return the markers as they are drawn."""
@@ -487,7 +490,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     # --- what is wrong ----------------------------------------------------------------------------
 
-    def _check(self, incoming: Incoming, kinds: NDArray[np.int64]) -> None:
+    def _check(self, incoming: Incoming, kinds: Integers) -> None:
         """Report what RViz warns of."""
         add = incoming.actions == ADD
         known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
@@ -570,7 +573,7 @@ def _all_of(space: str, *known: Mapping[MarkerId, object]) -> list[MarkerId]:
     return [marker for each in known for marker in each if space in ("", marker[0])]
 
 
-def _variants(incoming: Incoming, kinds: NDArray[np.int64]) -> dict[int, object]:
+def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
     """Return, by row, what only markers have in common that can lie on one entity."""
     found: dict[int, object] = {}
     for row in np.flatnonzero((kinds == MESH) | (kinds == TRIANGLE_LIST)).tolist():
