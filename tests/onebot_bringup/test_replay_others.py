@@ -125,15 +125,19 @@ def test_a_topic_alone(tmp_path):
     ],
 )
 def test_fixed_frame(tmp_path, wanted, fixed, warnings):
-    """The given one, or else the root of the transforms above the first message."""
+    """The given one, or else the root of the transforms above most topics."""
     with OtherRobot(tmp_path / "bag") as robot:
         robot.write("/tf", transform("a", "b"))
+        robot.write("/first_plan", path(0, 2), frame="b")
+        for number in range(3):
+            robot.write(f"/early_plan{number}", path(0, 2), frame="nowhere")
         robot.write("/tf", transform("map", "odom"))
         robot.write("/tf", transform("odom", "base_link"))
         robot.write("/plan", path(0, 2), 1.0, frame="base_link")
+        robot.write("/other_plan", path(0, 2), 1.0, frame="odom")
     replayed = Replayed(tmp_path / "bag", fixed_frame=wanted)
     assert replayed.fixed_frame == fixed
-    found = [sentence for sentence in replayed.warnings if NO_ROBOT not in sentence]
+    found = [sentence for sentence in replayed.warnings if "fixed frame" in sentence]
     assert [sentence[: len(start)] for sentence, start in zip(found, warnings, strict=True)] == (
         warnings
     )
