@@ -77,7 +77,7 @@ class ImuDrawing(Drawing[ImuLook]):
         length = np.linalg.norm(values)
         if not 0.0 < length <= LARGEST:
             raise ValueError(f"its orientation {values.tolist()} is no quaternion")
-        pose = self.context.frames.pose(self.frame, self.context.fixed_frame)
+        pose = self.pose()
         measured = to_matrix(values / length)
         turn: NDArray[np.float64] = measured if pose is None else pose[:3, :3].T @ measured
         return turn
