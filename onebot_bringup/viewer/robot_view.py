@@ -155,7 +155,7 @@ class RobotView:
             self._clock,
             root,
             self._definitions,
-            self._resolve,
+            lambda topic: self._full_name(names, topic),
             lambda: self._now_ns,
         )
 
@@ -188,7 +188,6 @@ class RobotView:
     def _select(self) -> list[str]:
         """Pass the topics on that are to be shown; where that changes them, subscribe anew."""
         readable, problems = self._readable()
-        before = self._selection.offered
         drawn = {name for name, display, _ in self._named() if display and not display.plots}
         self._selection.choose(readable, self._view, drawn)
         if self._selection.crowded:
@@ -196,15 +195,21 @@ class RobotView:
             problems.append(
                 f"too many topics to show all: not {crowded}; shown: in a view adds some"
             )
-        if self._selection.offered == before:
-            return problems
-        self._deliver(self._displays)
-        for shown in self._displays:
-            display = shown.display
-            if isinstance(display, MessageDisplay) and display.offer(self._selection.of(display)):
-                shown.display.flush()
-                shown.display.apply(self._view.of(type(display)))
-        return problems + self._make_queues()
+        changed = [
+            shown for shown in self._displays if shown.display.offer(self._offered_to(shown))
+        ]
+        if changed:
+            self._deliver(self._displays)
+        for shown in changed:
+            shown.display.flush()
+            shown.display.apply(self._view.of(type(shown.display)))
+        return problems + (self._make_queues() if changed else [])
+
+    def _offered_to(self, shown: "_Shown") -> Mapping[str, str]:
+        """Return the topics that a display may draw."""
+        if isinstance(shown.display, MessageDisplay):
+            return self._selection.of(shown.display)
+        return self._published
 
     def _readable(self) -> tuple[dict[str, str], list[str]]:
         """Return the topics whose type has a display, and a definition that can be read."""
@@ -345,7 +350,8 @@ class RobotView:
                 continue
             for kind in topic.types:
                 queue = queues.setdefault((name, kind.name), _Queue())
-                if display is not None:
+                # Several items of a display may be of one topic.
+                if display is not None and (display, topic.name, kind) not in queue.takers:
                     queue.takers.append((display, topic.name, kind))
         for (name, kind_name), queue in queues.items():
             limits = [self._limits.get(id(display)) for display, *_ in queue.takers]

@@ -94,6 +94,11 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         super().__init__(contexts[0])
         self._offered: Mapping[str, str] = {}
 
+    @classmethod
+    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
+        """Whether one of ``topics`` has the same content, so that one is not shown by itself."""
+        return False
+
     def offer(self, topics: Mapping[str, str]) -> bool:
         """Draw these topics, and no others, from the next ``apply`` on.
 
@@ -138,6 +143,12 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             depth=qos.depth or (_DEPTH_HEAVY if self.heavy else _DEPTH),
         )
 
+    def flush(self) -> None:
+        """Log what has come; of what waits for a transform the last messages are kept."""
+        super().flush()
+        for drawing in self.items.values():
+            drawing.keep(_DEPTH_HEAVY if self.heavy else _DEPTH)
+
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
         parts = [drawing.layout() for drawing in self.items.values()]
@@ -146,6 +157,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             hidden=tuple(entity for part in parts for entity in part.hidden),
             shown=tuple(entity for part in parts for entity in part.shown),
             windows=tuple(window for part in parts for window in part.windows),
+            wide=tuple(view for part in parts for view in part.wide),
         )
 
     def warnings(self) -> list[str]:
@@ -159,7 +171,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
 
 _MOST_FRAMES = 99  # with entities of their own
-_DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
+_DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
 
 
 class Drawing(Generic[L]):
@@ -234,6 +246,8 @@ class Drawing(Generic[L]):
                 self.frame = frame
         if self.frame or not self.stamped:
             self._pending.append((stamp_ns, message))
+        else:
+            self.problem = "its header has no frame_id"
 
     def flush(self) -> None:
         """Log what has come; where that is seldom, from time to time the last message again."""
@@ -255,6 +269,11 @@ class Drawing(Generic[L]):
                 self.problem = str(error)
         self._last = self._pending[-1]
         self._pending.clear()
+
+    def keep(self, most: int) -> None:
+        """Drop the oldest messages that were not drawn, but for so many."""
+        while len(self._pending) > most:
+            self._pending.popleft()
 
     def _move(self, frame: str) -> None:
         """Draw in a frame from the next message on, in place of what is drawn in another."""
