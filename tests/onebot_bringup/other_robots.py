@@ -85,7 +85,7 @@ class OtherRobot:
             self._types.types[name] for name in ("std_msgs/msg/Header", VELOCITY_REPORT)
         )
         stamp = self._types.types["builtin_interfaces/msg/Time"](
-            START // SECOND, round(time * SECOND)
+            *divmod(START + round(time * SECOND), SECOND)
         )
         message = report(header(stamp, "base_link"), speed, 0.0, 0.0)
         data = bytes(self._types.serialize_cdr(message, VELOCITY_REPORT))
