@@ -9,7 +9,13 @@ from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
+from onebot_bringup.viewer.displays.map import MapDisplay
+from onebot_bringup.viewer.displays.odometry import OdometryDisplay
 from onebot_bringup.viewer.displays.path import PathDisplay
+from onebot_bringup.viewer.displays.point_stamped import PointStampedDisplay
+from onebot_bringup.viewer.displays.polygon import PolygonDisplay
+from onebot_bringup.viewer.displays.pose import PoseArrayDisplay, PoseDisplay
+from onebot_bringup.viewer.displays.pose_with_covariance import PoseWithCovarianceDisplay
 from onebot_bringup.viewer.displays.speeds import SpeedsDisplay
 from onebot_bringup.viewer.displays.tf import TfDisplay
 from onebot_bringup.viewer.displays.trail import TrailDisplay
@@ -23,4 +29,11 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     CovarianceDisplay,
     SpeedsDisplay,
     PathDisplay,
+    MapDisplay,
+    OdometryDisplay,
+    PoseDisplay,
+    PoseArrayDisplay,
+    PoseWithCovarianceDisplay,
+    PointStampedDisplay,
+    PolygonDisplay,
 )

@@ -1,0 +1,167 @@
+"""Occupancy grids (nav_msgs/OccupancyGrid) and their updates (map_msgs/OccupancyGridUpdate)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn
+from onebot_bringup.viewer.displays.display import (
+    LARGEST,
+    SELDOM,
+    MessageType,
+    WantedTopic,
+    message_type,
+)
+from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
+from onebot_bringup.viewer.settings import fraction, one_of, setting
+
+UPDATES = "_updates"  # what the topic's name ends in
+# map_msgs need not be installed.
+UPDATE = message_type(
+    "map_msgs/msg/OccupancyGridUpdate",
+    """std_msgs/Header header
+int32 x
+int32 y
+uint32 width
+uint32 height
+int8[] data
+===
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+""",
+)
+_COLORMAPS = {
+    "map": rr.components.Colormap.RvizMap,
+    "costmap": rr.components.Colormap.RvizCostmap,
+    "raw": rr.components.Colormap.Grayscale,
+}
+_BEHIND = -1.0
+_DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
+
+
+@dataclass(frozen=True)
+class MapLook(Look):
+    """Occupancy grids."""
+
+    alpha: float = setting(0.7, "opacity, 0 to 1", fraction)
+    color_scheme: str = setting("map", "map, costmap or raw", one_of(*_COLORMAPS))
+    draw_behind: bool = setting(False, "below other maps")
+
+
+class Grid(NamedTuple):
+    """A map as it is now."""
+
+    header: Any
+    info: Any
+    cells: NDArray[np.int8]  # (height, width), the lowest y first
+
+
+class MapDrawing(Drawing[MapLook]):
+    """The map of one topic, with its updates; one without cells clears it."""
+
+    repeated = True
+    _grid: Grid | None = None
+    _grid_ns = 0
+    _own = False  # the cells are a copy, to write to
+
+    def style(self) -> Sequence[rr.AsComponents]:
+        """Return colours and layer."""
+        look = self.look
+        order = _BEHIND if look.draw_behind else None
+        colors = _COLORMAPS[look.color_scheme]
+        return [rr.GridMap.from_fields(colormap=colors, opacity=look.alpha, draw_order=order)]
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a map, or an update of the map before."""
+        try:
+            grid = _grid(message) if hasattr(message, "info") else self._updated(stamp_ns, message)
+        except ValueError as error:
+            self.problem = str(error)
+            return
+        if grid is None:
+            return
+        if self._own and self._pending:  # an update before it, of which the cells are the same
+            self._pending.pop()
+        self._grid, self._grid_ns = grid, stamp_ns
+        super().add(stamp_ns, grid)
+
+    def _updated(self, stamp_ns: int, update: Any) -> Grid | None:
+        """Return the map with an update in it; None before there is a map, or for an older one.
+
+        Raises:
+            ValueError: it is no part of the map.
+        """
+        if self._grid is None or stamp_ns < self._grid_ns:
+            return None
+        cells = self._grid.cells
+        rows = slice(update.y, update.y + update.height)
+        columns = slice(update.x, update.x + update.width)
+        inside = rows.stop <= cells.shape[0] and columns.stop <= cells.shape[1]
+        if min(update.x, update.y) < 0 or not inside:
+            raise ValueError(
+                f"an update of {update.width} x {update.height} cells at ({update.x}, {update.y}) "
+                f"is not within the map of {cells.shape[1]} x {cells.shape[0]}"
+            )
+        if len(update.data) != update.width * update.height:
+            raise ValueError(f"an update has {len(update.data)} cells: {_by(update)}")
+        if not self._own:
+            cells, self._own = cells.copy(), True
+        cells[rows, columns] = update.data.reshape(update.height, update.width)
+        return self._grid._replace(cells=cells)
+
+    def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
+        """Return the cells, the highest y first, and where they lie."""
+        height, width = message.cells.shape
+        if not height * width:
+            return [rr.Clear(recursive=False)]
+        place, turn = np.split(message.info.origin.array(), [3])
+        if not turn.any():
+            turn[3] = 1.0
+        return [
+            _DATA.row(np.flipud(message.cells).view(np.uint8).ravel()),
+            rr.GridMap.from_fields(
+                format=rr.components.ImageFormat(width, height, color_model="L", channel_datatype="U8"),
+                cell_size=message.info.resolution,
+                translation=place,
+                quaternion=rr.Quaternion(xyzw=turn),
+            ),
+        ]
+
+
+def _grid(message: Any) -> Grid:
+    """Return a message as a grid.
+
+    Raises:
+        ValueError: it is not consistent.
+    """
+    info = message.info
+    if len(message.data) != info.width * info.height:
+        raise ValueError(f"it has {len(message.data)} cells: {_by(info)}")
+    origin = info.origin.array()
+    if not (math.isfinite(info.resolution) and (np.abs(origin) <= LARGEST).all()):
+        raise ValueError("its resolution or its origin is not finite")
+    if info.resolution <= 0 and len(message.data):
+        raise ValueError(f"its resolution is {info.resolution:g} m")
+    return Grid(message.header, info, message.data.reshape(info.height, info.width))
+
+
+def _by(size: Any) -> str:
+    return f"{size.width} x {size.height} are announced"
+
+
+class MapDisplay(MessageDisplay[MapLook]):
+    """Draws occupancy grids."""
+
+    key = "map"
+    Look = MapLook
+    draws = MapDrawing
+    message_types = ("nav_msgs/msg/OccupancyGrid",)
+    heavy = True
+    live = False
+    period_ns = SELDOM
