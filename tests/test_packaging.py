@@ -26,7 +26,7 @@ MAY_IMPORT = {
     "onebot_bringup": {"onebot_description", "onebot_control"},
     "mrm_description": {"onebot_bringup", "onebot_description"},
 }
-DATA = ("urdf", "worlds", "meshes", "config")
+DATA = ("urdf", "worlds", "meshes", "config", "notebooks")
 
 
 def _manifest(package: str) -> ElementTree.Element:

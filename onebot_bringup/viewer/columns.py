@@ -84,6 +84,24 @@ class ColumnMaker:
         )
 
 
+class BytesMaker:
+    """Makes columns of a component that is bytes; they are not copied."""
+
+    def __init__(self, sample: rr.ComponentColumnList) -> None:
+        """Take the kind of a column that Rerun has made, alone in its list."""
+        [column] = ready(sample)
+        self._descriptor = column.component_descriptor()
+        self._rows = column.as_arrow_array().type
+
+    def row(self, data: NDArray[np.uint8]) -> ReadyColumn:
+        """Return a column of one row of bytes, which nobody may write to from now on."""
+        kind = self._rows.value_type
+        items = pa.Array.from_buffers(kind.value_type, len(data), [None, pa.py_buffer(data)])
+        bytes_ = pa.Array.from_buffers(kind, 1, [None, _offsets(1, len(data))], children=[items])
+        array = pa.Array.from_buffers(self._rows, 1, [None, _offsets(1, 1)], children=[bytes_])
+        return ReadyColumn(self._descriptor, array)
+
+
 def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
     """Return what Rerun has made as columns of one row; one that is made already as it is."""
     if isinstance(archetype, ReadyColumn):

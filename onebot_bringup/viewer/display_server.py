@@ -1,6 +1,7 @@
 """Where the robot can be seen: the recording, and the page or the window that shows it."""
 
 import ctypes
+import fcntl
 import os
 import signal
 import subprocess
@@ -8,8 +9,10 @@ import tempfile
 import threading
 import time
 import webbrowser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
 from typing import IO, Protocol
 from urllib.parse import quote
@@ -206,8 +209,88 @@ class NativeWindow:
 
 # The recording: served on loopback, written to a file, or both.
 
-_CHECKING = 0.05  # seconds
-_WRITING_OUT = 2.0  # seconds; Rerun goes on writing after that
+_PIPE_SIZE = 1 << 20  # bytes; the largest that any user may have
+
+
+class RecordingFile:
+    """A ``.rrd`` file that Rerun writes through a pipe, so that a full disk never stops Rerun.
+
+    Rerun itself reports no reason when it cannot write a file, and whoever flushes just then waits
+    for ever, with all that is served. Here the pipe is read on to its end, whatever becomes of the
+    file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open it, replacing what was there.
+
+        Raises:
+            OneBotError: it cannot be written.
+        """
+        self._path = path
+        self._file = _open_recording_file(path)
+        self._error: OSError | None = None
+        source, self._target = os.pipe()
+        with suppress(OSError):  # a user with many pipes gets small ones
+            fcntl.fcntl(source, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
+        self._thread = threading.Thread(target=self._copy, args=(source,), daemon=True)
+        self._thread.start()
+
+    @contextmanager
+    def sink(self) -> Iterator[rr.FileSink]:
+        """Give what Rerun writes to; a recording must open it before this ends."""
+        try:
+            # A footer would keep a record of every chunk in memory: nothing for a run of days.
+            yield rr.FileSink(f"/proc/self/fd/{self._target}", write_footer=False)
+        finally:
+            os.close(self._target)  # the pipe ends with the recording
+
+    def _copy(self, source: int) -> None:
+        buffer = memoryview(bytearray(_PIPE_SIZE))
+        with open(source, "rb", buffering=0) as pipe:
+            while size := pipe.readinto(buffer):
+                if self._error is None:
+                    self._write(buffer[:size])
+
+    def _write(self, data: memoryview) -> None:
+        try:
+            while data:
+                data = data[self._file.write(data) :]
+        except OSError as error:
+            self._error = error
+
+    def check(self) -> None:
+        """Check that all so far could be written.
+
+        Raises:
+            OneBotError: it could not, and why; what was written before is kept.
+        """
+        if self._error is not None:
+            raise OneBotError(f"save:={self._path}: {self._error.strerror}")
+
+    def close(self) -> None:
+        """Write the rest of a recording that has ended.
+
+        Raises:
+            OneBotError: the file was not written to its end.
+        """
+        self._thread.join()
+        try:
+            self._file.close()
+        except OSError as error:  # of a file on another host, for one
+            self._error = self._error or error
+        self.check()
+
+
+def _open_recording_file(path: Path) -> FileIO:
+    if path.suffix != ".rrd":
+        raise OneBotError(f"save:={path}: a recording's name must end in .rrd")
+    if not path.parent.is_dir():
+        raise OneBotError(f"save:={path}: there is no folder {path.parent}")
+    try:
+        return path.open("wb", buffering=0)
+    except OSError as error:
+        raise OneBotError(f"save:={path}: {error.strerror}") from error
+
 
 # Saved blueprints (.rbl) belong to an application: never change it, or they are no longer found.
 APPLICATION = "onebot"
@@ -218,7 +301,7 @@ class Recording:
     """An open recording; the server lives as long as ``stream`` is referenced."""
 
     stream: rr.RecordingStream  # to log to
-    file: Path | None  # the file written, or None
+    file: RecordingFile | None  # what is written, or None
     port: int | None = None  # for native viewers, on 127.0.0.1; None if nothing is served
     server: tuple[str, int] = ("", 0)  # address and port of Rerun's server, which that leads to
     gate: GrpcGate | None = None  # which listens on the port
@@ -228,47 +311,17 @@ class Recording:
         """Where native viewers connect."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
-    def check_file(self, patience: float = _CHECKING) -> None:
-        """Check that the file is being written, if there is one.
-
-        Args:
-            patience: seconds to wait for what is still to be written.
-
-        Raises:
-            OneBotError: it is not, and why; what was written before is kept.
-        """
-        if self.file is None:
-            return
-        try:
-            self.stream.flush(timeout_sec=patience)
-        except RuntimeError as error:
-            if "timed out" not in str(error):
-                raise OneBotError(f"save:={self.file}: {_writing_error(self.file)}") from None
-
     def close(self) -> None:
         """Write out everything and end the server.
 
         Raises:
             OneBotError: the file was not written to its end.
         """
-        try:
-            self.check_file(_WRITING_OUT)
-        finally:
-            if self.gate is not None:
-                self.gate.stop()
-            self.stream.disconnect()
-
-
-def _writing_error(file: Path) -> str:
-    """Why a file cannot be written: Rerun does not report it."""
-    try:
-        with file.open("ab", buffering=0) as output:
-            end = output.tell()
-            output.write(b"\0")
-            output.truncate(end)
-    except OSError as error:
-        return error.strerror or str(error)
-    return "could not be written to its end"
+        if self.gate is not None:
+            self.gate.stop()
+        self.stream.disconnect()
+        if self.file is not None:
+            self.file.close()
 
 
 def open_recording(
@@ -285,48 +338,28 @@ def open_recording(
     Raises:
         OneBotError: the file cannot be written.
     """
-    if save is not None:
-        check_writable(save)
+    if port is None and save is None:
+        raise OneBotError("nothing to log to: serve the recording or save it")
+    file = None if save is None else RecordingFile(save)
     listener = None if port is None else listen(LOOPBACK, port, "grpc_port")
     server = hidden_address()
-    sinks: list[rr.GrpcServerSink | rr.FileSink] = []
-    if listener is not None:
-        sinks.append(rr.GrpcServerSink(*server, server_memory_limit=memory_limit))
-    if save is not None:
-        # A footer would keep a record of every chunk in memory: nothing for a run of days.
-        sinks.append(rr.FileSink(save, write_footer=False))
-    if not sinks:
-        raise OneBotError("nothing to log to: serve the recording or save it")
     stream = rr.RecordingStream(APPLICATION)
-    try:
-        stream.set_sinks(*sinks)
-    except RuntimeError as error:
-        if save is None:
+    with ExitStack() as opening:
+        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+        if listener is not None:
+            sinks.append(rr.GrpcServerSink(*server, server_memory_limit=memory_limit))
+        if file is not None:
+            sinks.append(opening.enter_context(file.sink()))
+        try:
+            stream.set_sinks(*sinks)
+        except RuntimeError as error:
             raise OneBotError(f"the recording cannot be served: {error}") from None
-        raise OneBotError(f"save:={save}: {_writing_error(save)}") from None
     if listener is None:
-        return Recording(stream, save)
+        return Recording(stream, file)
     known = int(listener.getsockname()[1])
-    return Recording(stream, save, known, server, GrpcGate(listener, server))
+    return Recording(stream, file, known, server, GrpcGate(listener, server))
 
 
-def check_writable(path: Path) -> None:
-    """Refuse a recording file that cannot be written.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
-    if path.suffix != ".rrd":
-        raise OneBotError(f"save:={path}: a recording's name must end in .rrd")
-    if not path.parent.is_dir():
-        raise OneBotError(f"save:={path}: there is no folder {path.parent}")
-    try:
-        path.open("ab").close()
-    except OSError as error:
-        raise OneBotError(f"save:={path}: {error.strerror}") from error
-
-
-_CHECK_EVERY = 2.0  # seconds between two checks of the file
 _RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying
 _REMIND_AFTER = 5.0  # seconds
 
@@ -380,12 +413,12 @@ class DisplayServer:
         self._announced = False
         self._next_reminder = time.monotonic() + 2.0
         self._next_restart = 0.0
-        self._next_check: float | None = 0.0  # of the file; None once it failed
         if save is not None and save.is_file() and save.stat().st_size:
             log.info(f"replacing the recording {save}")
         served = None if viewer == "none" else grpc_port
         self._recording = open_recording(served, save, memory_limit)
         self.stream: rr.RecordingStream = self._recording.stream
+        self._file = self._recording.file  # None once it failed
         self._say_port("grpc_port", served, self._recording.port)
         if save is not None:
             log.info(f"recording to {save}")
@@ -423,16 +456,13 @@ class DisplayServer:
             self._log.warning(f"the viewer's window was closed ({reason})")
 
     def _watch_file(self) -> None:
-        now = time.monotonic()
-        if self._next_check is None or now < self._next_check:
-            return
-        self._next_check = now + _CHECK_EVERY
         try:
-            self._recording.check_file()
+            if self._file is not None:
+                self._file.check()
         except OneBotError as error:
             if self._page is None and self._window is None:
                 raise
-            self._next_check = None
+            self._file = None
             self._log.warning(f"no longer recording: {error}")
 
     def _watch_page(self, page: WebPage) -> None:

@@ -25,7 +25,7 @@ _UNIT = re.compile(r"\s*\([^)]*\)$")
 _COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
 _KEYS = {display.key: display for display in MESSAGE_DISPLAYS.values()}
 # RViz's displays whose class is not our key in title case.
-_CLASSES = {"marker_array": "marker", "compressed_image": "image"}
+_CLASSES = {"marker_array": "marker", "compressed_image": "image", "camera": "image"}
 
 Properties = Mapping[str, Any]
 

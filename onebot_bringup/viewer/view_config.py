@@ -26,6 +26,10 @@ Example (every key may be left out)::
     hidden: [/local_plan]         # but for these topics,
     shown: [/camera/points]       # and these in any case
     path: {visible: true, width: 0.02, topics: {/plan: {width: 0.1}}}  # of nav_msgs/Path; metres
+    laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
+    point_cloud2: {color_transformer: Intensity, channel_name: ring}
+    image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # of 16 or 32 bits
+    camera_info: {far_clip: 0.5}  # metres
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 

@@ -48,19 +48,16 @@ struct program {
 
 /* ---- Structs ---- */
 
-/* A message, and where the next field is looked for: never beyond its end. */
-struct reader {
+struct message {
   const unsigned char *data;
-  uint64_t size, at;
+  uint64_t size;
   const unsigned char *block;
 };
 
-/* Return the next `count` numbers of `size` bytes each, NULL if they are not there. */
-static const unsigned char *take(struct reader *in, uint64_t size, uint64_t count) {
-  const uint64_t at = in->at + (-(in->at - BODY_AT) & (size - 1));
-  if (at > in->size || in->size - at < size * count) return NULL;
-  in->at = at + size * count;
-  return in->data + at;
+/* Return where `count` numbers of `size` bytes each lie from byte `at` on, 0 if they do not. */
+static uint64_t find(const struct message *message, uint64_t at, uint64_t size, uint64_t count) {
+  at += -(at - BODY_AT) & (size - 1);
+  return at <= message->size && message->size - at >= size * count ? at : 0;
 }
 
 static bool are_booleans(const unsigned char *bytes, uint64_t count) {
@@ -69,63 +66,72 @@ static bool are_booleans(const unsigned char *bytes, uint64_t count) {
   return all <= 1;
 }
 
-static bool read_structs(struct reader *in, uint32_t number, uint64_t count, unsigned char *row);
+static uint64_t read_structs(const struct message *message, uint64_t at, uint32_t number,
+                             uint64_t count, unsigned char *row);
 
-static bool read_numbers(struct reader *in, const struct operation *operation, unsigned char *row) {
-  const unsigned char *numbers = take(in, operation->size, operation->count);
-  if (!numbers || (operation->booleans && !are_booleans(numbers, operation->count))) return false;
-  if (row) memcpy(row + operation->to, numbers, (uint64_t)operation->size * operation->count);
-  return true;
+static uint64_t read_numbers(const struct message *message, uint64_t at,
+                             const struct operation *operation, unsigned char *row) {
+  const uint64_t size = (uint64_t)operation->size * operation->count;
+  at = find(message, at, operation->size, operation->count);
+  if (!at || (operation->booleans && !are_booleans(message->data + at, size))) return 0;
+  if (row) memcpy(row + operation->to, message->data + at, size);
+  return at + size;
 }
 
-static bool read_sequence(struct reader *in, const struct operation *operation,
-                          unsigned char *row) {
+static uint64_t read_sequence(const struct message *message, uint64_t at,
+                              const struct operation *operation, unsigned char *row) {
   uint32_t slot[2] = {0, operation->count};
   if (!operation->count) {
-    const unsigned char *count = take(in, sizeof *slot, 1);
-    if (!count) return false;
-    memcpy(slot + 1, count, sizeof *slot);
+    at = find(message, at, sizeof *slot, 1);
+    if (!at) return 0;
+    memcpy(slot + 1, message->data + at, sizeof *slot);
+    at += sizeof *slot;
   }
-  slot[0] = (uint32_t)in->at;
-  if (operation->kind == STRUCTS) {
-    if (!read_structs(in, operation->program, slot[1], NULL)) return false;
-  } else if (slot[1]) { /* no padding before nothing */
-    const unsigned char *elements = take(in, operation->size, slot[1]);
-    if (!elements || (operation->booleans && !are_booleans(elements, slot[1]))) return false;
-    slot[0] = (uint32_t)(elements - in->data);
+  slot[0] = (uint32_t)at;
+  if (!slot[1]) { /* and no padding before nothing */
+  } else if (operation->kind == STRUCTS) {
+    at = read_structs(message, at, operation->program, slot[1], NULL);
+    if (!at) return 0;
+  } else {
+    at = find(message, at, operation->size, slot[1]);
+    if (!at || (operation->booleans && !are_booleans(message->data + at, slot[1]))) return 0;
+    slot[0] = (uint32_t)at;
+    at += (uint64_t)operation->size * slot[1];
   }
   if (row) memcpy(row + operation->to, slot, sizeof slot);
-  return true;
+  return at;
 }
 
-/* Read `count` structs, each into a row unless `row` is NULL; false if they are not there. */
-static bool read_structs(struct reader *in, uint32_t number, uint64_t count, unsigned char *row) {
-  const struct program *program = (const struct program *)in->block + number;
-  const uint64_t left = in->size - in->at, phase = (in->at - BODY_AT) % PHASES;
-  if (count * program->smallest > left) return false;
+/* Read `count` structs from byte `at` on, each into a row unless `row` is NULL. Return where they
+ * end, 0 if they are not there. */
+static uint64_t read_structs(const struct message *message, uint64_t at, uint32_t number,
+                             uint64_t count, unsigned char *row) {
+  const struct program *program = (const struct program *)message->block + number;
+  const uint64_t left = message->size - at, phase = (at - BODY_AT) % PHASES;
+  if (count * program->smallest > left) return 0;
   if (!row && count && program->stride[phase]) {
     const uint64_t span = program->size[phase] + (count - 1) * program->stride[phase];
-    if (span > left) return false;
-    in->at += span;
-    return true;
+    return span <= left ? at + span : 0;
   }
-  const struct operation *first = (const struct operation *)(in->block + program->operations_at);
+  const struct operation *first =
+      (const struct operation *)(message->block + program->operations_at);
   const struct operation *end = first + program->operations;
   for (uint64_t item = 0; item < count; item++) {
-    for (const struct operation *operation = first; operation < end; operation++)
-      if (operation->kind == NUMBERS ? !read_numbers(in, operation, row)
-                                     : !read_sequence(in, operation, row))
-        return false;
+    for (const struct operation *operation = first; operation < end; operation++) {
+      at = operation->kind == NUMBERS ? read_numbers(message, at, operation, row)
+                                      : read_sequence(message, at, operation, row);
+      if (!at) return 0;
+    }
     if (row) row += program->row_size;
   }
-  return true;
+  return at;
 }
 
 /* Read `count` structs of a program from byte `at` of a message on. Return their rows as bytes, or
  * None if the message is not that. */
 EXPORT PyObject *onebot_read_structs(const unsigned char *data, uint64_t size, uint64_t at,
                                      uint64_t count, const unsigned char *block, uint32_t number) {
-  struct reader in = {data, size, at, block};
+  const struct message message = {data, size, block};
   const struct program *program = (const struct program *)block + number;
   /* The rows are a few times as large as the structs at most. */
   if (size > UINT32_MAX || at > size || count > UINT32_MAX || count * program->smallest > size - at) {
@@ -133,7 +139,8 @@ EXPORT PyObject *onebot_read_structs(const unsigned char *data, uint64_t size, u
     return &_Py_NoneStruct;
   }
   PyObject *rows = PyBytes_FromStringAndSize(NULL, (intptr_t)(count * program->row_size));
-  if (!rows || read_structs(&in, number, count, (unsigned char *)PyBytes_AsString(rows)))
+  if (!rows ||
+      read_structs(&message, at, number, count, (unsigned char *)PyBytes_AsString(rows)))
     return rows;
   Py_DecRef(rows);
   Py_IncRef(&_Py_NoneStruct);

@@ -1,4 +1,4 @@
-"""Loads the compiled library, which the state publisher, RobotModel and TFMessage need."""
+"""Loads the compiled library, which the state publisher, RobotModel, TFMessage and Schema need."""
 
 import ctypes
 import functools

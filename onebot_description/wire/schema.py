@@ -7,11 +7,10 @@
     path.poses.pose.position.array()            # (N, 3)
     path.poses[0].pose.position.x               # float
 
-The definition is the text that rosbag2 and MCAP store with messages ("ros2msg"): the type's own
-.msg file, then those of the types in it, each after a line of ``=`` and ``MSG: package/Name``.
-cdr.py has the format of the bytes. ``Schema.read`` checks a whole message; after that each field is
-made when it is asked for. Numbers of a sequence are a view into the message, which is never copied;
-structs of varying size (those with strings) are read into rows of equal size, in one compiled call.
+definition.py has the format of the definition, cdr.py that of the bytes. ``Schema.read`` checks a
+whole message; after that each field is made when it is asked for. Numbers of a sequence are a view
+into the message, which is never copied; structs of varying size (those with strings) are read into
+rows of equal size, in one compiled call.
 
 Strings are UTF-8, what is not is replaced, as rclpy does; the characters of a wstring are UTF-16,
 as Fast DDS from Jazzy on and Cyclone DDS write them. Upper bounds are not checked.
@@ -21,235 +20,284 @@ import ctypes
 import functools
 import itertools
 import math
-import re
 import struct
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.errors import did_you_mean, printable, shortened
+from onebot_description.errors import did_you_mean
 from onebot_description.wire.cdr import ENCAPSULATION, HEADER, WireError
+from onebot_description.wire.definition import (
+    NUMBERS,
+    STRINGS,
+    DefinitionError,
+    Field,
+    fields,
+    files,
+    short_name,
+)
 from onebot_description.wire.library import load_library
 
-_NUMBERS = {
-    **{"bool": "?", "byte": "u1", "char": "u1", "float32": "<f4", "float64": "<f8"},
-    **{
-        f"{sign}int{8 * size}": f"<{sign or 'i'}{size}"
-        for sign in ("", "u")
-        for size in (1, 2, 4, 8)
-    },
-}
-_STRINGS = {"string": 1, "wstring": 2}  # bytes of a character
-_KNOWN = {  # what some writers leave out
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
-}
-_SECTION = re.compile(r"^={3,}[ \t\r]*\n(MSG|IDL):[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.MULTILINE)
-_TYPE = re.compile(r"[A-Za-z]\w*/(?:msg/)?[A-Za-z]\w*", re.ASCII)
-_FIELD = re.compile(
-    r"(?P<type>[A-Za-z]\w*(?:/[A-Za-z]\w*){0,2})(?:<=\d+)?"
-    r"(?P<array>\[(?:(?P<size>\d+)|(?:<=\d+)?)\])?\s+(?P<name>[A-Za-z]\w*)(?![^\s=])\s*(?P<constant>=)?",
-    re.ASCII,
-)
 # A definition may come from anywhere.
 _MAX_FIELDS = 10_000
 _MAX_DEPTH = 64  # of types in types
 _MAX_SIZE = 2**31 - 1  # bytes
+_PLAIN = ENCAPSULATION[:2]  # the other two bytes are options, which receivers ignore
 _PHASES = 8  # the largest alignment: a layout depends on where it starts modulo this
 
 
-class DefinitionError(ValueError):
-    """A definition that cannot be used; ``str(error)`` names the type and the line."""
+# ---- What reads a field ----
+
+_COPIED, _SEQUENCE, _STRUCTS = range(3)  # kinds of operations
+_SLOT = struct.Struct("<II")  # in a row: where a sequence lies in the message, how many elements
 
 
-# ---- Definitions ----
+class _Rows(NamedTuple):
+    """Structs of one type: in rows that a program has read, or in the message itself."""
+
+    data: bytes  # the message
+    block: bytes  # the programs
+    rows: bytes
+    at: int  # byte in ``rows`` of the first one
+    stride: int
+    length: int
+
+    def chosen(self, which: range) -> "_Rows":
+        """Return some of them."""
+        at, stride = self.at + which.start * self.stride, which.step * self.stride
+        return _Rows(self.data, self.block, self.rows, at, stride, len(which))
 
 
-class _Field(NamedTuple):
-    name: str
-    type: str  # as in _NUMBERS or _STRINGS, or a full name of a message type
-    size: int | None  # of an array; 0: as many as the message has; None: one
-    where: str
+class _Leaf:
+    """A field that is no struct; its place in a row is given as ``offset``."""
+
+    kind = _SEQUENCE
+    count = 0  # elements in every message, 0 if that varies
+    smallest = 4  # bytes in a message at least, without padding
+    boolean = False  # bytes need a check
+    dtype: np.dtype[Any] | None = None  # of the elements, if they are numbers
+    program: "_Program | None" = None  # of the elements, if they are structs
+
+    def __init__(self, element: int) -> None:
+        self.element = element  # bytes of an element, to which it is aligned
+
+    def value(self, rows: _Rows, offset: int) -> Any:
+        """Return it from the first row."""
+        raise NotImplementedError
+
+    def column(self, rows: _Rows, offset: int) -> Any:
+        """Return it from all rows."""
+        return Sequences(self, rows, offset)
 
 
-def _sections(name: str, definition: str) -> dict[str, str]:
-    """Split a definition into the texts of its types."""
-    first, *rest = _SECTION.split(definition)
-    texts = _KNOWN | {_short(kind): text for kind, text in zip(rest[1::3], rest[2::3], strict=True)}
-    if first.strip() or name not in texts:
-        texts[name] = first
-    if "IDL" in rest[::3] or re.match(r"\s*(#include|module)\b", first):
-        raise DefinitionError(f"{name}: its definition is in IDL; only .msg text can be read")
-    return texts
+class _Number(_Leaf):
+    """A number or a fixed number of them."""
+
+    kind = _COPIED
+    dtype: np.dtype[Any]
+
+    def __init__(self, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> None:
+        super().__init__(dtype.itemsize)
+        self.dtype, self.shape, self.count = dtype, shape, math.prod(shape)
+        self.smallest, self.boolean = self.count * self.element, dtype == np.bool_
+        self._unpack = struct.Struct("<" + dtype.char.translate(_STANDARD)).unpack_from
+
+    def value(self, rows: _Rows, offset: int) -> Any:
+        if self.shape:
+            return np.ndarray(self.shape, self.dtype, rows.rows, rows.at + offset)
+        return self._unpack(rows.rows, rows.at + offset)[0]
+
+    def column(self, rows: _Rows, offset: int) -> Any:
+        shape = (rows.length, *self.shape)
+        if not rows.length:
+            return np.empty(shape, self.dtype)
+        strides = (rows.stride, self.element)[: len(shape)]
+        return np.ndarray(shape, self.dtype, rows.rows, rows.at + offset, strides)
 
 
-def _short(name: str) -> str:
-    return name.replace("/msg/", "/")
+_STANDARD = str.maketrans("lL", "qQ")  # of NumPy's letters, those that ``struct`` has for others
+_COUNT = _Number(np.dtype("<u4"))
 
 
-def _fields(kind: str, text: str) -> Iterator[_Field]:
-    """Parse the .msg file of a type."""
-    names = set()
-    for number, line in enumerate(text.split("\n"), 1):
-        line = line.partition("#")[0].strip()
-        if not line:
-            continue
-        where = f'{kind}, line {number}: "{printable(shortened(line))}"'
-        match = _FIELD.match(line)
-        if match is None:
-            raise DefinitionError(f"{where} is no field of a .msg file, such as `float64[3] point`")
-        if match["constant"]:
-            continue
-        size = None if match["array"] is None else int(match["size"] or 0)
-        if match["name"] in names or match["size"] and not 0 < int(match["size"]) <= _MAX_SIZE:
-            what = "an earlier field has this name" if match["name"] in names else "no such size"
-            raise DefinitionError(f"{where}: {what}")
-        names.add(match["name"])
-        yield _Field(match["name"], _full(match["type"], kind), size, where)
+class _Text(_Leaf):
+    """A string; ``element``: bytes of a character."""
+
+    def value(self, rows: _Rows, offset: int) -> str:
+        return self._read(rows, offset, 1)[0]
+
+    def column(self, rows: _Rows, offset: int) -> list[str]:
+        return self._read(rows, offset, rows.length)
+
+    def _read(self, rows: _Rows, offset: int, count: int) -> list[str]:
+        read, at = _compiled().onebot_read_strings, rows.at + offset
+        strings: list[str] = read(rows.data, rows.rows, at, rows.stride, count, self.element)
+        return strings
 
 
-def _full(name: str, home: str) -> str:
-    """Return the name of a type with its package, which is that of ``home`` if none is given."""
-    if name in _NUMBERS or name in _STRINGS:
-        return name
-    return _short(name) if "/" in name else f"{home.partition('/')[0]}/{name}"
+class _Numbers(_Leaf):
+    """A sequence of numbers."""
+
+    def __init__(self, dtype: np.dtype[Any]) -> None:
+        super().__init__(dtype.itemsize)
+        self.dtype, self.boolean = dtype, dtype == np.bool_
+
+    def value(self, rows: _Rows, offset: int) -> Any:
+        at, count = _SLOT.unpack_from(rows.rows, rows.at + offset)
+        return np.ndarray((count,), self.dtype, rows.data, at)
+
+
+class _Structs(_Leaf):
+    """A sequence or an array of structs, or of strings."""
+
+    kind = _STRUCTS
+
+    def __init__(self, program: "_Program", count: int) -> None:
+        super().__init__(1)
+        self.program, self.count = program, count
+        self.smallest = count * program.smallest or _Leaf.smallest
+
+    def value(self, rows: _Rows, offset: int) -> Any:
+        at, count = _SLOT.unpack_from(rows.rows, rows.at + offset)
+        assert self.program is not None
+        return self.program.table(rows.data, rows.block, at, count)
+
+
+class _Group:
+    """A struct: a field of one, or all of it."""
+
+    def __init__(self, name: str, leaves: Iterable[tuple[tuple[str, ...], _Leaf, int]]) -> None:
+        """Take path, leaf and offset of what is in it."""
+        self.name, self.leaves = name, list(leaves)
+        self.fields: dict[str, tuple[_Leaf | _Group, int]] = {}
+        for field, found in itertools.groupby(self.leaves, lambda leaf: leaf[0][0]):
+            inner = [(path[1:], leaf, offset) for path, leaf, offset in found]
+            path, leaf, offset = inner[0]
+            self.fields[field] = (_Group(f"{name}.{field}", inner), 0) if path else (leaf, offset)
+
+    def value(self, rows: _Rows, offset: int) -> "Message":
+        return Message(self, rows)
+
+    def column(self, rows: _Rows, offset: int) -> "Table":
+        return Table(self, rows)
+
+    def find(self, path: str) -> tuple["_Leaf | _Group", int]:
+        """Return a field, or one of a field's: names are joined by dots.
+
+        Raises:
+            LookupError: there is none; the message lists the fields.
+        """
+        name, dot, rest = path.partition(".")
+        if name not in self.fields:
+            known = did_you_mean(name, filter(None, self.fields), "fields")
+            raise LookupError(f'{self.name} has no field "{name}"{known}')
+        found = self.fields[name]
+        if not dot:
+            return found
+        if not isinstance(found[0], _Group):
+            raise LookupError(f'{self.name}.{name} has no field "{rest}": it is no message')
+        return found[0].find(rest)
+
+    @functools.cached_property
+    def array(self) -> tuple[_Number, int]:
+        """All its numbers as one field.
+
+        Raises:
+            TypeError: they are of several types, or other fields lie among them.
+        """
+        _, leaves, offsets = zip(*self.leaves, strict=True)
+        [dtype, *others] = {leaf.dtype if leaf.kind == _COPIED else None for leaf in leaves}
+        *places, end = itertools.accumulate((leaf.smallest for leaf in leaves), initial=offsets[0])
+        if others or dtype is None or places != [*offsets]:
+            raise TypeError(f"the fields of {self.name} are not numbers of one type, side by side")
+        return _Number(dtype, ((end - places[0]) // dtype.itemsize,)), places[0]
 
 
 # ---- Programs, which _schema.c runs ----
 
-_COPIED, _SEQUENCE, _STRUCTS = range(3)
-_U32 = struct.Struct("<I")
-_SLOT = struct.Struct("<II")  # in a row: where a sequence lies in the message, how many elements
 
-
-@dataclass(frozen=True)
-class _Leaf:
-    """A field that is no struct, at some depth of one."""
-
-    path: tuple[str, ...]
-    dtype: np.dtype[Any] | None = None  # of a number or of several
-    width: int = 0  # of a character, in a string
-    program: "_Program | None" = None  # of the elements, in an array of structs or of strings
-    size: int | None = None  # as of _Field
-
-    @property
-    def kind(self) -> int:
-        """The kind of its operation."""
-        if self.program is not None:
-            return _STRUCTS
-        return _COPIED if self.dtype is not None and self.size != 0 else _SEQUENCE
-
-    @property
-    def element(self) -> int:
-        """Bytes of an element, to which it is aligned."""
-        return self.dtype.itemsize if self.dtype else self.width
-
-    @property
-    def count(self) -> int:
-        """Elements in every message; 0 of what varies."""
-        return self.size if self.size is not None else int(self.kind == _COPIED)
-
-    @property
-    def boolean(self) -> bool:
-        """Whether its bytes need a check."""
-        return self.dtype == np.bool_
-
-    @property
-    def smallest(self) -> int:
-        """Bytes in a message at least, without padding."""
-        if not self.count:
-            return _U32.size
-        return self.count * (self.program.smallest if self.program else self.element)
-
-    def node(self, offset: int) -> "_Node":
-        """Return what reads it in a row."""
-        if self.program:
-            return _Structs(offset, self.program)
-        if self.dtype is None:
-            return _Text(offset, self.width)
-        if self.size == 0:
-            return _Numbers(offset, self.dtype)
-        return _Number(offset, self.dtype, () if self.size is None else (self.size,))
-
-
-class _Layout(NamedTuple):
-    """Where the fields of structs of constant size lie in a message."""
-
-    root: "_Group"
-    stride: int
+def _places(parts: Iterable[tuple[int, int]], at: int) -> list[int]:
+    """Return where parts of (size, count) lie from ``at`` on, each aligned, and where they end."""
+    places = []
+    for size, count in parts:
+        at += -at % size
+        places.append(at)
+        at += size * count
+    return [*places, at]
 
 
 class _Program:
     """How to read structs of one type."""
 
-    def __init__(self, kind: str, leaves: list[_Leaf], number: int) -> None:
+    def __init__(self, name: str, leaves: dict[tuple[str, ...], _Leaf], number: int) -> None:
         self.number = number
-        self._kind, self._leaves = kind, leaves
-        self.smallest = sum(leaf.smallest for leaf in leaves)
-        [*self._offsets, self.row_size] = self._in_rows()
+        self._name, self._leaves = name, leaves
+        self.smallest = sum(leaf.smallest for leaf in leaves.values())
+        self._on_wire = [(leaf.element, leaf.count) for leaf in leaves.values()]
+        self._constant = all(leaf.kind == _COPIED for leaf in leaves.values())
+        in_row = [(e.element, e.count) if e.kind == _COPIED else (4, 2) for e in leaves.values()]
+        [*self._offsets, end] = _places(in_row, 0)
+        self.row_size = end + -end % max(size for size, _ in in_row)
         if max(self.smallest, self.row_size) > _MAX_SIZE:
-            raise DefinitionError(f"{kind}: its arrays are larger than two gigabytes")
-        self.root = _group(kind, zip(leaves, self._offsets, strict=True))
-        self._constant = all(leaf.kind == _COPIED for leaf in leaves)
-        self._layouts: dict[int, _Layout | None] = {}
+            raise DefinitionError(f"{name}: its arrays are larger than two gigabytes")
+        self.root = self._group(self._offsets)
+        self._strides = [self._stride(phase) for phase in range(_PHASES)]
+        self._layouts: dict[int, _Group] = {}
 
-    def _in_rows(self) -> Iterator[int]:
-        """Where the leaves lie in a row, and the size of a row."""
-        at, largest = 0, 1
-        for leaf in self._leaves:
-            size, count = (leaf.element, leaf.count) if leaf.kind == _COPIED else (4, 2)
-            at += -at % size
-            yield at
-            at += size * count
-            largest = max(largest, size)
-        yield at + -at % largest
-
-    def layout(self, start: int) -> _Layout | None:
-        """Where all lies in structs from a byte of the body on; None if that is not constant."""
-        phase = start % _PHASES
-        if self._constant and phase not in self._layouts:
-            stride = self._stride(phase)
-            places = zip(self._leaves, (place - phase for place in self._places(phase)))  # noqa: B905
-            self._layouts[phase] = _Layout(_group(self._kind, places), stride) if stride else None
-        return self._layouts.get(phase)
+    def _group(self, offsets: list[int]) -> _Group:
+        return _Group(self._name, zip(self._leaves, self._leaves.values(), offsets, strict=True))
 
     def _stride(self, phase: int) -> int:
-        """Bytes from one struct to the next; 0 if that is not constant.
+        """Bytes from one struct to the next, 0 if that is not constant, by where the first starts.
 
         If all fields move by the same from the first to the second, that is a multiple of each
         alignment, and so it goes on.
         """
-        first = self._places(phase)
-        second = self._places(first[-1])
+        first = _places(self._on_wire, phase)
+        second = _places(self._on_wire, first[-1])
         distances = {after - before for before, after in zip(first, second, strict=True)}
-        return distances.pop() if len(distances) == 1 else 0
+        return distances.pop() if self._constant and len(distances) == 1 else 0
 
-    def _places(self, start: int) -> list[int]:
-        """Where the leaves lie if the struct starts there, and where it ends."""
-        places = []
-        for leaf in self._leaves:
-            start += -start % leaf.element
-            places.append(start)
-            start += leaf.element * leaf.count
-        return [*places, start]
+    def table(self, data: bytes, block: bytes, at: int, count: int) -> "Table | list[str]":
+        """Return the structs from a byte of a message on, in place if their stride is constant."""
+        phase = (at - HEADER) % _PHASES
+        stride = self._strides[phase]
+        if not count or not stride:
+            rows = self.read(data, block, at, count)
+            text, offset = self.root.fields.get("", (None, 0))
+            return text.column(rows, offset) if isinstance(text, _Text) else Table(self.root, rows)
+        if phase not in self._layouts:
+            places = _places(self._on_wire, phase)[:-1]
+            self._layouts[phase] = self._group([place - phase for place in places])
+        return Table(self._layouts[phase], _Rows(data, block, data, at, stride, count))
+
+    def read(self, data: bytes, block: bytes, at: int, count: int) -> _Rows:
+        """Read structs into rows.
+
+        Raises:
+            WireError: they are not there.
+        """
+        read = _compiled().onebot_read_structs
+        rows = read(data, len(data), at, count, block, self.number)
+        if rows is None:
+            raise WireError(f"no {self._name}: it is truncated, or a bool in it is not 0 or 1")
+        return _Rows(data, block, rows, 0, self.row_size, count)
 
     def header(self, operations_at: int, operations: int) -> list[int]:
         """Return its ``struct program``."""
-        sizes = strides = [0] * _PHASES
-        if self._constant and not any(leaf.boolean for leaf in self._leaves):
-            sizes = [self._places(phase)[-1] - phase for phase in range(_PHASES)]
-            strides = [self._stride(phase) for phase in range(_PHASES)]
+        strides = self._strides
+        if any(leaf.boolean for leaf in self._leaves.values()):
+            strides = [0] * _PHASES
+        sizes = [_places(self._on_wire, phase)[-1] - phase for phase in range(_PHASES)]
         return [operations_at, operations, self.smallest, self.row_size, *sizes, *strides]
 
     def operations(self) -> list[list[int]]:
         """Return each ``struct operation``; numbers of one size that lie together are one."""
         made: list[list[int]] = []
-        for leaf, to in zip(self._leaves, self._offsets, strict=True):
+        for leaf, to in zip(self._leaves.values(), self._offsets, strict=True):
             number = leaf.program.number if leaf.program else 0
-            fixed = [leaf.kind, leaf.element, number, leaf.boolean]
+            fixed = [leaf.kind, leaf.element, number, int(leaf.boolean)]
             if made and leaf.kind == _COPIED and [*made[-1][:2], *made[-1][4:]] == fixed:
                 made[-1][2] += leaf.count
             else:
@@ -258,262 +306,71 @@ class _Program:
 
 
 class _Compiler:
-    """Makes the programs of a definition, which it numbers by the order in ``programs``."""
+    """Makes the programs of a definition, which it numbers by their order in ``programs``."""
 
     def __init__(self, texts: dict[str, str]) -> None:
         self.programs: dict[str, _Program] = {}
-        self._texts = texts
+        self._files = texts
         self._within: list[str] = []
         self._fields = 0
 
     def compile(self, kind: str) -> _Program:
         """Return the program of a message type, or of ``string`` or ``wstring``."""
         if kind not in self.programs:
-            text = kind in _STRINGS
-            leaves = [_Leaf(("",), width=_STRINGS[kind])] if text else list(self._leaves(kind, ()))
+            text = [(("",), _Text(STRINGS[kind]))] if kind in STRINGS else None
+            leaves = dict(text or self._leaves(kind, ()))
             self.programs[kind] = _Program(kind, leaves, len(self.programs))
         return self.programs[kind]
 
-    def _leaves(self, kind: str, path: tuple[str, ...]) -> Iterator[_Leaf]:
+    def _leaves(self, kind: str, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], _Leaf]]:
         self._within.append(kind)
-        fields = list(_fields(kind, self._texts[kind]))
-        for field in fields:
-            yield from self._of_field(field, (*path, field.name))
-        if not fields:  # nothing takes a byte
-            yield _Leaf((*path, ""), np.dtype("u1"))
+        lines = list(fields(kind, self._files[kind]))
+        for field in lines:
+            self._check(field)
+            inner = (*path, field.name)
+            if field.size is None and field.type not in (*NUMBERS, *STRINGS):
+                yield from self._leaves(field.type, inner)
+            else:
+                yield inner, self._leaf(field)
+        if not lines:  # nothing takes a byte
+            yield (*path, ""), _Number(np.dtype("u1"))
         self._within.pop()
 
-    def _of_field(self, field: _Field, path: tuple[str, ...]) -> Iterator[_Leaf]:
-        self._check(field)
-        if field.type in _NUMBERS:
-            yield _Leaf(path, np.dtype(_NUMBERS[field.type]), size=field.size)
-        elif field.size is not None:
-            yield _Leaf(path, program=self.compile(field.type), size=field.size)
-        elif field.type in _STRINGS:
-            yield _Leaf(path, width=_STRINGS[field.type])
-        else:
-            yield from self._leaves(field.type, path)
+    def _leaf(self, field: Field) -> _Leaf:
+        if field.type in NUMBERS:
+            dtype = np.dtype(NUMBERS[field.type])
+            if field.size == 0:
+                return _Numbers(dtype)
+            return _Number(dtype, () if field.size is None else (field.size,))
+        if field.size is None:
+            return _Text(STRINGS[field.type])
+        return _Structs(self.compile(field.type), field.size)
 
-    def _check(self, field: _Field) -> None:
+    def _check(self, field: Field) -> None:
         self._fields += 1
+        problem = None
         if self._fields > _MAX_FIELDS:
-            raise DefinitionError(f"{field.where}: more than {_MAX_FIELDS} fields in all")
-        if field.type in _NUMBERS or field.type in _STRINGS:
-            return
-        if field.type not in self._texts:
-            raise DefinitionError(f"{field.where}: there is no definition of {field.type}")
-        if field.type in self._within:
-            raise DefinitionError(f"{field.where}: {field.type} contains itself")
-        if len(self._within) > _MAX_DEPTH:
-            raise DefinitionError(f"{field.where}: more than {_MAX_DEPTH} types in each other")
+            problem = f"more than {_MAX_FIELDS} fields in all"
+        elif field.type not in (*NUMBERS, *STRINGS, *self._files):
+            problem = f"there is no definition of {field.type}"
+        elif field.type in self._within:
+            problem = f"{field.type} contains itself"
+        elif len(self._within) > _MAX_DEPTH:
+            problem = f"more than {_MAX_DEPTH} types in each other"
+        if problem:
+            raise DefinitionError(f"{field.where}: {problem}")
 
 
 def _block(programs: Sequence[_Program]) -> bytes:
-    """Return the programs as _schema.c reads them."""
+    """Return all ``struct program``, then their operations, as _schema.c reads them."""
     operations = [program.operations() for program in programs]
-    header_size = 4 * len(programs[0].header(0, 0))
-    at = header_size * len(programs)
+    at = 4 * len(programs) * len(programs[0].header(0, 0))
     numbers: list[int] = []
     for program, own in zip(programs, operations, strict=True):
         numbers += program.header(at, len(own))
         at += sum(4 * len(operation) for operation in own)
-    for operation in itertools.chain.from_iterable(operations):
-        numbers += operation
+    numbers += itertools.chain.from_iterable(itertools.chain.from_iterable(operations))
     return np.array(numbers, np.uint32).tobytes()
-
-
-# ---- What reads a field in rows ----
-
-
-class _Rows(NamedTuple):
-    """Structs of one type: in rows that were read by a program, or in the message itself."""
-
-    data: bytes  # the message
-    block: bytes
-    rows: bytes
-    at: int  # byte in ``rows`` of the first one
-    stride: int
-    length: int
-
-    def slice(self, first: int, step: int, count: int) -> "_Rows":
-        """Return some of them."""
-        at = self.at + first * self.stride
-        return _Rows(self.data, self.block, self.rows, at, step * self.stride, count)
-
-
-class _Node(Protocol):
-    """Reads a field, which lies ``offset`` bytes after the start of a row."""
-
-    def value(self, rows: _Rows) -> Any:
-        """Return it in the first row."""
-
-    def column(self, rows: _Rows) -> Any:
-        """Return it in all rows."""
-
-
-class _Number:
-    """A number or a fixed number of them."""
-
-    def __init__(self, offset: int, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
-        self.offset, self.dtype, self.shape = offset, dtype, shape
-        self._unpack = struct.Struct("<" + dtype.char.replace("l", "q").replace("L", "Q"))
-
-    def value(self, rows: _Rows) -> Any:
-        at = rows.at + self.offset
-        if self.shape:
-            return np.ndarray(self.shape, self.dtype, rows.rows, at)
-        return self._unpack.unpack_from(rows.rows, at)[0]
-
-    def column(self, rows: _Rows) -> NDArray[Any]:
-        shape = (rows.length, *self.shape)
-        if not rows.length:
-            return np.empty(shape, self.dtype)
-        strides = (rows.stride, self.dtype.itemsize)[: len(shape)]
-        at = rows.at + self.offset
-        numbers: NDArray[Any] = np.ndarray(shape, self.dtype, rows.rows, at, strides)
-        return numbers
-
-
-@dataclass(frozen=True)
-class _Text:
-    """A string."""
-
-    offset: int
-    width: int
-
-    def value(self, rows: _Rows) -> str:
-        [text] = self.column(rows.slice(0, 1, 1))
-        return text
-
-    def column(self, rows: _Rows) -> list[str]:
-        place = rows.at + self.offset
-        read = _compiled().onebot_read_strings
-        strings: list[str] = read(rows.data, rows.rows, place, rows.stride, rows.length, self.width)
-        return strings
-
-
-class _Varying:
-    """A sequence, or an array of structs."""
-
-    offset: int
-
-    def value(self, rows: _Rows) -> Any:
-        raise NotImplementedError
-
-    def _slot(self, rows: _Rows) -> tuple[int, int]:
-        at, count = _SLOT.unpack_from(rows.rows, rows.at + self.offset)
-        return at, count
-
-    def column(self, rows: _Rows) -> "Sequences":
-        return Sequences(self, rows)
-
-    def counts(self, rows: _Rows) -> Any:
-        count = _Number(self.offset + _U32.size, np.dtype("<u4"), ())
-        return count.column(rows)
-
-
-@dataclass(frozen=True)
-class _Numbers(_Varying):
-    offset: int
-    dtype: np.dtype[Any]
-
-    def value(self, rows: _Rows) -> NDArray[Any]:
-        at, count = self._slot(rows)
-        numbers: NDArray[Any] = np.ndarray((count,), self.dtype, rows.data, at)
-        return numbers
-
-
-@dataclass(frozen=True)
-class _Structs(_Varying):
-    offset: int
-    program: _Program
-
-    def value(self, rows: _Rows) -> Any:
-        at, count = self._slot(rows)
-        layout = self.program.layout(at - HEADER) if count else None
-        if layout:
-            data = rows.data
-            return Table(layout.root, _Rows(data, rows.block, data, at, layout.stride, count))
-        root = self.program.root
-        found = _read(rows.data, rows.block, self.program, at, count)
-        elements = root.fields.get("") if len(root.fields) == 1 else None
-        return elements.column(found) if isinstance(elements, _Text) else Table(root, found)
-
-
-class _Group:
-    """A struct: one field or the whole."""
-
-    def __init__(self, name: str, fields: dict[str, _Node]) -> None:
-        self.name, self.fields = name, fields
-
-    def value(self, rows: _Rows) -> "Message":
-        return Message(self, rows)
-
-    def column(self, rows: _Rows) -> "Table":
-        return Table(self, rows)
-
-    def find(self, path: str) -> _Node:
-        """Return a field, or one of a field's: names are joined by dots.
-
-        Raises:
-            LookupError: there is none; the message lists the fields.
-        """
-        name, dot, rest = path.partition(".")
-        node = self.fields.get(name)
-        if node is None:
-            raise LookupError(
-                f'{self.name} has no field "{path}"{did_you_mean(name, self.fields, "fields")}'
-            )
-        if not dot:
-            return node
-        if not isinstance(node, _Group):
-            raise LookupError(f'{self.name} has no field "{path}": "{name}" is no message')
-        return node.find(rest)
-
-    @functools.cached_property
-    def array(self) -> _Number:
-        """All its numbers, as one field.
-
-        Raises:
-            TypeError: they are of several types, or other fields lie among them.
-        """
-        first, *rest = self._leaves()
-        end, count = first.offset, 0
-        for leaf in (first, *rest):
-            if not isinstance(leaf, _Number) or (leaf.dtype, leaf.offset) != (first.dtype, end):
-                raise TypeError(
-                    f"the fields of {self.name} are not numbers of one type, side by side"
-                )
-            end += leaf.dtype.itemsize * math.prod(leaf.shape)
-            count += math.prod(leaf.shape)
-        return _Number(first.offset, first.dtype, (count,))
-
-    def _leaves(self) -> Iterator[Any]:
-        for node in self.fields.values():
-            if isinstance(node, _Group):
-                yield from node._leaves()
-            else:
-                yield node
-
-    def numeric_fields(self) -> Iterator[str]:
-        """List the single numbers in it, by their path."""
-        for name, node in self.fields.items():
-            if isinstance(node, _Group):
-                yield from (f"{name}.{path}" for path in node.numeric_fields())
-            elif name and isinstance(node, _Number) and not node.shape:
-                yield name
-
-
-def _group(name: str, places: Iterable[tuple[_Leaf, int]], depth: int = 0) -> _Group:
-    """Return what reads structs whose leaves lie at those bytes."""
-    fields: dict[str, _Node] = {}
-    for part, leaves in itertools.groupby(places, lambda place: place[0].path[depth]):
-        [(leaf, offset), *others] = leaves
-        if len(leaf.path) == depth + 1:
-            fields[part] = leaf.node(offset)
-        else:
-            fields[part] = _group(f"{name}.{part}", [(leaf, offset), *others], depth + 1)
-    return _Group(name, fields)
 
 
 @functools.cache
@@ -528,19 +385,6 @@ def _compiled() -> ctypes.PyDLL:
     return library
 
 
-def _read(data: bytes, block: bytes, program: _Program, at: int, count: int) -> _Rows:
-    """Read structs from a byte of a message on.
-
-    Raises:
-        WireError: they are not there.
-    """
-    read = _compiled().onebot_read_structs
-    rows = read(data, len(data), at, count, block, program.number)
-    if rows is None:
-        raise WireError(f"no {program.root.name}: it is truncated, or a bool in it is not 0 or 1")
-    return _Rows(data, block, rows, 0, program.row_size, count)
-
-
 # ---- Messages ----
 
 
@@ -552,38 +396,38 @@ class _View:
     struct; TypeError if they are of several types, or other fields lie among them.
     """
 
+    _group = _Group("", ())  # for copies and the like, which ask an object without fields
+
     def __init__(self, group: _Group, rows: _Rows) -> None:
         self._group, self._rows = group, rows
 
-    def _get(self, node: _Node) -> Any:
-        raise NotImplementedError
+    def _get(self, leaf: _Leaf | _Group, offset: int) -> Any:
+        return leaf.value(self._rows, offset)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        if name == "array" and name not in self._group.fields:
-            return lambda: self._get(self._group.array)
+        found = self._group.fields.get(name)
+        if found is not None:
+            value = self.__dict__[name] = self._get(*found)
+            return value
+        if name == "array":
+            return lambda: self._get(*self._group.array)
         try:
-            value = self.__dict__[name] = self._get(self._group.find(name))
+            return self[name]
         except LookupError as error:
             raise AttributeError(str(error)) from None
-        return value
+
+    def __getitem__(self, path: Any) -> Any:
+        return self._get(*self._group.find(path))
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *filter(None, self._group.fields)]
 
+    def __repr__(self) -> str:
+        return f"<{self._group.name}: {', '.join(filter(None, self._group.fields))}>"
+
 
 class Message(_View):
     """A message: numbers, strings, arrays, messages and, for its sequences of messages, tables."""
-
-    def _get(self, node: _Node) -> Any:
-        return node.value(self._rows)
-
-    def __getitem__(self, path: str) -> Any:
-        return self._get(self._group.find(path))
-
-    def __repr__(self) -> str:
-        return f"<{self._group.name}: {', '.join(filter(None, self._group.fields))}>"
 
 
 class Table(_View):
@@ -592,8 +436,8 @@ class Table(_View):
     A number selects a message, a slice some of them.
     """
 
-    def _get(self, node: _Node) -> Any:
-        return node.column(self._rows)
+    def _get(self, leaf: _Leaf | _Group, offset: int) -> Any:
+        return leaf.column(self._rows, offset)
 
     def __len__(self) -> int:
         return self._rows.length
@@ -603,37 +447,34 @@ class Table(_View):
 
     def __getitem__(self, which: int | slice | str) -> Any:
         if isinstance(which, str):
-            return self._get(self._group.find(which))
+            return super().__getitem__(which)
         chosen = range(len(self))[which]
-        if isinstance(chosen, int):
-            return Message(self._group, self._rows.slice(chosen, 1, 1))
-        return Table(self._group, self._rows.slice(chosen.start, chosen.step, len(chosen)))
-
-    def __repr__(self) -> str:
-        fields = ", ".join(filter(None, self._group.fields))
-        return f"<{len(self)} of {self._group.name}: {fields}>"
+        if isinstance(chosen, range):
+            return Table(self._group, self._rows.chosen(chosen))
+        return Message(self._group, self._rows.chosen(range(chosen, chosen + 1)))
 
 
 class Sequences(Sequence[Any]):
     """A sequence from each row of a table: an array, a table or a list of strings each."""
 
-    def __init__(self, node: _Varying, rows: _Rows) -> None:
-        """Show the sequences of ``node`` in ``rows``."""
-        self._node, self._rows = node, rows
+    def __init__(self, leaf: _Leaf, rows: _Rows, offset: int) -> None:
+        """Show what ``leaf`` reads at that place in ``rows``."""
+        self._leaf, self._rows, self._offset = leaf, rows, offset
 
     def __len__(self) -> int:
         return self._rows.length
 
     def __getitem__(self, which: Any) -> Any:
         chosen = range(len(self))[which]
-        if isinstance(chosen, int):
-            return self._node.value(self._rows.slice(chosen, 1, 1))
-        return Sequences(self._node, self._rows.slice(chosen.start, chosen.step, len(chosen)))
+        if isinstance(chosen, range):
+            return Sequences(self._leaf, self._rows.chosen(chosen), self._offset)
+        return self._leaf.value(self._rows.chosen(range(chosen, chosen + 1)), self._offset)
 
     @property
-    def counts(self) -> Any:
+    def counts(self) -> NDArray[np.uint32]:
         """Elements of each."""
-        return self._node.counts(self._rows)
+        counts: NDArray[np.uint32] = _COUNT.column(self._rows, self._offset + 4)
+        return counts
 
 
 class Schema:
@@ -641,10 +482,9 @@ class Schema:
 
     def __init__(self, name: str, definition: str) -> None:
         """Compile a definition; ``Schema.of`` keeps what is compiled."""
-        if not _TYPE.fullmatch(name):
-            raise DefinitionError(f'"{printable(shortened(name))}" is no name of a message type')
-        compiler = _Compiler(_sections(_short(name), definition))
-        self._program = compiler.compile(_short(name))
+        name = short_name(name)
+        compiler = _Compiler(files(name, definition))
+        self._program = compiler.compile(name)
         self._block = _block([*compiler.programs.values()])
 
     @staticmethod
@@ -667,14 +507,18 @@ class Schema:
         Raises:
             WireError: these bytes are no such message, or not plain little-endian CDR.
         """
-        if data[:2] != ENCAPSULATION[:2] or len(data) < HEADER:
+        if not data.startswith(_PLAIN):
             raise WireError("not plain little-endian CDR")
-        program = self._program
-        return Message(program.root, _read(data, self._block, program, HEADER, 1))
+        rows = self._program.read(data, self._block, HEADER, 1)
+        return Message(self._program.root, rows)
 
     def numeric_fields(self) -> tuple[str, ...]:
         """List the single numbers outside of arrays, such as ``twist.linear.x``.
 
         ``message[path]`` reads one.
         """
-        return tuple(self._program.root.numeric_fields())
+        return tuple(
+            ".".join(path)
+            for path, leaf, _ in self._program.root.leaves
+            if path[-1] and isinstance(leaf, _Number) and not leaf.shape
+        )

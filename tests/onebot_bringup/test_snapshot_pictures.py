@@ -13,13 +13,14 @@ import psutil
 import pytest
 from PIL import Image
 
-from onebot_bringup.cli.scenes import pose_of, record_pose
+from onebot_bringup.cli.scenes import record_pose
 from onebot_bringup.viewer import pictures
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import NO_RENDERER, headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
+from onebot_description.joints.pose import pose_of
 from onebot_description.model import RobotModel
 from tests.onebot_bringup.test_viewer_scene import _record
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW

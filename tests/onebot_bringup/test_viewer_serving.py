@@ -1,6 +1,7 @@
 """The processes and servers around the recording."""
 
 import contextlib
+import errno
 import ipaddress
 import os
 import signal
@@ -32,6 +33,44 @@ page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
 print(page._child.pid, flush=True)
 input()
 """
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+import rerun as rr
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_description.errors import OneBotError
+
+file, port = Path(sys.argv[1]), sys.argv[2:]
+recording = open_recording(0 if port else None, file)
+recording.stream.log("before", rr.TextLog("kept"))
+recording.stream.flush()
+size = 64
+resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+recording.stream.log("after", rr.TextLog("lost"))
+recording.stream.flush()  # waits behind the write that fails
+recording.stream.log("later", rr.TextLog("served only"))
+try:
+    recording.close()
+except OneBotError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("port", [[], ["0"]])
+def test_a_full_disk_stops_neither_the_recording_nor_its_end(tmp_path, port):
+    """Also where a flush waits behind the write that fails, which Rerun never answers by itself."""
+    file = tmp_path / "x.rrd"
+    ended = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, file, *port],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
+    )
+    assert ended.stdout == f"save:={file}: {os.strerror(errno.EFBIG)}\n", ended.stderr
+    assert file.stat().st_size >= 64
 
 
 def test_a_port_in_use_is_replaced_by_a_free_one():

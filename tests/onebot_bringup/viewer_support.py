@@ -10,7 +10,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import TfArrays, time_message, transforms_message
 
 ORANGE = (255, 107, 10)
@@ -46,6 +48,30 @@ joint_plot: {positions: false, velocities: false}
 """
 
 
+def show(folder: Path, view: str, *messages) -> tuple[Path, list[str]]:
+    """Show messages, (topic, message) each, beside the arm whose tip stands 0.5 m along y of base.
+
+    Returns:
+        The file with what was logged, and the warnings.
+    """
+    recording = open_recording(save=folder / "x.rrd")
+    shown = RobotView(recording.stream, parse_view(view))
+    describe(shown, ARM)
+    take_tf(shown, transforms("base", "tip", 0.5))
+    found = shown.offer({topic: type_name(message) for topic, message in messages})
+    for number, (topic, message) in enumerate(messages):
+        take(shown, topic, message, START_NS + number)
+        found += shown.tick(START_NS + number * 10**9)
+    found += shown.finish()
+    recording.close()
+    return folder / "x.rrd", found
+
+
+def type_name(message) -> str:
+    """Its type, as ROS names it."""
+    return f"{type(message).__module__.split('.')[0]}/msg/{type(message).__name__}"
+
+
 def transforms(parent, child, y, stamp_ns=START_NS):
     """One transform: ``child`` stands ``y`` metres along y of ``parent``."""
     return TfArrays(
@@ -59,9 +85,7 @@ def transforms(parent, child, y, stamp_ns=START_NS):
 
 def take(view: RobotView, topic: str, message, stamp_ns=START_NS) -> None:
     """Give a view a message, received at ``stamp_ns``."""
-    package, name = type(message).__module__.split(".")[0], type(message).__name__
-    data = bytes(serialize_message(message))
-    view.take(topic, f"{package}/msg/{name}", data, stamp_ns)
+    view.take(topic, type_name(message), bytes(serialize_message(message)), stamp_ns)
 
 
 def describe(view: RobotView, urdf: str) -> None:

@@ -5,13 +5,17 @@ A display is registered by its name in ``DISPLAYS``, and by nothing else.
 
 from typing import Any
 
+from onebot_bringup.viewer.displays.camera_info import CameraInfoDisplay
 from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
 from onebot_bringup.viewer.displays.display import Display
+from onebot_bringup.viewer.displays.image import ImageDisplay
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
+from onebot_bringup.viewer.displays.laser_scan import LaserScanDisplay
 from onebot_bringup.viewer.displays.map import MapDisplay
 from onebot_bringup.viewer.displays.odometry import OdometryDisplay
 from onebot_bringup.viewer.displays.path import PathDisplay
+from onebot_bringup.viewer.displays.point_cloud2 import PointCloud2Display
 from onebot_bringup.viewer.displays.point_stamped import PointStampedDisplay
 from onebot_bringup.viewer.displays.polygon import PolygonDisplay
 from onebot_bringup.viewer.displays.pose import PoseArrayDisplay, PoseDisplay
@@ -36,4 +40,8 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     PoseWithCovarianceDisplay,
     PointStampedDisplay,
     PolygonDisplay,
+    LaserScanDisplay,
+    PointCloud2Display,
+    ImageDisplay,
+    CameraInfoDisplay,
 )

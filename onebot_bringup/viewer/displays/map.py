@@ -19,6 +19,7 @@ from onebot_bringup.viewer.displays.display import (
 )
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
 from onebot_bringup.viewer.settings import fraction, one_of, setting
+from onebot_description.model.quaternions import normalized
 
 UPDATES = "_updates"  # what the topic's name ends in
 # map_msgs need not be installed.
@@ -41,7 +42,7 @@ _COLORMAPS = {
     "costmap": rr.components.Colormap.RvizCostmap,
     "raw": rr.components.Colormap.Grayscale,
 }
-_BEHIND = -1.0
+AUTO = "auto"
 _DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
 
 
@@ -50,8 +51,12 @@ class MapLook(Look):
     """Occupancy grids."""
 
     alpha: float = setting(0.7, "opacity, 0 to 1", fraction)
-    color_scheme: str = setting("map", "map, costmap or raw", one_of(*_COLORMAPS))
-    draw_behind: bool = setting(False, "below other maps")
+    color_scheme: str = setting(
+        AUTO,
+        "auto is costmap if the topic has that in its name, else map",
+        one_of(AUTO, *_COLORMAPS),
+    )
+    draw_behind: bool = setting(False, "below other maps; costmaps are above them")
 
 
 class Grid(NamedTuple):
@@ -72,24 +77,30 @@ class MapDrawing(Drawing[MapLook]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return colours and layer."""
-        look = self.look
-        order = _BEHIND if look.draw_behind else None
-        colors = _COLORMAPS[look.color_scheme]
-        return [rr.GridMap.from_fields(colormap=colors, opacity=look.alpha, draw_order=order)]
+        scheme = self.look.color_scheme
+        if scheme == AUTO:
+            scheme = "costmap" if "costmap" in self.entity else "map"
+        layer = -1.0 if self.look.draw_behind else float(scheme == "costmap")
+        colors, alpha = _COLORMAPS[scheme], self.look.alpha
+        return [rr.GridMap.from_fields(colormap=colors, opacity=alpha, draw_order=layer)]
 
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a map, or an update of the map before."""
         try:
-            grid = _grid(message) if hasattr(message, "info") else self._updated(stamp_ns, message)
+            grid = self._updated(stamp_ns, message) if "x" in dir(message) else self._new(message)
         except ValueError as error:
             self.problem = str(error)
             return
         if grid is None:
             return
-        if self._own and self._pending:  # an update before it, of which the cells are the same
-            self._pending.pop()
+        if self._pending and self._pending[-1][1].cells is grid.cells:
+            self._pending.pop()  # an update before it
         self._grid, self._grid_ns = grid, stamp_ns
         super().add(stamp_ns, grid)
+
+    def _new(self, message: Any) -> Grid:
+        self._own = False
+        return _grid(message)
 
     def _updated(self, stamp_ns: int, update: Any) -> Grid | None:
         """Return the map with an update in it; None before there is a map, or for an older one.
@@ -120,16 +131,16 @@ class MapDrawing(Drawing[MapLook]):
         height, width = message.cells.shape
         if not height * width:
             return [rr.Clear(recursive=False)]
-        place, turn = np.split(message.info.origin.array(), [3])
-        if not turn.any():
-            turn[3] = 1.0
+        origin = message.info.origin.array()
         return [
             _DATA.row(np.flipud(message.cells).view(np.uint8).ravel()),
             rr.GridMap.from_fields(
-                format=rr.components.ImageFormat(width, height, color_model="L", channel_datatype="U8"),
+                format=rr.components.ImageFormat(
+                    width, height, color_model="L", channel_datatype="U8"
+                ),
                 cell_size=message.info.resolution,
-                translation=place,
-                quaternion=rr.Quaternion(xyzw=turn),
+                translation=origin[:3],
+                quaternion=rr.Quaternion(xyzw=normalized(origin[3:])),
             ),
         ]
 
@@ -162,6 +173,17 @@ class MapDisplay(MessageDisplay[MapLook]):
     Look = MapLook
     draws = MapDrawing
     message_types = ("nav_msgs/msg/OccupancyGrid",)
-    heavy = True
     live = False
     period_ns = SELDOM
+
+    def topics(self) -> Sequence[WantedTopic]:
+        """Return the topics, and those of their updates."""
+        updates = (
+            WantedTopic(each.name + UPDATES, (UPDATE,), optional=True, as_published=True)
+            for each in super().topics()
+        )
+        return [*super().topics(), *updates]
+
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+        """Pass maps and updates to the drawing of their topic."""
+        super().add(topic.removesuffix(UPDATES) if kind is UPDATE else topic, kind, messages)

@@ -193,6 +193,11 @@ class Drawing(Generic[L]):
             ValueError: the message cannot be drawn; says why, for a warning.
         """
 
+    @property
+    def topic(self) -> str:
+        """The full name of its topic."""
+        return "/" + self.entity.partition("/")[2]
+
     def drawn_in(self) -> str:
         """Return the frame that the entity is in."""
         return self.frame

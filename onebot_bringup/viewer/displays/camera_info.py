@@ -1,0 +1,105 @@
+"""Cameras (sensor_msgs/CameraInfo): what each sees, and its picture in there.
+
+The picture is that of a topic beside CameraInfo's, such as /camera/image_raw beside
+/camera/camera_info, as ROS's drivers name them.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from onebot_bringup.viewer.displays.display import LARGEST, REPEAT_AFTER, SELDOM, LayoutPart
+from onebot_bringup.viewer.displays.image import picture_frame
+from onebot_bringup.viewer.displays.message_display import (
+    Drawing,
+    Look,
+    MessageDisplay,
+    topic_entity,
+)
+from onebot_bringup.viewer.settings import Color, color, setting
+
+# Of pictures beside a CameraInfo.
+_NAMES = ("image", "image_raw", "image_color", "image_mono", "image_rect", "image_rect_color")
+
+
+@dataclass(frozen=True)
+class CameraInfoLook(Look):
+    """Frustums of cameras."""
+
+    far_clip: float = setting(0.5, "how far away the picture is, metres")
+    color: Color | None = setting(None, "of the edges, sRGB bytes; by default one of ours", color)
+
+
+class CameraInfoDrawing(Drawing[CameraInfoLook]):
+    """The frustum of one camera."""
+
+    waiting = 1  # the last one; they are hardly ever different
+    _drawn: object = None
+    _drawn_at = 0.0
+
+    def layout(self) -> LayoutPart:
+        """Return the pictures that are in the frustum, once there is one."""
+        space = self.topic.rpartition("/")[0]
+        pictures = [topic_entity("image", f"{space}/{name}") for name in _NAMES]
+        return LayoutPart(shown=tuple(pictures) if self._drawn else ())
+
+    def style(self) -> Sequence[rr.AsComponents]:
+        """Return the lines."""
+        edges = self.look.color or self.color
+        return [rr.Pinhole.from_fields(image_plane_distance=self.look.far_clip, color=edges)]
+
+    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
+        """Return the projection of the rectified picture, if it has changed.
+
+        Raises:
+            ValueError: the camera is not calibrated.
+        """
+        matrix, resolution = _projection(message)
+        now, values = time.monotonic(), (self.frame, matrix.tobytes(), resolution)
+        if values == self._drawn and now - self._drawn_at < REPEAT_AFTER:
+            return ()
+        self._drawn, self._drawn_at = values, now
+        return [
+            rr.Pinhole.from_fields(
+                image_from_camera=matrix,
+                resolution=resolution,
+                camera_xyz=rr.ViewCoordinates.RDF,
+                parent_frame=self.frame,
+                child_frame=picture_frame(self.topic),
+            )
+        ]
+
+
+def _projection(message: Any) -> tuple[np.ndarray, tuple[int, int]]:
+    """Return the (3, 3) matrix and the size of the picture, as it was binned and cut."""
+    matrix = np.array(
+        message.p
+        if message.p[0]
+        else [*message.k[:3], 0.0, *message.k[3:6], 0.0, *message.k[6:], 0.0]
+    )
+    matrix = matrix.reshape(3, 4)[:, :3].astype(float)
+    if not (matrix[0, 0] and matrix[1, 1] and (np.abs(matrix) <= LARGEST).all()):
+        raise ValueError("it is not calibrated: neither k nor p has focal lengths")
+    roi = message.roi
+    size = np.array([roi.width or message.width, roi.height or message.height], float)
+    binning = np.maximum([message.binning_x, message.binning_y], 1)
+    matrix[:2, 2] -= roi.x_offset, roi.y_offset
+    matrix[:2] /= binning[:, None]
+    width, height = (size // binning).astype(int).tolist()
+    if not width * height:
+        raise ValueError("its picture has no pixels")
+    return matrix, (width, height)
+
+
+class CameraInfoDisplay(MessageDisplay[CameraInfoLook]):
+    """Draws what cameras see."""
+
+    key = "camera_info"
+    Look = CameraInfoLook
+    draws = CameraInfoDrawing
+    message_types = ("sensor_msgs/msg/CameraInfo",)
+    period_ns = SELDOM

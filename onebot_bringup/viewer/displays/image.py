@@ -1,0 +1,222 @@
+"""Pictures (sensor_msgs/Image and CompressedImage), each topic in a view beside the robot's."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, ready
+from onebot_bringup.viewer.displays.display import LayoutPart, below
+from onebot_bringup.viewer.displays.message_display import (
+    Drawing,
+    Look,
+    MessageDisplay,
+)
+from onebot_bringup.viewer.settings import height, setting
+from onebot_description.errors import printable
+
+Bytes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class ImageLook(Look):
+    """Pictures."""
+
+    normalize_range: bool = setting(
+        True, "of 16 and 32 bits: black and white by the values of each"
+    )
+    min_value: float = setting(0.0, "that is black, if not normalized", height)
+    max_value: float = setting(1.0, "that is white, if not normalized", height)
+
+
+# --- what pictures are made of --------------------------------------------------------------------
+
+
+class _Encoding(NamedTuple):
+    """How a pixel is stored, and shown."""
+
+    dtype: str  # of a channel, in the byte order of the machine
+    channels: int
+    kind: type[rr.Image | rr.DepthImage]
+    format: Mapping[str, Any]  # of Rerun
+    meter: float = 0.0  # of depth: the value of a metre
+
+
+def _color(model: str, channels: int) -> _Encoding:
+    return _Encoding("u1", channels, rr.Image, {"color_model": model, "channel_datatype": "U8"})
+
+
+def _packed(pixel_format: str, channels: int) -> _Encoding:
+    return _Encoding("u1", channels, rr.Image, {"pixel_format": pixel_format})
+
+
+def _depth(dtype: str, datatype: str, meter: float) -> _Encoding:
+    shown = {"color_model": "L", "channel_datatype": datatype}
+    return _Encoding(dtype, 1, rr.DepthImage, shown, meter)
+
+
+_GREY, _YUY2 = _color("L", 1), _packed("YUY2", 2)
+_UYVY = ("yuv422", "uyvy")  # luminance in the second byte; in YUY2, which Rerun has, the first
+_ENCODINGS: Mapping[str, _Encoding] = {
+    "rgb8": _color("RGB", 3),
+    "rgba8": _color("RGBA", 4),
+    **dict.fromkeys(("bgr8", "8UC3"), _color("BGR", 3)),
+    **dict.fromkeys(("bgra8", "8UC4"), _color("BGRA", 4)),
+    **dict.fromkeys(("mono8", "8UC1"), _GREY),
+    "mono16": _GREY._replace(dtype="u2"),
+    "16UC1": _depth("u2", "U16", 1000.0),  # REP-118: depth in millimetres
+    "32FC1": _depth("f4", "F32", 1.0),
+    **{
+        f"bayer_{order}8": _packed(f"Bayer{order.upper()}8", 1)
+        for order in ("rggb", "bggr", "gbrg", "grbg")
+    },
+    **dict.fromkeys((*_UYVY, "yuv422_yuy2", "yuyv"), _YUY2),
+}
+_COMPRESSED = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png"}
+_LONGEST = 40  # characters of a format, in warnings
+
+
+def _pixels(message: Any, encoding: _Encoding) -> Bytes:
+    """Return the pixels without padding, in the machine's byte order; a view where they are so.
+
+    Raises:
+        ValueError: there are less bytes.
+    """
+    width, rows, step = int(message.width), int(message.height), int(message.step)
+    size = np.dtype(encoding.dtype).itemsize
+    line = width * encoding.channels * size
+    if not width * rows:
+        raise ValueError("it has no pixels")
+    if encoding is _YUY2 and width % 2:
+        raise ValueError("its width is odd, and two pixels share a colour")
+    if step < line or len(message.data) < (rows - 1) * step + line:
+        raise ValueError(
+            f"{rows} rows of {width} pixels of {line // width} bytes, {step} from row to row "
+            f"(step), do not fit into {len(message.data)} bytes"
+        )
+    found: Bytes = np.ndarray((rows, line), np.uint8, message.data, 0, (step, 1)).reshape(-1)
+    if size > 1 and message.is_bigendian:
+        found = found.view(f"u{size}").byteswap().view(np.uint8)
+    return found
+
+
+class ImageDrawing(Drawing[ImageLook]):
+    """The pictures of one topic."""
+
+    stamped = False  # it is shown without a transform
+
+    def style(self) -> Sequence[rr.AsComponents]:
+        """Return the frame, which is that of a camera's picture if there is a CameraInfo."""
+        return [rr.CoordinateFrame(picture_frame(self.topic))]
+
+    def layout(self) -> LayoutPart:
+        """Return a view; the robots' view has the picture only with a camera."""
+        return LayoutPart(views=(ImageView(self.entity, self.topic),), hidden=(self.entity,))
+
+    def draw(self, message: Any) -> Sequence[ReadyColumn]:
+        """Return the picture."""
+        if hasattr(message, "format"):
+            return self._compressed(message)
+        encoding = _ENCODINGS.get(message.encoding)
+        if encoding is None:
+            name = printable(message.encoding[:_LONGEST])
+            raise ValueError(f'no encoding "{name}" is shown, but {", ".join(_ENCODINGS)}')
+        pixels = _pixels(message, encoding)
+        if message.encoding in _UYVY:
+            pixels = pixels.view(np.uint16).byteswap().view(np.uint8)
+        elif message.encoding == "mono16":
+            pixels = self._grey(pixels.view(np.uint16))
+        buffer = _DEPTH if encoding.kind is rr.DepthImage else _BUFFER
+        bounds = None if self.look.normalize_range else (self.look.min_value, self.look.max_value)
+        size = (message.width, message.height)
+        return [buffer.row(pixels), *_format(message.encoding, size, bounds)]
+
+    def _grey(self, values: NDArray[np.uint16]) -> Bytes:
+        low, high = self.look.min_value, self.look.max_value
+        if self.look.normalize_range:
+            low, high = float(values.min()), float(values.max())
+        scaled = (values - np.float32(low)) * np.float32(255.0 / max(high - low, 1e-9))
+        found: Bytes = np.clip(scaled, 0.0, 255.0).astype(np.uint8)
+        return found
+
+    def _compressed(self, message: Any) -> Sequence[ReadyColumn]:
+        start = message.data[:8].tobytes()
+        for magic, media_type in _COMPRESSED.items():
+            if start.startswith(magic):
+                return [_BLOB.row(message.data), *_media(media_type)]
+        name = printable(message.format[:_LONGEST])
+        raise ValueError(f'no "{name}" is shown, but jpeg and png')
+
+
+_BUFFER = BytesMaker(rr.Image.columns(buffer=[b"0"]))
+_DEPTH = BytesMaker(rr.DepthImage.columns(buffer=[b"0"]))
+_BLOB = BytesMaker(rr.EncodedImage.columns(blob=[b"0"]))
+
+
+@lru_cache(maxsize=64)
+def _format(
+    name: str, size: tuple[int, int], bounds: tuple[float, float] | None
+) -> Sequence[ReadyColumn]:
+    """Return the columns beside the pixels; ``bounds`` are the values that are black and white."""
+    encoding, (width, height) = _ENCODINGS[name], size
+    shape = rr.components.ImageFormat(width=width, height=height, **encoding.format)
+    if encoding.kind is rr.Image:
+        return ready(rr.Image.columns(format=[shape]))
+    depth_range = None if bounds is None else [bounds]
+    return ready(
+        rr.DepthImage.columns(
+            format=[shape],
+            meter=[encoding.meter],
+            colormap=["Grayscale"],
+            depth_range=depth_range,
+        )
+    )
+
+
+@lru_cache
+def _media(media_type: str) -> Sequence[ReadyColumn]:
+    return ready(rr.EncodedImage.columns(media_type=[media_type]))
+
+
+# --- where they are seen --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ImageView:
+    """A view of pictures."""
+
+    entity: str
+    topic: str
+
+    def view(self) -> rrb.View:
+        """Return the view for Rerun."""
+        return rrb.Spatial2DView(origin=self.entity, name=self.topic)
+
+    def below(self, root: str) -> "ImageView":
+        """Return the same view of the entity below ``root``."""
+        return replace(self, entity=below(root, self.entity))
+
+
+def picture_frame(topic: str) -> str:
+    """Return the frame of the pictures of a camera.
+
+    Args:
+        topic: of its CameraInfo, or of a picture; they are side by side.
+    """
+    space = topic.removesuffix("/compressed").rpartition("/")[0]
+    return f"picture:{space or '/'}"
+
+
+class ImageDisplay(MessageDisplay[ImageLook]):
+    """Draws pictures."""
+
+    key = "image"
+    Look = ImageLook
+    draws = ImageDrawing
+    message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+    heavy = True

@@ -1,0 +1,177 @@
+"""A robot in a notebook: drawn inline as in the viewer, with a slider for each joint. No ROS here.
+
+robot = NotebookRobot(load_description("robot.urdf.xacro"))
+robot  # as the last line of a cell, this shows it
+robot.move({"elbow": 0.5})
+"""
+
+import math
+import os
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from IPython.display import display
+from ipywidgets import FloatSlider, VBox
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, robot_bounds
+from onebot_bringup.viewer.scene import COLLISION_ENTITY, Scene
+from onebot_description.description import Description, Joint
+from onebot_description.errors import OneBotError
+from onebot_description.joints.pose import pose_of
+from onebot_description.model import RobotModel
+from onebot_description.model.quaternions import to_matrix
+
+if TYPE_CHECKING:
+    from rerun.notebook import Viewer
+
+Floats = NDArray[np.float64]
+
+_SLIDERS = {"max_height": "320px", "overflow": "auto"}  # of many, the list scrolls
+
+
+class NotebookRobot:
+    """A robot in a cell's output; its sliders and ``move`` move the joints.
+
+    Attributes:
+        model: its kinematics.
+        recording: what the viewer shows; more can be logged into it, in the frames of the links.
+        sliders: by joint, of those that follow no other one.
+    """
+
+    def __init__(self, description: Description, *, height: int = 480) -> None:
+        """Draw the robot with its joints at 0, or mid-range where 0 is out of range.
+
+        What cannot be drawn is warned of, and marked by a box.
+
+        Args:
+            description: the robot.
+            height: of the viewer, pixels.
+
+        Raises:
+            OneBotError: its links are not one tree, or Rerun's part for notebooks is missing.
+        """
+        self._description = description
+        self.model = RobotModel.from_description(description)
+        self._drawn: Floats = np.full((len(self.model.joints), 7), math.nan)
+        rests = dict(zip(self.model.joints, pose_of(self.model, description, {}), strict=True))
+        leading = [joint for joint in description.moving_joints if joint.mimic is None]
+        self.sliders = {joint.name: _slider(joint, rests[joint.name]) for joint in leading}
+        for slider in self.sliders.values():
+            slider.observe(self._draw, "value")
+        self.recording = rr.RecordingStream(description.robot_name)
+        self._viewer = _inline_viewer(self.recording, height)
+        self.recording.send_blueprint(self._blueprint())
+        for problem in Scene(self.recording).set_robot(description):
+            warnings.warn(problem, stacklevel=2)
+        fixed = self.model.fixed
+        for parent, child, pose in zip(fixed.parents, fixed.children, fixed.constant, strict=True):
+            self._place(parent, child, pose)
+        self._draw()
+
+    @property
+    def positions(self) -> dict[str, float]:
+        """Of all joints that move, rad or m."""
+        return dict(zip(self.model.joints, self._positions.tolist(), strict=True))
+
+    @property
+    def _positions(self) -> Floats:
+        return self.model.positions({name: slider.value for name, slider in self.sliders.items()})
+
+    def move(self, positions: Mapping[str, float]) -> None:
+        """Move joints to positions in rad or m; the others stay.
+
+        Raises:
+            OneBotError: no such joint moves, it follows another one, or a limit is exceeded.
+        """
+        pose_of(self.model, self._description, positions)
+        for name, position in positions.items():
+            slider = self.sliders[name]
+            # A joint without limits goes farther than its slider did.
+            slider.min, slider.max = min(slider.min, position), max(slider.max, position)
+            slider.value = position
+
+    def _ipython_display_(self) -> None:
+        self._viewer.display()
+        display(VBox(list(self.sliders.values()), layout=_SLIDERS))
+
+    def _draw(self, _: object = None) -> None:
+        """Place the links whose joints have moved."""
+        moving = self.model.moving
+        poses = moving.transforms(self._positions)
+        for row in np.flatnonzero((poses != self._drawn).any(axis=1)).tolist():
+            self._place(moving.parents[row], moving.children[row], poses[row])
+        self._drawn = poses
+        self.recording.flush()
+
+    def _place(self, parent: str, child: str, pose: Floats) -> None:
+        """Log a frame's pose in another: x y z in metres, quaternion x y z w."""
+        self.recording.log(
+            rr.new_entity_path(["tf", child]),
+            rr.Transform3D(
+                translation=pose[:3],
+                quaternion=rr.Quaternion(xyzw=pose[3:]),
+                parent_frame=parent,
+                child_frame=child,
+            ),
+            static=True,
+        )
+
+    def _blueprint(self) -> rrb.Blueprint:
+        """Return the robot's view alone, framed as in the viewer."""
+        matrices = {}
+        for link, pose in zip(
+            self.model.links, self.model.link_poses(self._positions), strict=True
+        ):
+            matrices[link] = np.eye(4)
+            matrices[link][:3, :3], matrices[link][:3, 3] = to_matrix(pose[3:]), pose[:3]
+        bounds = robot_bounds(self._description, matrices)
+        eye, target = (None, None) if bounds is None else fitting_eye(bounds)
+        small = bounds is not None and diagonal(bounds) <= 1.0
+        view = rrb.Spatial3DView(
+            origin="/",
+            overrides={COLLISION_ENTITY: rrb.EntityBehavior(visible=False)},
+            line_grid=rrb.LineGrid3D(spacing=0.1 if small else 1.0),
+            spatial_information=rrb.SpatialInformation(
+                target_frame=self.model.root_link, show_axes=False
+            ),
+            eye_controls=rrb.EyeControls3D(
+                kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1)
+            ),
+        )
+        hidden = rrb.TopPanel(state="hidden"), rrb.TimePanel(state="hidden")
+        return rrb.Blueprint(view, *hidden, collapse_panels=True)
+
+
+def _slider(joint: Joint, position: float) -> FloatSlider:
+    lower, upper = joint.lower, joint.upper
+    if joint.kind == "continuous" or lower is None or upper is None:
+        lower, upper = -math.pi, math.pi
+    return FloatSlider(
+        value=position,
+        min=lower,
+        max=upper,
+        step=0.001,
+        description=joint.name,
+        readout_format=".3f",
+        style={"description_width": "12em"},
+        layout={"width": "auto"},
+    )
+
+
+def _inline_viewer(recording: rr.RecordingStream, height: int) -> "Viewer":
+    """Return Rerun's viewer for a cell; unless the environment says otherwise, it is served here.
+
+    Raises:
+        OneBotError: Rerun's part for notebooks is not installed.
+    """
+    os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "serve-local")  # not from the internet
+    from rerun.notebook import HAS_NOTEBOOK, Viewer
+
+    if not HAS_NOTEBOOK:
+        raise OneBotError("Rerun's viewer for notebooks is missing: pip install 'onebot[notebook]'")
+    return Viewer(width="auto", height=height, recording=recording, theme="dark")

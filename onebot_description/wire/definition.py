@@ -1,0 +1,112 @@
+"""Reads the definition of a message type as rosbag2 and MCAP store it ("ros2msg").
+
+That is the text of its .msg file, then those of the types in it, each after a line of ``=`` and one
+of ``MSG: package/Name``.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from onebot_description.errors import printable, shortened
+
+NUMBERS = {  # as NumPy has them
+    **{"bool": "?", "byte": "u1", "char": "u1", "float32": "<f4", "float64": "<f8"},
+    **{
+        f"{sign}int{8 * size}": f"<{sign or 'i'}{size}"
+        for sign in ("", "u")
+        for size in (1, 2, 4, 8)
+    },
+}
+STRINGS = {"string": 1, "wstring": 2}  # bytes of a character
+_KNOWN = {  # what some writers leave out
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
+}
+_SECTION = re.compile(r"^={3,}[ \t\r]*\n(MSG|IDL):[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.MULTILINE)
+_TYPE = re.compile(r"[A-Za-z]\w*/(?:msg/)?[A-Za-z]\w*", re.ASCII)
+_FIELD = re.compile(
+    r"(?P<type>[A-Za-z]\w*(?:/[A-Za-z]\w*){0,2})(?:<=\d+)?"
+    r"(?P<array>\[(?:(?P<size>\d{1,10})|(?:<=\d+)?)\])?\s+"
+    r"(?P<name>[A-Za-z]\w*)(?![^\s=])\s*(?P<constant>=)?",
+    re.ASCII,
+)
+_MAX_SIZE = 2**31 - 1  # elements of an array
+
+
+class DefinitionError(ValueError):
+    """A definition that cannot be used; ``str(error)`` names the type and the line."""
+
+
+class Field(NamedTuple):
+    """A line of a .msg file that defines a field."""
+
+    name: str
+    type: str  # as in NUMBERS or STRINGS, or package/Name
+    size: int | None  # of an array; 0: as many as the message has; None: one
+    where: str  # type, line and text, for a message
+
+
+def short_name(name: str) -> str:
+    """Return ``package/Name`` of a message type.
+
+    Raises:
+        DefinitionError: the name is none.
+    """
+    if not _TYPE.fullmatch(name):
+        raise DefinitionError(f'"{printable(shortened(name))}" is no name of a message type')
+    return name.replace("/msg/", "/")
+
+
+def files(name: str, definition: str) -> dict[str, str]:
+    """Split a definition into .msg files, by ``package/Name``.
+
+    Args:
+        name: of the type that it defines, short.
+        definition: the whole text.
+
+    Raises:
+        DefinitionError: part of it is no .msg file but IDL.
+    """
+    first, *rest = _SECTION.split(definition)
+    if "IDL" in rest[::3] or re.match(r"\s*(#include|module)\b", first):
+        raise DefinitionError(f"{name}: its definition is in IDL; only .msg text can be read")
+    others = zip(rest[1::3], rest[2::3], strict=True)
+    texts = _KNOWN | {kind.replace("/msg/", "/"): text for kind, text in others}
+    return texts | {name: first} if first.strip() or name not in texts else texts
+
+
+def fields(kind: str, text: str) -> Iterator[Field]:
+    """Parse the .msg file of a type; constants and defaults are left out.
+
+    Raises:
+        DefinitionError: a line is no field of it.
+    """
+    names = set[str]()
+    for number, line in enumerate(text.split("\n"), 1):
+        line = line.partition("#")[0].strip()
+        if not line:
+            continue
+        where = f'{kind}, line {number}: "{printable(shortened(line))}"'
+        match = _FIELD.match(line)
+        if match is None:
+            raise DefinitionError(f"{where} is no field of a .msg file, such as `float64[3] point`")
+        name = match["name"]
+        size = int(match["size"]) if match["size"] else 0 if match["array"] else None
+        if match["constant"]:
+            continue
+        if name in names:
+            raise DefinitionError(f"{where}: an earlier field has this name")
+        if match["size"] and not 0 < int(match["size"]) <= _MAX_SIZE:
+            raise DefinitionError(f"{where}: an array has 1 to {_MAX_SIZE} elements")
+        names.add(name)
+        yield Field(
+            name, _full(match["type"], kind), size or (0 if match["array"] else None), where
+        )
+
+
+def _full(name: str, home: str) -> str:
+    """Return the name of a type with its package, which is that of ``home`` if none is given."""
+    if name in NUMBERS or name in STRINGS:
+        return name
+    return name.replace("/msg/", "/") if "/" in name else f"{home.partition('/')[0]}/{name}"

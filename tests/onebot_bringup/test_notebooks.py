@@ -1,0 +1,229 @@
+"""The notebooks, each executed in a kernel of its own; and the robot that they show."""
+
+import json
+import math
+import os
+import signal
+import warnings
+from pathlib import Path
+
+import nbformat
+import psutil
+import pytest
+import rerun as rr
+import rerun.chunk as rc
+from nav_msgs.msg import Odometry
+from nbclient import NotebookClient
+
+from onebot_bringup.viewer.notebook import NotebookRobot
+from onebot_description.description import load_description, parse_description
+from onebot_description.errors import OneBotError
+from tests.readme import CHECKOUT
+from tests.ros_support import Peer
+from tests.support import PATIENCE, wait_for
+
+NOTEBOOKS = sorted((CHECKOUT / "onebot_bringup/notebooks").glob("*.ipynb"))
+ARM = """<robot name="arm">
+  <link name="base"><visual><geometry><box size=".6 .6 .6"/></geometry></visual></link>
+  <link name="upper"/> <link name="lower"/> <link name="wheel"/> <link name="tool"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/><limit lower="0.5" upper="1.5" effort="1" velocity="1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+    <mimic joint="shoulder" multiplier="-1"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="axle" type="continuous"><parent link="lower"/><child link="wheel"/></joint>
+  <joint name="fixed" type="fixed"><parent link="lower"/><child link="tool"/>
+    <origin xyz="1 2 3"/></joint>
+</robot>"""
+
+
+# --- the notebooks ------------------------------------------------------------------------------
+
+
+def _source(notebook: nbformat.NotebookNode) -> str:
+    return "\n".join(cell.source for cell in notebook.cells)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_committed_without_outputs(path):
+    """Nor does it name the computer that it was written on."""
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    assert set(notebook.metadata) == {"kernelspec", "language_info"}
+    for cell in notebook.cells:
+        assert not cell.metadata
+        if cell.cell_type == "code":
+            assert cell.outputs == [] and cell.execution_count is None
+    for folder in ("/home", "/root", "/tmp", "/work", str(CHECKOUT)):
+        assert folder not in path.read_text()
+
+
+def _executed(name: str, folder: Path, results: str) -> tuple[dict, nbformat.NotebookNode]:
+    """Execute a notebook, and an expression after it.
+
+    Returns:
+        The expression's value, and the notebook with its outputs.
+    """
+    notebook = nbformat.read(CHECKOUT / f"onebot_bringup/notebooks/{name}.ipynb", as_version=4)
+    notebook.cells.append(
+        nbformat.v4.new_code_cell(f"import json, sys\nprint(json.dumps({results}))")
+    )
+    folder = {"metadata": {"path": str(folder)}}
+    NotebookClient(notebook, timeout=PATIENCE, resources=folder).execute()  # raises what cells do
+    [output] = notebook.cells.pop().outputs
+    return json.loads(output.text), notebook
+
+
+def _pictures(notebook: nbformat.NotebookNode) -> int:
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    return sum("image/png" in output.get("data", {}) for output in outputs)
+
+
+def _widgets(notebook: nbformat.NotebookNode) -> list[dict]:
+    """The states of all widgets."""
+    states = notebook.metadata.widgets["application/vnd.jupyter.widget-state+json"]["state"]
+    return [widget["state"] for widget in states.values()]
+
+
+@pytest.mark.slow
+def test_robot_model_shows_the_robot_with_its_sliders(tmp_path):
+    """Without rclpy; the viewer does not come from another computer."""
+    results, notebook = _executed(
+        "robot_model",
+        tmp_path,
+        "{'shape': poses.shape, 'positions': robot.positions, 'ros': 'rclpy' in sys.modules}",
+    )
+    assert results["shape"] == [200, 5, 7]
+    assert results["positions"] == {
+        "left_wheel_joint": 0.4,
+        "right_wheel_joint": 0.0,
+        "caster_swivel_joint": 0.8,
+        "caster_wheel_joint": 0.0,
+    }
+    assert not results["ros"]
+    assert _pictures(notebook) == 1
+    widgets = _widgets(notebook)
+    sliders = [each for each in widgets if each["_model_name"] == "FloatSliderModel"]
+    assert {each["description"]: each["value"] for each in sliders} == results["positions"]
+    [viewer] = [each for each in widgets if each["_model_name"] == "AnyModel"]
+    assert viewer["_esm"].startswith("http://localhost:")
+
+
+@pytest.mark.slow
+def test_driving_a_thousand_metres_with_the_odometry_centimetres_off(tmp_path):
+    """Without rclpy; the worn wheel is a hundred times worse."""
+    results, notebook = _executed(
+        "driving",
+        tmp_path,
+        "{'driven': driven, 'error': error.tolist(), 'worn': error_worn.tolist(),"
+        " 'ros': 'rclpy' in sys.modules}",
+    )
+    assert results["driven"] == pytest.approx(1000.0, abs=0.02)
+    assert len(results["error"]) > 1000
+    assert 0.01 < max(results["error"]) < 0.2
+    assert results["worn"][-1] > 100 * results["error"][-1]
+    assert not results["ros"]
+    assert _pictures(notebook) == 1
+
+
+@pytest.mark.slow
+def test_ros_drives_a_running_robot_round_a_circle(ros_domain, tmp_path):
+    """In the domain of the environment, and the robot ends with the last cell."""
+    with Peer(ros_domain) as peer:
+        received = peer.hear(Odometry, "/velocity_controller/odom")
+        results, notebook = _executed(
+            "ros", tmp_path, "{'distance': distance, 'end': path(truth)[-1].tolist(), 'code': code}"
+        )
+        assert len(received) > 100
+    assert results["distance"] == pytest.approx(math.pi, abs=0.5)
+    assert math.hypot(*results["end"]) < 0.5  # back where it began
+    assert results["code"] == 0
+    assert _pictures(notebook) == 1
+
+
+@pytest.mark.slow
+def test_the_robot_ends_with_a_kernel_that_is_killed(ros_domain, tmp_path):
+    """The kernel has no time to stop anything."""
+    notebook = nbformat.read(CHECKOUT / "onebot_bringup/notebooks/ros.ipynb", as_version=4)
+    notebook.cells = notebook.cells[:2]  # starts the robot
+    assert "Popen" in _source(notebook)
+    cell = "import json, os; print(json.dumps([os.getpid(), robot.pid]))"
+    notebook.cells.append(nbformat.v4.new_code_cell(cell))
+    client = NotebookClient(notebook, timeout=PATIENCE)
+    with client.setup_kernel():
+        for index, each in enumerate(notebook.cells):
+            client.execute_cell(each, index)
+        printed = [out.text for out in notebook.cells[-1].outputs if out.name == "stdout"]
+        kernel, robot = json.loads("".join(printed).splitlines()[-1])
+        bringup = psutil.Process(robot)
+        wait_for(lambda: len(bringup.children()) >= 4, "its guard and its nodes")
+        processes = [bringup, *bringup.children()]
+        os.kill(kernel, signal.SIGKILL)
+        for process in processes:
+            wait_for(lambda p=process: _has_ended(p), str(process))
+
+
+def _has_ended(process: psutil.Process) -> bool:
+    try:
+        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+# --- the robot shown ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def arm(monkeypatch) -> NotebookRobot:
+    # Nothing fetches the page's part of the viewer here, and to serve it takes seconds.
+    monkeypatch.setenv("RERUN_NOTEBOOK_ASSET", "http://127.0.0.1:9/widget.js")
+    return NotebookRobot(parse_description(ARM, "arm"))
+
+
+def _angles(path: Path, frame: str) -> list[float]:
+    """The angles about z of the transforms of a frame in a file, rad."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a recording without a footer is our choice
+        chunks = list(rc.RrdReader(str(path)).stream())
+    found = []
+    for chunk in chunks:
+        if str(chunk.entity_path) == f"/tf/{frame}":
+            column = chunk.to_record_batch().column("Transform3D:quaternion").to_pylist()
+            found += [2.0 * math.atan2(row[0][2], row[0][3]) for row in column]
+    return found
+
+
+def test_a_slider_moves_its_joint_and_those_that_follow_it_and_no_other(arm, tmp_path):
+    """The viewer gets a transform of each link that has moved."""
+    assert set(arm.sliders) == {"shoulder", "axle"}
+    assert arm.positions == {"shoulder": 1.0, "elbow": -1.0, "axle": 0.0}
+    arm.recording.set_sinks(rr.FileSink(tmp_path / "x.rrd"))
+    arm.sliders["shoulder"].value = 1.25
+    arm.recording.disconnect()
+    assert arm.positions == {"shoulder": 1.25, "elbow": -1.25, "axle": 0.0}
+    assert _angles(tmp_path / "x.rrd", "upper") == pytest.approx([1.25])
+    assert _angles(tmp_path / "x.rrd", "lower") == pytest.approx([-1.25])
+    assert not _angles(tmp_path / "x.rrd", "wheel")
+
+
+def test_move_moves_the_sliders_and_refuses_what_no_joint_can_do(arm):
+    """A joint without limits goes farther than its slider did at first."""
+    arm.move({"shoulder": 0.75, "axle": 10.0})
+    assert arm.positions == {"shoulder": 0.75, "elbow": -0.75, "axle": 10.0}
+    assert arm.sliders["axle"].value == arm.sliders["axle"].max == 10.0
+    for positions, problem in (
+        ({"shoulder": 2.0}, 'joint "shoulder": 2 is out of its limits, 0.5 to 1.5'),
+        ({"elbow": 0.0}, 'joint "elbow" follows joint "shoulder"'),
+        ({"sholder": 1.0}, 'no moving joint "sholder"'),
+    ):
+        with pytest.raises(OneBotError, match=problem):
+            arm.move(positions)
+    assert arm.positions == {"shoulder": 0.75, "elbow": -0.75, "axle": 10.0}
+
+
+def test_what_cannot_be_drawn_is_warned_of(monkeypatch):
+    """The rest is shown."""
+    monkeypatch.setenv("RERUN_NOTEBOOK_ASSET", "http://127.0.0.1:9/widget.js")
+    robot = load_description(CHECKOUT / "tests/robots/missing_mesh.urdf")
+    with pytest.warns(UserWarning, match="not drawn but marked by a box"):
+        NotebookRobot(robot)

@@ -1,0 +1,201 @@
+"""Pictures: the bytes and formats in the file, and that none is copied."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+from sensor_msgs.msg import CompressedImage, Image
+
+from onebot_bringup.viewer.columns import BytesMaker
+from onebot_bringup.viewer.displays.image import ImageView
+from onebot_description.wire.messages import time_message
+from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.viewer_support import START_NS, show
+
+ENTITY = "/image/cam/image_raw"
+TOPIC = "/cam/image_raw"
+L, RGB, RGBA, BGR, BGRA = range(1, 6)
+U8, U16, F32 = 6, 8, 34
+RNG = np.random.default_rng(1)
+
+
+def image(encoding, pixels, padding=0, *, big=False) -> Image:
+    """A picture of (height, width, ...) numbers, with so many bytes after each row."""
+    rows, width = pixels.shape[:2]
+    pixels = pixels.astype(pixels.dtype.newbyteorder(">")) if big else pixels
+    lines = np.frombuffer(pixels.tobytes(), np.uint8).reshape(rows, -1)
+    data = np.pad(lines, ((0, 0), (0, padding)), constant_values=0xEE)
+    message = Image(height=rows, width=width, encoding=encoding, step=data.shape[1])
+    message.is_bigendian, message.data = int(big), data.tobytes()
+    message.header.frame_id, message.header.stamp = "nowhere", time_message(START_NS)
+    return message
+
+
+def random(*shape, dtype=np.uint8):
+    """Numbers of any size."""
+    return RNG.integers(0, 250, shape).astype(dtype)
+
+
+@pytest.mark.parametrize("padding", [0, 5])
+@pytest.mark.parametrize(
+    ("encoding", "channels", "model"),
+    [
+        *[("rgb8", 3, RGB), ("bgr8", 3, BGR), ("8UC3", 3, BGR), ("rgba8", 4, RGBA)],
+        *[("bgra8", 4, BGRA), ("8UC4", 4, BGRA), ("mono8", 1, L), ("8UC1", 1, L)],
+    ],
+)
+def test_colours_are_logged_as_they_come(encoding, channels, model, padding, tmp_path):
+    """Without what lies between rows; also where no transform leads to the frame."""
+    pixels = random(4, 6, channels)
+    file, said = show(tmp_path, "", (TOPIC, image(encoding, pixels, padding)))
+    assert said == []
+    assert column(file, ENTITY, "Image:buffer") == [[pixels.ravel().tolist()]]
+    [[found]] = column(file, ENTITY, "Image:format")
+    assert (found["width"], found["height"], found["pixel_format"]) == (6, 4, None)
+    assert (found["color_model"], found["channel_datatype"]) == (model, U8)
+    [time] = np.array(column(file, ENTITY, "ros_time"), "datetime64[ns]").astype(np.int64)
+    assert time == START_NS
+
+
+@pytest.mark.parametrize(
+    ("encoding", "channels", "pixel_format"),
+    [
+        *[("bayer_rggb8", 1, 128), ("bayer_bggr8", 1, 129), ("bayer_gbrg8", 1, 130)],
+        *[("bayer_grbg8", 1, 131), ("yuv422_yuy2", 2, 27), ("yuyv", 2, 27)],
+    ],
+)
+def test_formats_of_cameras(encoding, channels, pixel_format, tmp_path):
+    """Rerun makes colours of them."""
+    pixels = random(4, 6, channels)
+    file, said = show(tmp_path, "", (TOPIC, image(encoding, pixels)))
+    assert said == []
+    assert column(file, ENTITY, "Image:buffer") == [[pixels.ravel().tolist()]]
+    [[found]] = column(file, ENTITY, "Image:format")
+    assert found["pixel_format"] == pixel_format
+
+
+def test_uyvy_is_yuy2_with_its_bytes_swapped(tmp_path):
+    """The only one that Rerun has."""
+    pixels = random(2, 4, 2)
+    file, _ = show(tmp_path, "", (TOPIC, image("yuv422", pixels)))
+    assert column(file, ENTITY, "Image:buffer") == [[pixels[..., ::-1].ravel().tolist()]]
+
+
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize("padding", [0, 6])
+@pytest.mark.parametrize(
+    ("encoding", "dtype", "datatype", "meter"),
+    [("16UC1", np.uint16, U16, 1000.0), ("32FC1", np.float32, F32, 1.0)],
+)
+def test_depth_is_in_metres(encoding, dtype, datatype, meter, big, padding, tmp_path):
+    """REP-118: integers are millimetres; either byte order."""
+    pixels = random(3, 5, dtype=dtype) * dtype(7)
+    view = "image: {normalize_range: false, min_value: 1.0, max_value: 5.0}"
+    file, said = show(tmp_path, view, (TOPIC, image(encoding, pixels, padding, big=big)))
+    assert said == []
+    [[found]] = column(file, ENTITY, "DepthImage:buffer")
+    np.testing.assert_array_equal(np.array(found, np.uint8).view(dtype), pixels.ravel())
+    [[found]] = column(file, ENTITY, "DepthImage:format")
+    assert (found["width"], found["height"], found["channel_datatype"]) == (5, 3, datatype)
+    assert column(file, ENTITY, "DepthImage:meter") == [[meter]]
+    assert column(file, ENTITY, "DepthImage:depth_range") == [[[1.0, 5.0]]]
+
+
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ("{visible: true}", [0, 127, 255]),
+        ("{normalize_range: false, max_value: 2000}", [127, 255, 255]),
+    ],
+)
+def test_grey_of_16_bits_is_scaled_as_in_rviz(settings, expected, big, tmp_path):
+    """From the least to the greatest value, or by the bounds of the settings."""
+    pixels = np.array([[1000, 2000, 3000]], np.uint16)
+    file, _ = show(tmp_path, f"image: {settings}", (TOPIC, image("mono16", pixels, big=big)))
+    assert column(file, ENTITY, "Image:buffer") == [[expected]]
+
+
+def compressed(kind, form, data=None) -> CompressedImage:
+    """A picture in a file's format."""
+    file = io.BytesIO()
+    Pillow.fromarray(random(4, 6, 3)).save(file, kind)
+    message = CompressedImage(format=form, data=file.getvalue() if data is None else data)
+    message.header.stamp = time_message(START_NS)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("kind", "form", "media_type"),
+    [
+        ("jpeg", "jpeg", "image/jpeg"),
+        ("jpeg", "rgb8; jpeg compressed bgr8", "image/jpeg"),
+        ("png", "bgr8; png compressed bgr8", "image/png"),
+        ("png", "", "image/png"),
+    ],
+)
+def test_files_are_logged_as_they_come(kind, form, media_type, tmp_path):
+    """What they are is in their first bytes."""
+    message = compressed(kind, form)
+    file, said = show(tmp_path, "", ("/cam/image_raw/compressed", message))
+    assert said == []
+    entity = f"{ENTITY}/compressed"
+    assert column(file, entity, "EncodedImage:blob") == [[list(message.data)]]
+    assert column(file, entity, "EncodedImage:media_type") == [[media_type]]
+
+
+def _with(message, **changes):
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+PIXELS = np.zeros((2, 2, 3), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        (_with(image("rgb8", PIXELS), step=5), "5 from row to row (step), do not fit into 12"),
+        (_with(image("rgb8", PIXELS), step=2**32 - 1), "do not fit into 12 bytes"),
+        (_with(image("rgb8", PIXELS), width=2**32 - 1, height=2**32 - 1), "do not fit into 12"),
+        (_with(image("rgb8", PIXELS), data=b""), "do not fit into 0 bytes"),
+        (_with(image("rgb8", PIXELS), width=0), "it has no pixels"),
+        (image("64FC1", PIXELS), 'no encoding "64FC1" is shown, but rgb8, '),
+        (image("yuv422", PIXELS[:, :1]), "its width is odd"),
+        (compressed("png", "16UC1; compressedDepth png", b"\0" * 30), 'no "16UC1; compressedDepth'),
+        (compressed("png", "jpeg", b""), 'no "jpeg" is shown, but jpeg and png'),
+    ],
+)
+def test_bad_pictures_are_reported(message, said, tmp_path):
+    """Once, and they cost nothing of the others."""
+    good = image("rgb8", PIXELS) if isinstance(message, Image) else compressed("png", "png")
+    file, warnings = show(tmp_path, "", *[(TOPIC, each) for each in (message, message, good)])
+    [warning] = warnings
+    assert warning.startswith(f'image "{TOPIC}": ') and said in warning
+    name = "Image:buffer" if isinstance(message, Image) else "EncodedImage:blob"
+    assert len(column(file, ENTITY, name)) == 1
+
+
+def test_bytes_are_not_copied(monkeypatch, tmp_path):
+    """What goes to Rerun lies in the message that came."""
+    passed = []
+    row = BytesMaker.row
+    monkeypatch.setattr(
+        BytesMaker, "row", lambda self, data: passed.append(data) or row(self, data)
+    )
+    show(tmp_path, "", (TOPIC, image("rgb8", PIXELS)))
+    show(tmp_path, "", (TOPIC, compressed("jpeg", "jpeg")))
+    for data in passed:
+        assert data.base is not None and not data.flags.owndata
+        while isinstance(data.base, np.ndarray):
+            data = data.base
+        assert isinstance(data.base, bytes)
+    assert len(passed) == 2
+
+
+def test_each_picture_has_a_view(tmp_path):
+    """Beside the robot's, by the topic's name."""
+    view = ImageView("image/cam/image_raw", TOPIC).below("left").view()
+    assert (view.origin, view.name) == ("left/image/cam/image_raw", TOPIC)

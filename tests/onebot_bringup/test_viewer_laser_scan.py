@@ -1,0 +1,120 @@
+"""Laser scans: the points, colours, frames and times in the file."""
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import LaserScan
+
+from onebot_description.wire.messages import time_message
+from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.viewer_support import START_NS, show
+
+NAN, INF = float("nan"), float("inf")
+ENTITY = "/laser_scan/scan"
+RED, MAGENTA = 0xFF0000FF, 0xFF00FFFF
+ORANGE = 0xFFB020FF  # the first of our colours
+
+
+def scan(ranges=(1.0, 2.0), frame="tip", at=0, **fields) -> LaserScan:
+    """A scan that begins to the right and turns left."""
+    message = LaserScan(
+        angle_min=-np.pi / 2, angle_increment=np.pi / 2, range_min=0.5, range_max=8.0, **fields
+    )
+    message.header.frame_id, message.header.stamp = frame, time_message(START_NS + at)
+    message.ranges = list(ranges)
+    return message
+
+
+def points(file, entity=ENTITY):
+    """The positions of each row, (N, 3)."""
+    rows = column(file, entity, "Points3D:positions")
+    return [np.array(row).reshape(-1, 3) for row in rows]
+
+
+def colors(file, entity=ENTITY):
+    """The colours of each row."""
+    return column(file, entity, "Points3D:colors")
+
+
+def test_ranges_are_points_in_the_sensor_s_frame(tmp_path):
+    """At its time, three pixels wide; the next scan takes their place."""
+    sent = scan((1.0, 2.0, 3.0)), scan((4.0,), at=7000)
+    file, said = show(tmp_path, "", *(("/scan", each) for each in sent))
+    assert said == []
+    first, second = points(file)
+    np.testing.assert_allclose(first, [(0, -1, 0), (2, 0, 0), (0, 3, 0)], atol=1e-6)
+    np.testing.assert_allclose(second, [(0, -4, 0)], atol=1e-6)
+    assert colors(file) == [[ORANGE], [ORANGE]]
+    assert column(file, ENTITY, "CoordinateFrame:frame") == [["tip"]]
+    assert column(file, ENTITY, "Points3D:radii") == [[-1.5]]
+    times = np.array(column(file, ENTITY, "ros_time"), "datetime64[ns]").astype(np.int64)
+    np.testing.assert_array_equal(times, [START_NS, START_NS + 7000])
+
+
+def test_ranges_that_are_none_are_left_out(tmp_path):
+    """As RViz does: range_min is a range, range_max is none; intensities stay with theirs."""
+    ranges = (0.5, 0.49, 8.0, 7.9, NAN, INF, -INF, -1.0)
+    intensities = [0.0, 9.0, 9.0, 1.0, 9.0, 9.0, 9.0, NAN]
+    file, said = show(tmp_path, "", ("/scan", scan(ranges, intensities=intensities)))
+    assert said == []
+    [found] = points(file)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), [0.5, 7.9], rtol=1e-6)
+    assert colors(file) == [[RED, MAGENTA]]
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ("", [RED, 0x00FF7FFF, MAGENTA]),
+        ("invert_rainbow: true", [MAGENTA, 0x00FF7FFF, RED]),
+        ("use_rainbow: false, max_color: [200, 100, 0]", [0x000000FF, 0x643200FF, 0xC86400FF]),
+        (
+            "use_rainbow: false, autocompute_intensity_bounds: false, max_intensity: 200",
+            [0x000000FF, 0x404040FF, 0x808080FF],
+        ),
+        ("color_transformer: FlatColor, color: [1, 2, 3]", [0x010203FF]),
+        ("color_transformer: Intensity, channel_name: none", [ORANGE]),
+        ("color_transformer: AxisColor, axis: Y", [RED, 0x00FF7FFF, MAGENTA]),
+    ],
+)
+def test_colours_are_those_of_rviz(settings, expected, tmp_path):
+    """The lowest value is red, the highest magenta, unless the settings name something else."""
+    sent = scan((1.0, 1.0, 1.0), intensities=[0.0, 50.0, 100.0])
+    file, _ = show(tmp_path, f"laser_scan: {{{settings}}}", ("/scan", sent))
+    [found] = colors(file)
+    channels = np.array(found, np.uint32).view(np.uint8).astype(int)
+    wanted = np.array(expected, np.uint32).view(np.uint8).astype(int)
+    assert np.abs(channels - wanted).max() <= 3  # of 256 colours the nearest lower one
+
+
+def test_one_intensity_is_red_only_where_intensity_is_asked_for(tmp_path):
+    """Many scanners send zeros."""
+    zeros = ("/scan", scan(intensities=[0.0, 0.0]))
+    assert colors(show(tmp_path, "", zeros)[0]) == [[ORANGE]]
+    asked = "laser_scan: {color_transformer: Intensity}"
+    assert colors(show(tmp_path, asked, zeros)[0]) == [[RED, RED]]
+
+
+def test_points_stay_for_the_decay_time(tmp_path):
+    """In the fixed frame, since the sensor moves on."""
+    view = "{fixed_frame: base, laser_scan: {decay_time: 2.0, size: 0.1}}"
+    file, said = show(tmp_path, view, ("/scan", scan((1.0,))))
+    assert said == []
+    np.testing.assert_allclose(points(file), [[(0, -0.5, 0)]], atol=1e-6)
+    assert column(file, ENTITY, "CoordinateFrame:frame") == [["base"]]
+    assert column(file, ENTITY, "Points3D:radii") == [[pytest.approx(0.05)]]
+
+
+def test_bad_scans_are_reported_and_cost_nothing_of_the_others(tmp_path):
+    """Also those whose numbers are absurd."""
+    absurd = scan((1.0, 2.0), at=1)
+    absurd.angle_increment, absurd.angle_min = INF, 3e38
+    sent = [scan((1.0,), intensities=[1.0, 2.0]), scan(()), absurd, scan((2.0,), at=2)]
+    file, said = show(tmp_path, "", *(("/scan", each) for each in sent))
+    assert said == ['laser scan "/scan": 1 ranges, but 2 intensities']
+    assert [len(found) for found in points(file)] == [0, 0, 1]
+
+
+def test_a_scan_in_an_unknown_frame_waits(tmp_path):
+    """It would be an error in the view."""
+    file, _ = show(tmp_path, "", ("/scan", scan(frame="elsewhere")))
+    assert chunks(file, ENTITY) == []
