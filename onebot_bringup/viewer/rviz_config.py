@@ -178,10 +178,13 @@ def _qos(topic: Properties, prefix: str) -> dict[str, Any]:
 
 
 def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
-    """Yield each property by our kind of name; those of a group by their own."""
+    """Yield each property by our kind of name; those of a group by their own, and its value."""
     for name, value in properties.items():
         if isinstance(value, Mapping):
-            if name != "Topic" and not name.endswith("Topic"):
+            if "Value" in value and not name.endswith("Topic"):
+                yield _snake(name), value["Value"]
+            # A covariance has colours of its own.
+            if name != "Covariance" and not name.endswith("Topic"):
                 yield from _flat(value)
         else:
             yield _snake(name), value

@@ -3,13 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn
+from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, one_row
 from onebot_bringup.viewer.displays.display import (
     LARGEST,
     SELDOM,
@@ -85,32 +87,39 @@ class MapDrawing(Drawing[MapLook]):
         return [rr.GridMap.from_fields(colormap=colors, opacity=alpha, draw_order=layer)]
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a map, or an update of the map before."""
+        """Add a map, to be logged by ``flush``."""
         try:
-            grid = self._updated(stamp_ns, message) if "x" in dir(message) else self._new(message)
+            grid = _grid(message)
         except ValueError as error:
             self.problem = str(error)
             return
-        if grid is None:
+        self._own = False
+        self._take(stamp_ns, grid)
+
+    def update(self, stamp_ns: int, message: Any) -> None:
+        """Add an update, which is ignored before there is a map, or where that is newer."""
+        if self._grid is None or stamp_ns < self._grid_ns:
+            return
+        try:
+            grid = self._updated(self._grid, message)
+        except ValueError as error:
+            self.problem = str(error)
             return
         if self._pending and self._pending[-1][1].cells is grid.cells:
-            self._pending.pop()  # an update before it
+            self._pending.pop()  # with an update before it
+        self._take(stamp_ns, grid)
+
+    def _take(self, stamp_ns: int, grid: Grid) -> None:
         self._grid, self._grid_ns = grid, stamp_ns
         super().add(stamp_ns, grid)
 
-    def _new(self, message: Any) -> Grid:
-        self._own = False
-        return _grid(message)
-
-    def _updated(self, stamp_ns: int, update: Any) -> Grid | None:
-        """Return the map with an update in it; None before there is a map, or for an older one.
+    def _updated(self, grid: Grid, update: Any) -> Grid:
+        """Return a map with an update in it.
 
         Raises:
             ValueError: it is no part of the map.
         """
-        if self._grid is None or stamp_ns < self._grid_ns:
-            return None
-        cells = self._grid.cells
+        cells = grid.cells
         rows = slice(update.y, update.y + update.height)
         columns = slice(update.x, update.x + update.width)
         inside = rows.stop <= cells.shape[0] and columns.stop <= cells.shape[1]
@@ -124,25 +133,41 @@ class MapDrawing(Drawing[MapLook]):
         if not self._own:
             cells, self._own = cells.copy(), True
         cells[rows, columns] = update.data.reshape(update.height, update.width)
-        return self._grid._replace(cells=cells)
+        return grid._replace(cells=cells)
+
+    def replace(self, before: Drawing[MapLook]) -> None:
+        """Go on with the map of before."""
+        super().replace(before)
+        if isinstance(before, MapDrawing):
+            self._grid, self._grid_ns = before._grid, before._grid_ns
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and where they lie."""
-        height, width = message.cells.shape
-        if not height * width:
+        if not message.cells.size:
             return [rr.Clear(recursive=False)]
-        origin = message.info.origin.array()
-        return [
-            _DATA.row(np.flipud(message.cells).view(np.uint8).ravel()),
-            rr.GridMap.from_fields(
-                format=rr.components.ImageFormat(
-                    width, height, color_model="L", channel_datatype="U8"
-                ),
-                cell_size=message.info.resolution,
-                translation=origin[:3],
-                quaternion=rr.Quaternion(xyzw=normalized(origin[3:])),
-            ),
-        ]
+        return [_cells(message.cells), *_geometry(message.info)]
+
+
+def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
+    """Return cells as an image, whose first row is the upper one."""
+    memory = np.frombuffer(pa.allocate_buffer(cells.size), np.uint8)  # which Arrow uses again
+    memory.reshape(cells.shape)[...] = np.flipud(cells).view(np.uint8)
+    return _DATA.row(memory)
+
+
+def _geometry(info: Any) -> Sequence[ReadyColumn]:
+    return _placed(info.width, info.height, info.resolution, info.origin.array().tobytes())
+
+
+@lru_cache(maxsize=16)
+def _placed(width: int, height: int, cell_size: float, origin: bytes) -> Sequence[ReadyColumn]:
+    """Return where a map lies, as columns that can be logged many times."""
+    place, rotation = np.split(np.frombuffer(origin), [3])
+    kind = rr.components.ImageFormat(width, height, color_model="L", channel_datatype="U8")
+    turn = rr.Quaternion(xyzw=normalized(rotation))
+    return one_row(
+        rr.GridMap.from_fields(format=kind, cell_size=cell_size, translation=place, quaternion=turn)
+    )
 
 
 def _grid(message: Any) -> Grid:
@@ -186,4 +211,10 @@ class MapDisplay(MessageDisplay[MapLook]):
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
         """Pass maps and updates to the drawing of their topic."""
-        super().add(topic.removesuffix(UPDATES) if kind is UPDATE else topic, kind, messages)
+        if kind is not UPDATE:
+            super().add(topic, kind, messages)
+            return
+        drawing = self.items[topic.removesuffix(UPDATES)]
+        assert isinstance(drawing, MapDrawing)
+        for stamp_ns, message in messages:
+            drawing.update(stamp_ns, message)

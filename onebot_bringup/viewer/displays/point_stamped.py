@@ -10,7 +10,7 @@ import rerun as rr
 
 from onebot_bringup.viewer.displays.display import LARGEST
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
-from onebot_bringup.viewer.settings import Color, color, fraction, setting
+from onebot_bringup.viewer.settings import Color, color, setting
 from onebot_description.parameters.reader import parameter
 
 _MOST_KEPT = 10_000
@@ -21,7 +21,6 @@ class PointStampedLook(Look):
     """Points as spheres."""
 
     color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
-    alpha: float = setting(1.0, "opacity, 0 to 1", fraction)
     radius: float = setting(0.2, "metres")
     history_length: int = parameter(1, "points that are shown", at_least=1, at_most=_MOST_KEPT)
 
@@ -39,7 +38,7 @@ class PointStampedDrawing(Drawing[PointStampedLook]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return colour and size."""
-        color = (*(self.look.color or self.color), round(255 * self.look.alpha))
+        color = self.look.color or self.color
         return [rr.Points3D.from_fields(colors=[color], radii=[self.look.radius])]
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:

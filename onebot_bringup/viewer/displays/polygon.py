@@ -9,7 +9,7 @@ import rerun as rr
 
 from onebot_bringup.viewer.displays.display import LARGEST
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
-from onebot_bringup.viewer.settings import Color, color, fraction, setting
+from onebot_bringup.viewer.settings import Color, color, setting
 
 _ON_SCREEN = 2.0  # pixels
 
@@ -19,7 +19,6 @@ class PolygonLook(Look):
     """Polygons as closed lines."""
 
     color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
-    alpha: float = setting(1.0, "opacity, 0 to 1", fraction)
     width: float = setting(0.0, "of the line, metres; 0 for two pixels, however far away it is")
 
 
@@ -30,7 +29,7 @@ class PolygonDrawing(Drawing[PolygonLook]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return colour and width; negative radii are pixels."""
-        color = (*(self.look.color or self.color), round(255 * self.look.alpha))
+        color = self.look.color or self.color
         radius = self.look.width / 2 or -_ON_SCREEN / 2
         return [rr.LineStrips3D.from_fields(colors=[color], radii=[radius])]
 

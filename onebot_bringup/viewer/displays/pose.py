@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.displays.display import LARGEST
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
-from onebot_bringup.viewer.settings import Color, color, fraction, one_of, setting
+from onebot_bringup.viewer.settings import Color, color, one_of, setting
 from onebot_description.model.quaternions import to_matrix
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,6 @@ class PoseLook(Look):
 
     shape: str = setting(ARROW, "Arrow or Axes", one_of(ARROW, AXES))
     color: Color | None = setting(None, "of arrows, sRGB bytes; by default one of ours", color)
-    alpha: float = setting(1.0, "opacity of arrows, 0 to 1", fraction)
     shaft_length: float = setting(1.0, "of an arrow, metres")
     shaft_radius: float = setting(0.05, "of an arrow, metres")
     head_length: float = setting(0.3, "of an arrow, metres")
@@ -58,7 +57,7 @@ class PosesDrawing(Drawing[L]):
     def shapes(self, poses: Floats) -> Sequence[rr.AsComponents]:
         """Return the shapes of poses (N, 7): x y z in metres, and a quaternion of any length."""
         look, places, turns = self.look, poses[:, :3], to_matrix(poses[:, 3:])
-        color = (*(look.color or self.color), round(255 * look.alpha))
+        color = look.color or self.color
         if isinstance(look, PoseArrayLook) and look.shape == FLAT:
             outline = look.arrow_length * _FLAT @ turns.transpose(0, 2, 1) + places[:, None]
             width: Any = [rr.Radius.ui_points(_FLAT_WIDTH / 2)]
