@@ -11,6 +11,7 @@ _MAX_LENGTH = 2000  # characters of one message
 # What messages of one kind differ in: names, numbers and hints.
 _PARTICULARS = re.compile(r' ?\([^()]*\)|"[^"]*"|\d+')
 _MAX_SHOWN = 100  # characters
+_NUMBERS = re.compile(r"(\d{1,1000})", re.ASCII)
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -27,9 +28,15 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     return lowered[found[0]] if found else None
 
 
+def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
+    """Return a key that sorts robot2 before robot10."""
+    words = _NUMBERS.split(name)
+    return [(int(word), "") if word.isdecimal() else (0, word) for word in words], name
+
+
 def listing(names: Iterable[str], most: int = _MAX_LISTED) -> str:
     """Return ``names`` sorted and joined by commas; if there are many, the first ``most``."""
-    known = sorted(set(names))
+    known = sorted(set(names), key=natural_order)
     if not known:
         return "none"
     rest = f", and {len(known) - most} more" if len(known) > most else ""

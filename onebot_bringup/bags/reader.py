@@ -1,7 +1,6 @@
 """Reads recordings of ROS 2, ours or anyone's: MCAP files, SQLite files, and folders of them."""
 
 import os
-import re
 import shutil
 import sqlite3
 import struct
@@ -25,7 +24,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from onebot_bringup.bags.writer import METADATA, Qos
 from onebot_bringup.introspection.interfaces import full_definition
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, natural_order
 from onebot_description.parameters import bounded_yaml
 
 # rosbag2's own compression, of files or of each message, beside that of the chunks in an MCAP file.
@@ -208,7 +207,7 @@ class Bag:
                     f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
                     ".db3 file"
                 )
-            return sorted(there, key=_by_number)
+            return sorted(there, key=lambda path: natural_order(path.name))
         compression = str(information.get("compression_format") or _ZSTD)
         if compression != _ZSTD:
             raise OneBotError(
@@ -245,12 +244,6 @@ class Bag:
 def _is_storage(path: Path) -> bool:
     """Whether its name is that of a file with messages, compressed or not."""
     return (Path(path.stem) if path.suffix == _COMPRESSED else path).suffix in _FORMATS
-
-
-def _by_number(path: Path) -> tuple[object, ...]:
-    """A key that puts x_9 before x_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return tuple(int(part) if part.isdigit() else part for part in parts)
 
 
 @dataclass

@@ -20,6 +20,7 @@ from onebot_description.errors import OneBotError, did_you_mean, listing, printa
 from onebot_description.wire.messages import tf_arrays
 
 _DESCRIPTION_NAME, _JOINTS_NAME = "robot_description", "joint_states"
+_TF_NAMES = ("/tf", "/tf_static")
 _FIRST = 1000  # messages of /tf in which every robot has turned up
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
 _SETTLE = 10.0  # s after its end, for what is shown only once nothing better came
@@ -49,14 +50,15 @@ def log_bag(
     progress: Log = print,
     warn: Log = print,
 ) -> Shown:
-    """Log all that ``bag`` holds of its robots.
+    """Log all that ``bag`` holds of its robots, and each topic that has a display.
 
     Args:
         bag: the recording.
         stream: where to log.
         view: a .yaml or .rbl file; None for the view of the robot's description, if that is
             installed.
-        fixed_frame: the frame to show everything in; "" for the view's.
+        fixed_frame: the frame to show everything in; "" for the view's, else the one above the
+            robot, the first message or the transforms.
         frame_prefix: put before link names to get their frames; "" to find it out.
         namespace: of the robot to show; "" for all.
         from_start: the viewer plays it from its beginning; False: it shows its end.
@@ -68,11 +70,6 @@ def log_bag(
     """
     recorded = robots_of(bag, namespace)
     names = recorded[0]
-    if not names.of_robot:
-        raise OneBotError(
-            f"{bag.source} holds nothing of a robot: no description, transforms or joint states "
-            f"(topics: {listing(bag.topics)})"
-        )
     if len(recorded) > 1:
         there = listing([each.space or "/" for each in recorded])
         if frame_prefix:
@@ -82,14 +79,16 @@ def log_bag(
             )
         progress(f"showing the robots in {there}; namespace:= chooses one")
     elif not names.descriptions:
-        warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the frames without the robot")
+        warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the rest without the robot")
+    if names.tf_elsewhere and not namespace:
+        warn(f"not shown: the transforms in {listing(names.tf_elsewhere)}; namespace:= chooses one")
     known = descriptions_in(bag, [topic for each in recorded for topic in each.descriptions[:1]])
     source = ViewSource("" if view is None else str(view))
     if known:
         source.set_robot(next(iter(known.values())).robot_name)
     config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
-    for sentence in bag.warnings:
-        warn(sentence)
+    for warning in bag.warnings:
+        warn(warning)
     warned = len(bag.warnings)
     player = _Player(bag, warn)
     robot_view = RobotView(
@@ -101,13 +100,29 @@ def log_bag(
         clock=lambda: player.now_ns / 1e9,
         report=player.report,
         from_start=from_start,
+        definitions=bag.definition,
     )
+    for warning in robot_view.offer(_with_messages(bag, names, namespace)):
+        warn(warning)
     shown = player.play(robot_view, progress)
-    for sentence in bag.warnings[warned:]:
-        warn(sentence)
+    for warning in bag.warnings[warned:]:
+        warn(warning)
     if not shown.messages:
-        raise OneBotError(f"nothing of {bag.source} can be shown")
+        topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
+        raise OneBotError(f"nothing of {bag.source} can be shown: it has {listing(topics)}")
     return shown
+
+
+def _with_messages(bag: Bag, names: "RobotTopics", namespace: str) -> dict[str, str]:
+    """The types of the topics that have messages, without the robots' that are not shown."""
+    others = tuple(
+        f"{space}/" for space in names.spaces if namespace and space not in ("", names.space)
+    )
+    return {
+        topic: kind
+        for topic, kind in bag.topics.items()
+        if (bag.counts[topic] or not bag.count) and not topic.startswith(others)
+    }
 
 
 class _Player:
@@ -117,7 +132,7 @@ class _Player:
         self._bag = bag
         self._warn = warn
         self._bad: dict[str, int] = {}  # messages by topic
-        self.now_ns = 0
+        self.now_ns = bag.start_ns
 
     def report(self, topic: str, error: Exception) -> None:
         """Count a message that cannot be shown; warn of the first of each topic."""
@@ -154,10 +169,8 @@ class _Player:
         return Shown(robot, count - sum(self._bad.values()), seconds)
 
     def _tick(self, view: RobotView) -> None:
-        warnings = view.tick(self.now_ns)
-        if view.robot is not None:  # else it waits for a description that will not come
-            for sentence in warnings:
-                self._warn(sentence)
+        for sentence in view.tick(self.now_ns):
+            self._warn(sentence)
 
 
 # --- which robot ----------------------------------------------------------------------------
@@ -175,11 +188,12 @@ class RobotTopics:
         found = _named(bag, _DESCRIPTION_NAME, DESCRIPTION.name)
         self.descriptions = sorted(found, key=lambda topic: (topic.count("/"), topic))
         joints = _named(bag, _JOINTS_NAME, JOINT_STATE.name)
+        with_tf = [_space(each) for name in _TF_NAMES for each in _named(bag, name[1:], TF.name)]
         self.spaces = [_space(topic) for topic in self.descriptions]  # of every robot
         self.space = self.spaces[0] if self.spaces else ""  # of the robot: "" or "/name"
         if namespace:
             self.space = f"/{namespace.strip('/')}".rstrip("/")
-            known = [*self.spaces, *map(_space, joints)]
+            known = [*self.spaces, *map(_space, joints), *filter(None, with_tf)]
             if self.space not in known:
                 there = did_you_mean(namespace, {space or "/" for space in known}, "robots")
                 raise OneBotError(f"namespace:={namespace}: {bag.source} has no robot there{there}")
@@ -187,14 +201,18 @@ class RobotTopics:
         self.joints = f"{self.space}/{_JOINTS_NAME}"
         if not self.descriptions and not namespace and joints and self.joints not in joints:
             self.joints = joints[0]
-        self.tf = [t for t in ("/tf", "/tf_static") if bag.topics.get(t) == TF.name]
-        joints = [self.joints] if self.joints in joints else []
-        self.of_robot = [*self.tf, *self.descriptions[:1], *joints]
+        # Some robots publish their transforms below their namespace.
+        spaces = ["", self.space, *([] if namespace else with_tf)]
+        self._tf_space = next((space for space in spaces if space in with_tf), "")
+        self.tf = [f"{self._tf_space}{name}" for name in _TF_NAMES]
+        self.tf_elsewhere = sorted({*with_tf} - {"", self._tf_space})  # not shown
 
     def resolved(self, name: str) -> str:
         """Return the full name of a topic that the view names."""
         if name == _JOINTS_NAME:
             return self.joints
+        if name in _TF_NAMES:
+            return f"{self._tf_space}{name}"
         return name if name.startswith("/") else f"{self.space}/{name}"
 
 

@@ -20,15 +20,16 @@ HELP = """\
 usage: onebot replay RECORDING [name:=value ...]
 
 Shows a recording from its beginning, until Ctrl-C: a folder of rosbag2 (record:=DIR makes one), its
-.mcap or .db3 file, or a .rrd file of the viewer (save:=FILE.rrd). The panel below the robot plays,
-stops and goes to any time.
+.mcap or .db3 file, or a .rrd file of the viewer (save:=FILE.rrd). It may be of any robot, or of
+none: every topic that has a display is shown, and message types need not be installed. The panel
+below the robot plays, stops and goes to any time.
 """
 
 ARGUMENTS = (
     Argument("viewer", "web", "how to show it", ("web", "native", "none")),
     Argument("save", "", "write it to this .rrd file as well; with viewer:=none only that"),
     Argument("view", "", "what is shown and from where, .yaml or .rbl; empty: the robot's own"),
-    Argument("fixed_frame", "", "the frame that stands still; empty: the view's"),
+    Argument("fixed_frame", "", "the frame that stands still; empty: the view's, else a root"),
     Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
     Argument("namespace", "", "of one robot, where several are recorded; empty: all"),
     port("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),

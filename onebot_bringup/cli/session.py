@@ -190,12 +190,24 @@ class Session:
             found = self.spin(condition, _LOOKUP - PATIENCE)
         return found
 
-    def await_or_report(self, condition: Callable[[], Any], notice: Callable[[], str]) -> Any:
-        """Wait for a condition without a timeout; print ``notice()`` if it takes long."""
-        found = self.spin(condition, PATIENCE)
-        if not found:
+    def await_or_report(
+        self,
+        condition: Callable[[], Any],
+        notice: Callable[[], str],
+        timeout: float | None = None,
+    ) -> Any:
+        """Wait for a condition; print ``notice()`` if it takes long.
+
+        Args:
+            condition: returns what is waited for, or what is false.
+            notice: returns what to print.
+            timeout: seconds; None for no end.
+        """
+        first = PATIENCE if timeout is None else min(PATIENCE, timeout)
+        found = self.spin(condition, first)
+        if not found and first != timeout:
             print(f"{notice()}{self._hint()}", file=sys.stderr)
-            found = self.spin(condition)
+            found = self.spin(condition, None if timeout is None else timeout - first)
         return found
 
     def _hint(self) -> str:
@@ -223,16 +235,19 @@ def add_spin_time(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def await_class(session: Session, name: str, type_name: str | None = None) -> tuple[str, Any]:
+def await_class(
+    session: Session, name: str, type_name: str | None = None, timeout: float | None = None
+) -> tuple[str, Any]:
     """Return a topic's full name and its message class; wait until the topic exists.
 
     Args:
         session: its node discovers the topic.
         name: of the topic, absolute or relative.
         type_name: of the messages; None for the type of the topic.
+        timeout: seconds; None for no end.
 
     Raises:
-        OneBotError: the type is not installed, or the topic has several.
+        OneBotError: the type is not installed, or the topic has several, or does not come in time.
     """
     topic = session.full_name(name)
     if type_name is not None:
@@ -242,8 +257,10 @@ def await_class(session: Session, name: str, type_name: str | None = None) -> tu
         session.spin(lambda: False, 0.1)
         return topic, kind
     types = session.await_or_report(
-        lambda: _types(session, topic), lambda: _missing(session, topic)
+        lambda: _types(session, topic), lambda: _missing(session, topic), timeout
     )
+    if not types:
+        raise OneBotError(f"no topic {topic} within {timeout:g} s")
     # Other publishers may have another QoS or even another type.
     session.spin(lambda: False, 0.1)
     types = _types(session, topic) or types

@@ -90,7 +90,8 @@ class _Echo:
 
     def run(self) -> int:
         args = self._args
-        topic, kind = await_class(self._session, args.topic, args.type)
+        began = time.monotonic()
+        topic, kind = await_class(self._session, args.topic, args.type, args.timeout)
         self._session.node.create_subscription(
             kind,
             topic,
@@ -99,11 +100,13 @@ class _Echo:
             event_callbacks=self._events(),
             raw=args.raw,
         )
-        first = min(_NO_MESSAGE, args.timeout or _NO_MESSAGE)
+        # What it took to find the topic counts, too.
+        left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
+        first = _NO_MESSAGE if left is None else min(_NO_MESSAGE, left)
         if not self._session.spin(self._first, first):
-            if not args.timeout or args.timeout > _NO_MESSAGE:
+            if left is None or left > _NO_MESSAGE:
                 self._report_no_message(topic)
-            left = None if args.timeout is None else args.timeout - first
+            left = None if left is None else left - first
             if not self._session.spin(self._first, left):
                 raise OneBotError(f"no message on {topic} within {args.timeout:g} s")
         if not args.once:

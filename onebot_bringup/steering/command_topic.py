@@ -12,12 +12,12 @@ from rclpy.node import Node
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
+from onebot_description.errors import natural_order
 from onebot_description.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
 _CONTROLLER = re.compile(r"/\w*controller$")  # in whose namespace its topic of commands is
-_NUMBERS = re.compile(r"(\d+)")
 _WARN_EVERY = 5.0  # s
 _OBSERVERS = (  # they subscribe to commands, but are certainly not robots
     "rerun_viewer",
@@ -93,18 +93,19 @@ def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[C
     return named_robots(topics)
 
 
+def namespace_of(topic: str) -> str:
+    """Return the namespace of the robot with this topic of commands; "" for none."""
+    return _CONTROLLER.sub("", topic.rpartition("/")[0])
+
+
 def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
     """Return the robots with these topics of commands, by name, robot2 before robot10."""
-    names = [_CONTROLLER.sub("", topic.rpartition("/")[0]).strip("/") for topic in topics]
+    names = [namespace_of(topic).strip("/") for topic in topics]
     robots = [
         CommandedRobot(topic, name if name and names.count(name) == 1 else topic)
         for topic, name in zip(topics, names, strict=True)
     ]
-    return tuple(sorted(robots, key=lambda robot: _natural(robot.name)))
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    return [(int(word), "") if word.isdecimal() else (0, word) for word in _NUMBERS.split(name)]
+    return tuple(sorted(robots, key=lambda robot: natural_order(robot.name)))
 
 
 def foreign_type(node: Node, topic: str) -> str:

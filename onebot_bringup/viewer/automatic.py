@@ -35,6 +35,7 @@ class TopicSelection:
     def __init__(self, resolve: Callable[[str], str]) -> None:
         """Begin with none; ``resolve`` returns the full name of a topic that a view names."""
         self.offered: tuple[OfferedTopic, ...] = ()
+        self.crowded: tuple[str, ...] = ()  # topics for which there is no room
         self._resolve = resolve
 
     def choose(
@@ -50,19 +51,24 @@ class TopicSelection:
         kept = {each.topic for each in self.offered if each.visible}
         known = [name for name, kind in topics.items() if kind in MESSAGE_DISPLAYS]
         hidden, named = set(map(self._resolve, view.hidden)), set(map(self._resolve, view.shown))
-        visible: set[str] = set()
+        visible, crowded = set[str](), list[str]()
         room = {False: MOST_SHOWN, True: MOST_HEAVY}
         for topic in sorted(known, key=lambda name: (name not in kept, name)):
             display = MESSAGE_DISPLAYS[topics[topic]]
             settings = view.of(display)
             looks = {self._resolve(name): look for name, look in settings.topics.items()}
             other = _is_hidden(topic) or topic in drawn_otherwise
-            automatic = view.automatic and room[display.heavy] > 0 and not other
+            chosen = topic in named or topic in looks
             drawn = topic in named or looks.get(topic, settings).visible
-            wanted = topic in named or topic in looks or automatic
-            if topic not in hidden and drawn and wanted:
+            wanted = chosen or (view.automatic and not other)
+            if topic in hidden or not drawn or not wanted:
+                continue
+            if chosen or room[display.heavy] > 0:
                 visible.add(topic)
                 room[display.heavy] -= 1
+            else:
+                crowded.append(topic)
+        self.crowded = tuple(crowded)
         self.offered = tuple(
             OfferedTopic(topic, topics[topic], topic in visible) for topic in sorted(known)
         )

@@ -145,6 +145,16 @@ class FrameTree:
         found = {frame: self.pose(frame, fixed) for frame in frames}
         return {frame: pose for frame, pose in found.items() if pose is not None}
 
+    def unknown(self, wanted: str, fixed_frame: str) -> str:
+        """Return a warning that ``wanted`` has not been received, and what is shown instead."""
+        # It takes long to look for similar ones among many, and their number is others' affair.
+        few = len(self.names) <= _MOST_COMPARED
+        known = did_you_mean(wanted, self.names, "frames received") if few else ""
+        return (
+            f'the fixed frame "{wanted}" is not on /tf or /tf_static{known}; '
+            f'shown in "{fixed_frame}" until it is'
+        )
+
     def _from_top(self, frame: str) -> Floats:
         pose, top = np.eye(4), self.top(frame)
         while frame != top:
@@ -213,12 +223,5 @@ class FrameResolution:
                 "not shown until /tf or /tf_static brings it"
             )
         if wanted and not self.known_as(robot, wanted):
-            names = self._frames.names
-            # It takes long to look for similar ones among many, and their number is others' affair.
-            few = len(names) <= _MOST_COMPARED
-            known = did_you_mean(wanted, names, "frames received") if few else ""
-            found.append(
-                f'the fixed frame "{wanted}" is not on /tf or /tf_static{known}; '
-                f'shown in "{fixed_frame}" until it is'
-            )
+            found.append(self._frames.unknown(wanted, fixed_frame))
         return found

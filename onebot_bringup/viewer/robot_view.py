@@ -86,7 +86,8 @@ class RobotView:
             plots: show those of the view beside the robot; of a single moment they are empty.
             definitions: returns the definition of a message type that is offered; raises
                 OneBotError.
-            live: messages come as they are published: of a flood, old ones are dropped.
+            live: messages come as they are published: of a flood, old ones are dropped, and a
+                description may still come.
 
         Raises:
             OneBotError: two displays want a topic, each as another type.
@@ -99,7 +100,9 @@ class RobotView:
         self._changed = clock()  # when the robot or the view did
         self._warnings = WarningFilter(clock)
         self._stamps = Stamps()
+        self._now_ns = 0  # on the timeline
         self._definitions = definitions
+        self._live = live
         self._published: Mapping[str, str] = {}
         self._selection = TopicSelection(resolve)
         self.frames = FrameTree()
@@ -153,6 +156,7 @@ class RobotView:
             root,
             self._definitions,
             self._resolve,
+            lambda: self._now_ns,
         )
 
     # --- messages -------------------------------------------------------------------------------
@@ -187,6 +191,11 @@ class RobotView:
         before = self._selection.offered
         drawn = {name for name, display, _ in self._named() if display and not display.plots}
         self._selection.choose(readable, self._view, drawn)
+        if self._selection.crowded:
+            crowded = listing(self._selection.crowded, _LISTED)
+            problems.append(
+                f"too many topics to show all: not {crowded}; shown: in a view adds some"
+            )
         if self._selection.offered == before:
             return problems
         self._deliver(self._displays)
@@ -206,7 +215,8 @@ class RobotView:
                     self._of_all[0].context.message_type(kind)
                     found[topic] = kind
                 except (OneBotError, ValueError) as error:
-                    bad[kind] = f"{topic} cannot be shown: {error}"
+                    topics = [name for name, each in self._published.items() if each == kind]
+                    bad[kind] = f"{listing(topics, _LISTED)} cannot be shown: {error}"
         return found, list(bad.values())
 
     def wants(self, topic: str, type_name: str) -> bool:
@@ -237,17 +247,25 @@ class RobotView:
         """
         warnings = self._update(now_ns)
         if self.robot is None:
-            if self.fixed_frame:
-                self._lay_out(complete=False)
-            warnings += self._warnings.once(dict.fromkeys(self._display_warnings()))
-            there = self._frame_without_robot  # something else is shown
-            return warnings if there else warnings + self._warnings.waiting()
+            return warnings + self._show_without_robot()
         wanted = self._wanted_frame
         self._lay_out(complete=all(shown.is_complete(wanted) for shown in self._robots))
         late = self._display_warnings()
         if self._clock() - self._changed >= WARN_AFTER:
             late += self._late(wanted)
         return warnings + self._warnings.once(dict.fromkeys(late))
+
+    def _show_without_robot(self) -> list[str]:
+        """Lay out what else there is; return what the user should know."""
+        fixed, late = self.fixed_frame, self._display_warnings()
+        if fixed or any(each.visible for each in self.offered):
+            self._lay_out(complete=False)
+        wanted = self._view.fixed_frame
+        if wanted not in ("", fixed) and self._clock() - self._changed >= WARN_AFTER:
+            late.append(self.frames.unknown(wanted, fixed))
+        nothing = self._live and not self._frame_without_robot
+        hints = self._warnings.waiting() if nothing else []
+        return self._warnings.once(dict.fromkeys(late)) + hints
 
     def _display_warnings(self) -> list[str]:
         late = [self._stamps.warning] if self._stamps.warning else []
@@ -275,6 +293,8 @@ class RobotView:
     def _update(self, now_ns: int | None) -> list[str]:
         """Decode and log what is due; None: everything."""
         warnings = self._update_robot()
+        if now_ns is not None:
+            self._now_ns = self._stamps.display_time(0, now_ns)
         due = [shown for shown in self._displays if shown.is_due(now_ns)]
         self._deliver(due)
         for shown in due:
@@ -382,24 +402,33 @@ class RobotView:
         """The frame everything is shown in; "" before there is any.
 
         The view's, also with the frame_prefix before it; while no such frame is known, the one
-        above the robot's root link. That one, too, of several robots that each have the view's.
+        above the robot's root link, or without a robot above the frame of the first message. That
+        one, too, of several robots that each have the view's.
         """
         for shown in self._robots:
             if shown.robot is not None:
                 return shown.resolution.fixed_frame(shown.robot, self._wanted_frame)
-        return self._view.fixed_frame or self._frame_without_robot
+        wanted = self._view.fixed_frame
+        if wanted in self.frames.names or wanted in self._message_frames:
+            return wanted
+        return self._frame_without_robot or wanted
 
     @property
     def _frame_without_robot(self) -> str:
         """The frame above that of the first message shown, or above any of /tf; "" for none."""
-        items = (
+        frame = next(iter(self._message_frames), "") or min(self.frames.names, default="")
+        return self.frames.top(frame) if frame else ""
+
+    @property
+    def _message_frames(self) -> list[str]:
+        """The frames of the messages that are shown."""
+        return [
             item.frame
             for shown in self._displays
             if isinstance(shown.display, MessageDisplay)
             for item in shown.display.items.values()
-        )
-        frame = next(filter(None, items), "") or min(self.frames.names, default="")
-        return self.frames.top(frame) if frame else ""
+            if item.frame
+        ]
 
     @property
     def _wanted_frame(self) -> str:

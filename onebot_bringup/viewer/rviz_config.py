@@ -92,6 +92,10 @@ class RvizConfig:
         prefix = f"{key}.topics.{topic}"
         self.values[f"{prefix}.visible"] = enabled
         self.values |= _qos(_mapping(display.get("Topic")), prefix)
+        if "hidden_namespaces" in _fields(key):
+            spaces = _mapping(display.get("Namespaces"))
+            hidden = [name for name, shown in spaces.items() if shown is False]
+            self.values[f"{prefix}.hidden_namespaces"] = hidden
         for name, value in _flat(display):
             if name in _fields(key):
                 self.values[f"{prefix}.{name}"] = _color(value) or value
@@ -184,7 +188,7 @@ def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
             if "Value" in value and not name.endswith("Topic"):
                 yield _snake(name), value["Value"]
             # A covariance has colours of its own.
-            if name != "Covariance" and not name.endswith("Topic"):
+            if name not in ("Covariance", "Namespaces") and not name.endswith("Topic"):
                 yield from _flat(value)
         else:
             yield _snake(name), value

@@ -181,11 +181,13 @@ def test_echo_into_head(ros_domain: int) -> None:
 
 
 def test_echo_of_nothing(ros_domain: int) -> None:
-    """--timeout ends the wait for a first message, with exit code 1."""
+    """--timeout ends the wait for a first message, or for the topic, with exit code 1."""
     with Peer(ros_domain) as peer:
         peer.node.create_publisher(String, "/silent", 10)
-        done = onebot("topic", "echo", "/silent", "--timeout", "1")
+        done = onebot("topic", "echo", "/silent", "std_msgs/msg/String", "--timeout", "1")
         assert done.returncode == 1 and "no message on /silent within 1 s" in done.stderr
+        done = onebot("topic", "echo", "/nothing", "--timeout", "0.5")
+        assert done.returncode == 1 and "no topic /nothing within 0.5 s" in done.stderr
 
 
 def test_list(ros_domain: int) -> None:

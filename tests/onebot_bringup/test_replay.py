@@ -242,15 +242,6 @@ def test_a_folder_of_any_name(tmp_path):
     assert kind_of(str(tmp_path / "a.rrd")) == "rrd"
 
 
-def test_nothing_to_show(tmp_path, capsys):
-    """A recording of something else is an error that says what is in it."""
-    write_words(tmp_path / "bag")
-    assert main(["replay", str(tmp_path / "bag"), "viewer:=none", f"save:={tmp_path}/a.rrd"]) == 1
-    error = capsys.readouterr().err
-    assert "holds nothing of a robot" in error
-    assert "/words" in error
-
-
 def test_converts(tmp_path, capsys):
     """Without a viewer and with save:= it writes the .rrd and ends."""
     record_arm(tmp_path / "bag")

@@ -12,8 +12,9 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PointStamped, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from std_msgs.msg import String
 
@@ -595,6 +596,57 @@ def test_another_robot_is_chosen(peer: Peer, page: Page) -> None:
         page.release_keys("w")
         wait_for(lambda: _last(heard["robot2"]) == (0.0, 0.0), "the stop")
         assert _last(heard["robot1"]) == (0.0, 0.0)
+
+
+def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page) -> None:
+    """As in RViz: press, drag to where it faces, release; a tool is for one place."""
+    goals = peer.hear(PoseStamped, "/goal_pose")
+    points = peer.hear(PointStamped, "/clicked_point")
+    at = Odometry(child_frame_id="base_link")
+    at.header.frame_id, at.pose.pose.position.x = "odom", 1.0
+    moved = peer.node.create_publisher(Odometry, "/odom", 10)
+    timer = peer.node.create_timer(0.05, lambda: moved.publish(at))
+    with steering(topic="/cmd_vel") as node:
+        page.open(node.address)
+        wait_for(lambda: page.number("x") == 1.0, "the odometry")
+
+        def pressed(selector: str) -> bool:
+            return page.find(selector).get_attribute("aria-pressed") == "true"
+
+        page.find("[data-tool=goal]").click()
+        assert pressed("[data-tool=goal]") and pressed("[name=map]")
+        robot = "#ground .robot:not(.absent)"
+        wait_for(lambda: page.driver.find_elements(By.CSS_SELECTOR, robot), "the robot on the map")
+        page.hold("#ground svg", 0, -50)
+        assert goals == []
+        page.act().send_keys(Keys.ESCAPE).perform()
+        page.let_go()
+        page.find("[data-tool=goal]").click()
+        page.hold("#ground svg", 0, -50)
+        page.let_go()
+        wait_for(lambda: "Published /goal_pose" in page.text("#ground [role=status]"), "the goal")
+        wait_for(lambda: goals, "its message")
+        pose = goals[0].pose
+        turn = pose.orientation
+        assert len(goals) == 1 and goals[0].header.frame_id == "odom"
+        assert (pose.position.x, pose.position.y) == pytest.approx((1.0, 0.0), abs=0.02)
+        assert yaw_of(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
+        assert not pressed("[data-tool=goal]") and pressed("[name=map]")
+
+        page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+        page.find("[data-tool=point]").click()
+        page.touch({0: ("#ground svg", 80)})
+        page.end_touch()
+        wait_for(lambda: points, "the point")
+        assert (points[0].point.x, points[0].point.y) == pytest.approx((1.0, 1.0), abs=0.02)
+        page.hold("#ground svg", 40, 0)
+        page.let_go()
+        page.find("[name=map]").click()
+        assert not page.find("#ground").is_displayed()
+        page.wait_for_states(2)
+        assert len(goals) == len(points) == 1, "without a tool, a drag moves the map"
+        assert page.driver.get_log("browser") == []
+    peer.node.destroy_timer(timer)
 
 
 def test_a_finger_drives(peer: Peer, page: Page) -> None:

@@ -99,9 +99,12 @@ def findings(page: Page) -> list[str]:
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("screen", SCREENS)
 def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str) -> None:
-    """At rest, while this page drives with a limit refused, and while another page drives."""
+    """At rest, its map too; while it drives, with a limit refused; while another page drives."""
     page.emulate(*SCREENS[screen], prefers_color_scheme=scheme)
     found = {"at rest": findings(page)}
+    page.find("[data-tool=goal]").click()
+    found["map"] = findings(page)
+    page.find("[name=map]").click()
     page.driver.execute_script(WARN)
     page.enter("#linear-limit", "fast")
     page.act().key_down("w").perform()
@@ -113,7 +116,7 @@ def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str)
         other.hold(0.3)
         wait_for(lambda: page.body("driver") == "other", "the other page to drive")
         found["driven"] = findings(page)
-    assert found == {"at rest": [], "driving": [], "driven": []}
+    assert found == {"at rest": [], "map": [], "driving": [], "driven": []}
 
 
 # Whether each element is on the screen as a whole, and is what is seen at its middle and edges.

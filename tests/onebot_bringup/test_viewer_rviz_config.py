@@ -120,6 +120,18 @@ def test_groups_of_properties(tmp_path):
     assert len(notices) == 1
 
 
+def test_namespaces_of_markers_are_hidden_as_in_rviz(tmp_path):
+    """Whatever their names; of arrays, too."""
+    display = """
+    - Class: rviz_default_plugins/MarkerArray
+      Namespaces: {walls: true, noise: false, visible: false}
+      Topic: {Value: /marks}
+    - Class: rviz_common/Group"""
+    view, _ = _loaded(tmp_path, FILE.replace("\n    - Class: rviz_common/Group", display, 1))
+    assert view.marker.topics["/marks"].visible
+    assert view.marker.topics["/marks"].hidden_namespaces == ("noise", "visible")
+
+
 def test_an_orbit_looks_from_where_rviz_does(tmp_path):
     """Pitch is up, yaw around, from the focal point."""
     view, _ = _loaded(tmp_path)

@@ -311,7 +311,7 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     """It says that it waits for the description, then which link has no transform."""
     now = [0.0]
     recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, clock=lambda: now[0])
+    live = RobotView(recording.stream, clock=lambda: now[0], live=True)
     assert live.tick(START_NS) == []
     now[0] = 2.5
     [message] = live.tick(START_NS)

@@ -26,6 +26,7 @@ def test_long_lists_are_cut_to_the_most_alike() -> None:
     assert hint.startswith(' (did you mean "wheel"? known: wheel, ')
     assert hint.endswith(", and 89 more)")
     assert listing("cab", most=2) == "a, b, and 1 more"
+    assert listing(["robot10", "robot2", "robot"]) == "robot, robot2, robot10"
 
 
 def test_a_name_is_not_proposed_in_its_own_place() -> None:

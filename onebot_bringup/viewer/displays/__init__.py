@@ -13,6 +13,7 @@ from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
 from onebot_bringup.viewer.displays.laser_scan import LaserScanDisplay
 from onebot_bringup.viewer.displays.map import MapDisplay
+from onebot_bringup.viewer.displays.marker import MarkerDisplay
 from onebot_bringup.viewer.displays.odometry import OdometryDisplay
 from onebot_bringup.viewer.displays.path import PathDisplay
 from onebot_bringup.viewer.displays.point_cloud2 import PointCloud2Display
@@ -44,4 +45,5 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     PointCloud2Display,
     ImageDisplay,
     CameraInfoDisplay,
+    MarkerDisplay,
 )

@@ -221,6 +221,7 @@ class Context:
         root: str = "",
         definitions: Callable[[str], str] = full_definition,
         resolve: Callable[[str], str] = str,
+        now_ns: Callable[[], int] = lambda: 0,
     ) -> None:
         """Share where to log, and what is known of the robot.
 
@@ -234,8 +235,10 @@ class Context:
             root: the entity below which all of the robot is logged; "" where it is the only one.
             definitions: returns the definition of a message type; raises OneBotError.
             resolve: returns the full name of a topic that the view names.
+            now_ns: the time on the timeline, nanoseconds.
         """
         self.root = root
+        self.now_ns = now_ns
         self._definitions = definitions
         self.resolve = resolve
         self.recording = cast(rr.RecordingStream, _Subtree(recording, root)) if root else recording

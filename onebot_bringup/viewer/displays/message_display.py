@@ -156,17 +156,20 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         return [*super().warnings(), *bad]
 
 
+_MOST_FRAMES = 99  # with entities of their own
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
-_MOST_WAITING = 100
 
 
 class Drawing(Generic[L]):
-    """Draws the messages of one topic, each in place of the one before."""
+    """Draws the messages of one topic, each in place of the one before.
+
+    An entity is in one frame for all time: messages in another are drawn at one of its own, below.
+    """
 
     stamped: ClassVar[bool] = True  # its messages have a header, whose frame it is in
     # Logged again from time to time, where messages come seldom: see REPEAT_AFTER.
     repeated: ClassVar[bool] = False
-    waiting: ClassVar[int] = _MOST_WAITING  # messages kept while no transform leads to their frame
+    waiting: ClassVar[int | None] = None  # the most messages drawn by a flush; None: all
 
     def __init__(self, context: Context, entity: str, look: L, color: Color) -> None:
         """Draw nothing yet.
@@ -183,7 +186,8 @@ class Drawing(Generic[L]):
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
         self._drawn_at = 0.0
-        self._in_frame = ""  # the entity is
+        self._in_frame = ""  # that the entity drawn at is in
+        self._entities: dict[str, str] = {}  # by frame
 
     @abstractmethod
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
@@ -215,8 +219,9 @@ class Drawing(Generic[L]):
         if self.stamped:
             frame = message.header.frame_id.lstrip("/")
             if frame not in ("", self.frame):
+                if self._pending:
+                    self.flush()  # in the frame that they are in
                 self.frame = frame
-                self._pending.clear()  # they were in the other frame
         if self.frame or not self.stamped:
             self._pending.append((stamp_ns, message))
 
@@ -230,12 +235,8 @@ class Drawing(Generic[L]):
             self._pending.append(self._last)
         self._drawn_at = now
         frame = self.drawn_in()
-        if self._in_frame != frame:
-            self._in_frame = frame
-            self.context.recording.log(self.entity, rr.CoordinateFrame(frame), static=True)
-        if self._last is None:
-            for component in self.style():
-                self.context.recording.log(self.entity, component, static=True)
+        if self._in_frame != frame or not self._entities:
+            self._move(frame)
         for stamp_ns, message in self._pending:
             try:
                 self.log(stamp_ns, *self.draw(message))
@@ -244,11 +245,26 @@ class Drawing(Generic[L]):
         self._last = self._pending[-1]
         self._pending.clear()
 
+    def _move(self, frame: str) -> None:
+        """Draw in a frame from the next message on, in place of what is drawn in another."""
+        if self._entities:
+            self.log(self._pending[0][0], rr.Clear(recursive=True))
+        if frame not in self._entities:
+            if len(self._entities) > _MOST_FRAMES:
+                self._entities.popitem()
+            number = len(self._entities)
+            self._entities[frame] = below(self.entity, f"_{number}") if number else self.entity
+        self._in_frame = frame
+        coordinates = [rr.CoordinateFrame(frame)] if frame else []
+        for component in (*coordinates, *self.style()):
+            self.context.recording.log(self._entities[frame], component, static=True)
+
     def log(
         self, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn, below_it: str = ""
     ) -> None:
         """Log at a time, to the entity or to one below it."""
-        entity = below(self.entity, below_it) if below_it else self.entity
+        entity = self._entities.get(self._in_frame, self.entity)
+        entity = below(entity, below_it) if below_it else entity
         if archetypes:
             self.context.log_row(entity, stamp_ns, *archetypes)
 
@@ -262,7 +278,7 @@ class Drawing(Generic[L]):
 
     def replace(self, before: "Drawing[L]") -> None:
         """Draw anew what another look has drawn, and what it waited with."""
-        self.frame = before.frame
+        self.frame, self._entities = before.frame, before._entities
         self._pending.extend([before._last] if before._last is not None else [])
         self._pending.extend(before._pending)
 

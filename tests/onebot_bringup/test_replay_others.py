@@ -1,0 +1,238 @@
+"""``onebot replay`` of other people's robots: any topics, frames, types, storage and distro."""
+
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from nav_msgs.msg import Path
+from rclpy.serialization import serialize_message
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.typesys import Stores
+from std_msgs.msg import String
+
+from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.replay import log_bag
+from onebot_bringup.cli.main import main
+from onebot_bringup.introspection.interfaces import full_definition
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
+from tests.onebot_bringup.viewer_support import ARM
+
+PATH = "nav_msgs/msg/Path"
+NO_ROBOT = "holds no robot_description: showing the rest without the robot"
+
+
+def transform(parent, child, x=0.0, time=0.0):
+    """A message of /tf with one transform."""
+    found = TransformStamped(child_frame_id=child)
+    found.header.frame_id = parent
+    found.header.stamp.sec, found.header.stamp.nanosec = divmod(START + int(time * SECOND), SECOND)
+    found.transform.translation.x = x
+    return TFMessage(transforms=[found])
+
+
+def path(*xs):
+    """A path along x."""
+    found = Path()
+    for x in xs:
+        pose = PoseStamped()
+        pose.pose.position.x = float(x)
+        found.poses.append(pose)
+    return found
+
+
+class Replayed:
+    """A recording that was replayed into a file."""
+
+    def __init__(self, folder, **options):
+        self.warnings, self.printed, blueprints = [], [], []
+        self.file = folder.parent / "replayed.rrd"
+        recording = open_recording(None, self.file)
+        recording.stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        self.shown = log_bag(
+            Bag(folder),
+            recording.stream,
+            warn=self.warnings.append,
+            progress=self.printed.append,
+            **options,
+        )
+        recording.close()
+        properties = blueprints[-1].root_container.contents[0].properties
+        (self.fixed_frame,) = (
+            properties["SpatialInformation"].target_frame.as_arrow_array().to_pylist()
+        )
+
+    def ends(self, topic):
+        """Where each of the paths of a topic ends, along x."""
+        found = column(self.file, f"/path{topic}", "LineStrips3D:strips")
+        return [row[0][-1][0] if row else None for row in found]
+
+    def times(self, topic):
+        """The times of the paths of a topic, seconds."""
+        return [
+            time.timestamp()
+            for chunk in chunks(self.file, f"/path{topic}")
+            if not chunk.is_static
+            for time in chunk.to_record_batch().column("ros_time").to_pylist()
+        ]
+
+
+@pytest.mark.parametrize(
+    ("distro", "plugin", "compression"),
+    [
+        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (Stores.ROS2_HUMBLE, StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (Stores.ROS2_HUMBLE, StoragePlugin.MCAP, CompressionMode.NONE),
+        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (Stores.ROS2_JAZZY, StoragePlugin.MCAP, CompressionMode.STORAGE),
+    ],
+)
+def test_distros_and_storages(tmp_path, distro, plugin, compression):
+    """A robot with types that are not installed is shown, whatever has recorded it."""
+    with OtherRobot(tmp_path / "bag", distro, plugin, compression) as robot:
+        robot.write("/tf_static", transform("base_link", "lidar"))
+        for step in range(10):
+            time = step / 10
+            robot.write("/tf", transform("map", "base_link", time, time), time)
+            robot.write("/plan", path(0, 1 + step), time, frame="base_link")
+            robot.write_velocity("/vehicle/status", 1.5, time)
+    replayed = Replayed(tmp_path / "bag")
+    assert replayed.fixed_frame == "map"
+    assert replayed.ends("/plan") == [1 + step for step in range(10)]
+    assert column(replayed.file, "/path/plan", "CoordinateFrame:frame") == [["base_link"]]
+    assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+
+
+def test_a_topic_alone(tmp_path):
+    """Without a robot and without transforms it is shown in the frame of its messages."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        robot.write("/plan", path(0, 2), frame="somewhere")
+    replayed = Replayed(tmp_path / "bag")
+    assert (replayed.fixed_frame, replayed.shown.messages) == ("somewhere", 1)
+    assert replayed.ends("/plan") == [2]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "fixed", "warnings"),
+    [
+        ("", "map", []),
+        ("odom", "odom", []),
+        (
+            "odum",
+            "map",
+            ['the fixed frame "odum" is not on /tf or /tf_static (did you mean "odom"'],
+        ),
+    ],
+)
+def test_fixed_frame(tmp_path, wanted, fixed, warnings):
+    """The given one, or else the root of the transforms above the first message."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        robot.write("/tf", transform("a", "b"))
+        robot.write("/tf", transform("map", "odom"))
+        robot.write("/tf", transform("odom", "base_link"))
+        robot.write("/plan", path(0, 2), 1.0, frame="base_link")
+    replayed = Replayed(tmp_path / "bag", fixed_frame=wanted)
+    assert replayed.fixed_frame == fixed
+    found = [sentence for sentence in replayed.warnings if NO_ROBOT not in sentence]
+    assert [sentence[: len(start)] for sentence, start in zip(found, warnings, strict=True)] == (
+        warnings
+    )
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_the_definition_in_the_recording_counts(tmp_path, plugin):
+    """Of a type that is installed otherwise, messages are read as they were recorded."""
+    poses = "geometry_msgs/PoseStamped[] poses"
+    text = full_definition(PATH)
+    assert text.count(poses) == 1
+    text = text.replace(poses, f"uint64 id\n{poses}")
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_JAZZY, plugin) as robot:
+        message = path(0, 2)
+        message.header.frame_id = "map"  # up to here 20 bytes
+        data = bytes(serialize_message(message))
+        robot.write("/plan", data[:20] + bytes(8) + data[20:], kind=PATH, definition=text)
+    assert Replayed(tmp_path / "bag").ends("/plan") == [2]
+
+
+@pytest.mark.parametrize("text", ["what is this?", "nav_msgs/Missing[] poses\n"])
+def test_a_broken_definition(tmp_path, text):
+    """Topics of the type are left out with one warning; the rest is shown."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_JAZZY, StoragePlugin.MCAP) as robot:
+        robot.write("/tf", transform("map", "base"))
+        for topic in ("/plan", "/local_plan"):
+            robot.write(topic, path(0, 2), frame="map", definition=text)
+    replayed = Replayed(tmp_path / "bag")
+    assert (replayed.fixed_frame, replayed.shown.messages) == ("map", 1)
+    [_, warning] = replayed.warnings
+    assert warning.startswith("/local_plan, /plan cannot be shown: ")
+
+
+@pytest.mark.parametrize("stamps_from", [0.0, 1_000_000_000.0])
+def test_simulated_stamps(tmp_path, stamps_from):
+    """Messages are shown at their stamps, far from when they were received."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(5):
+            robot.write("/plan", path(0, 2), step, stamp=stamps_from + 1 + step, frame="map")
+    replayed = Replayed(tmp_path / "bag")
+    assert replayed.times("/plan") == [stamps_from + 1 + step for step in range(5)]
+    assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+
+
+def test_nothing_is_dropped(tmp_path):
+    """However fast they came: a replay has the time that a live viewer has not."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(600):
+            robot.write("/plan", path(0, step), step / 1000, frame="map")
+    assert Replayed(tmp_path / "bag").ends("/plan") == list(range(600))
+
+
+def test_a_topic_in_several_frames(tmp_path):
+    """Each message is drawn in its own frame, also when others are drawn later."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(40):
+            robot.write("/plan", path(0, step), step / 10, frame="left" if step % 2 else "right")
+    replayed = Replayed(tmp_path / "bag")
+    for entity, frame, first in (("/plan", "right", 0), ("/plan/_1", "left", 1)):
+        frames = column(replayed.file, f"/path{entity}", "CoordinateFrame:frame")
+        assert {name for row in frames if row for name in row} == {frame}
+        assert replayed.ends(entity) == list(range(first, 40, 2))
+        assert column(replayed.file, f"/path{entity}", "Clear:is_recursive")
+
+
+def test_transforms_below_a_namespace(tmp_path):
+    """Where robots publish /tf in their namespaces, those of the robot that is shown are read."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for space in ("/a", "/b"):
+            robot.write(f"{space}/robot_description", String(data=ARM))
+            robot.write(f"{space}/tf", transform("map", "base"))
+            robot.write(f"{space}/tf_static", transform("base", "tip"))
+            robot.write(f"{space}/plan", path(0, 2), frame="map")
+    replayed = Replayed(tmp_path / "bag")
+    assert replayed.fixed_frame == "map"
+    assert replayed.warnings == ["not shown: the transforms in /b; namespace:= chooses one"]
+    replayed = Replayed(tmp_path / "bag", namespace="b")
+    assert (replayed.fixed_frame, replayed.warnings) == ("map", [])
+    assert (replayed.ends("/a/plan"), replayed.ends("/b/plan")) == ([], [2])
+
+
+def test_much_is_not_shown_at_once(tmp_path):
+    """What is left out is listed; topics without messages are no part of it."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        robot.add("/aa", PATH)
+        for number in range(50):
+            robot.write(f"/plan{number:02}", path(0, 2), frame="map")
+    replayed = Replayed(tmp_path / "bag")
+    assert replayed.shown.messages == 40
+    [_, sentence] = replayed.warnings
+    assert sentence.startswith("too many topics to show all: not /plan40, /plan41")
+    assert sentence.endswith("and 5 more; shown: in a view adds some")
+
+
+def test_nothing_to_show(tmp_path, capsys):
+    """The error names what there is."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        robot.write("/words", String(data="what?"))
+    words = [str(tmp_path / "bag"), "viewer:=none", f"save:={tmp_path}/a.rrd"]
+    assert main(["replay", *words]) == 1
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.endswith("bag can be shown: it has /words (std_msgs/msg/String)")
