@@ -15,7 +15,16 @@ import pytest
 from onebot_bringup.cli import bench
 from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError
-from tests.benchmarks import command, discovery, hosts, machine, model, saving, state_publisher
+from tests.benchmarks import (
+    command,
+    discovery,
+    displays,
+    hosts,
+    machine,
+    model,
+    saving,
+    state_publisher,
+)
 from tests.benchmarks.chains import Chain
 from tests.benchmarks.measuring import (
     CHECKOUT,
@@ -138,6 +147,19 @@ def test_library_with_wrong_answers_is_refused(task):
     model._check(OneBot(chain), task, chain)
     with pytest.raises(WrongAnswer, match="liar"):
         model._check(Liar(chain), task, chain)
+
+
+def test_display_with_wrong_answers_is_refused():
+    """The error says which of the two it was, and in what."""
+    case = displays.CASES[0]
+
+    def moved(arrays):
+        return case.columns(
+            {name: values + (values.dtype.kind == "f") for name, values in arrays.items()}
+        )
+
+    with pytest.raises(WrongAnswer, match="bare.*1000 rays: Points3D:positions of message 0"):
+        displays.measure(case._replace(columns=moved), Options(quick=True))
 
 
 @pytest.mark.slow

@@ -164,10 +164,11 @@ def test_points_have_a_history(tmp_path):
     assert warnings == []
     entity = "/point_stamped/clicked_point"
     rows = column(file, entity, "Points3D:positions")
-    assert [[x for x, _, _ in row] for row in rows] == [[1], [1, 2], [2, 3], [4]]
+    assert [[x for x, _, _ in row] for row in rows] == [[1], [1, 2], [2, 3]]
+    assert column(file, f"{entity}/_1", "Points3D:positions") == [[[4, 0, 0]]]
     assert column(file, entity, "Points3D:colors") == [COLORED]
     assert column(file, entity, "Points3D:radii") == [[pytest.approx(0.1)]]
-    assert column(file, entity, "CoordinateFrame:frame") == [["base"], ["tip"]]
+    assert column(file, entity, "CoordinateFrame:frame") == [["base"]]
 
 
 def test_a_polygon_is_a_closed_line(tmp_path):

@@ -9,6 +9,7 @@ from onebot_bringup.viewer.displays.camera_info import CameraInfoDisplay
 from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.displays.image import ImageDisplay
+from onebot_bringup.viewer.displays.imu import ImuDisplay
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
 from onebot_bringup.viewer.displays.laser_scan import LaserScanDisplay
@@ -21,6 +22,7 @@ from onebot_bringup.viewer.displays.point_stamped import PointStampedDisplay
 from onebot_bringup.viewer.displays.polygon import PolygonDisplay
 from onebot_bringup.viewer.displays.pose import PoseArrayDisplay, PoseDisplay
 from onebot_bringup.viewer.displays.pose_with_covariance import PoseWithCovarianceDisplay
+from onebot_bringup.viewer.displays.range import RangeDisplay
 from onebot_bringup.viewer.displays.speeds import SpeedsDisplay
 from onebot_bringup.viewer.displays.tf import TfDisplay
 from onebot_bringup.viewer.displays.trail import TrailDisplay
@@ -45,5 +47,7 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     PointCloud2Display,
     ImageDisplay,
     CameraInfoDisplay,
+    ImuDisplay,
+    RangeDisplay,
     MarkerDisplay,
 )

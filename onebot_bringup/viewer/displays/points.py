@@ -176,8 +176,8 @@ def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Col
     with np.errstate(over="ignore", invalid="ignore"):
         scaled -= scaled.dtype.type(low)
         scaled *= scaled.dtype.type(255.0 / (high - low) if high > low else 0.0)
-        np.fmax(np.fmin(scaled, 255.0, out=scaled), 0.0, out=scaled)  # also of NaN
-    return table.take(scaled.astype(np.uint8))
+        rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # any one for NaN
+    return table.take(rows, mode="wrap")  # which is the fastest: they are within it
 
 
 def _bounds(values: NDArray[Any]) -> tuple[float, float]:
