@@ -15,10 +15,10 @@ ENTITY, TOPIC = "/imu/imu", "/imu"
 LEFT = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))  # a quarter of a turn about z
 
 
-def imu(rotation=(0.0, 0.0, 0.0, 1.0), acceleration=(0.0, 0.0, 9.8), frame="tip") -> Imu:
+def imu(rotation=(0.0, 0.0, 0.0, 1.0), acceleration=(0.0, 0.0, 9.8), frame="tip", at=0) -> Imu:
     """A message with a covariance of zeros: nothing is known of it."""
     message = Imu()
-    message.header.frame_id, message.header.stamp = frame, time_message(START_NS)
+    message.header.frame_id, message.header.stamp = frame, time_message(START_NS + at)
     turn, force = message.orientation, message.linear_acceleration
     turn.x, turn.y, turn.z, turn.w = map(float, rotation)
     force.x, force.y, force.z = map(float, acceleration)
@@ -75,6 +75,15 @@ def test_what_is_not_measured_or_wanted_is_not_drawn(settings, unmeasured, count
     file, said = show(tmp_path, f"imu: {{{settings}}}", (TOPIC, message))
     [found] = arrows(file)
     assert (len(found), said) == (count, [])
+
+
+def test_few_of_many_messages_are_drawn(tmp_path):
+    """Of 400 a second some 20; also where the time is set back."""
+    sent = [imu(at=number * 2_500_000) for number in (*range(400), *range(100))]
+    file, _ = show(tmp_path, "", *((TOPIC, each) for each in sent))
+    times = np.array(column(file, ENTITY, "ros_time"), "datetime64[ns]").astype(np.int64)
+    assert (np.diff(times[:20]) == 45_000_000).all()
+    assert 25 <= len(times) <= 30 and times[-1] < times[15]
 
 
 @pytest.mark.parametrize(

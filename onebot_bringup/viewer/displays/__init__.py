@@ -7,12 +7,14 @@ from typing import Any
 
 from onebot_bringup.viewer.displays.camera_info import CameraInfoDisplay
 from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
+from onebot_bringup.viewer.displays.curves import CurvesDisplay
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.displays.image import ImageDisplay
 from onebot_bringup.viewer.displays.imu import ImuDisplay
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
 from onebot_bringup.viewer.displays.laser_scan import LaserScanDisplay
+from onebot_bringup.viewer.displays.log import LogDisplay
 from onebot_bringup.viewer.displays.map import MapDisplay
 from onebot_bringup.viewer.displays.marker import MarkerDisplay
 from onebot_bringup.viewer.displays.odometry import OdometryDisplay
@@ -35,6 +37,7 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     TrailDisplay,
     CovarianceDisplay,
     SpeedsDisplay,
+    CurvesDisplay,
     PathDisplay,
     MapDisplay,
     OdometryDisplay,
@@ -50,4 +53,5 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     ImuDisplay,
     RangeDisplay,
     MarkerDisplay,
+    LogDisplay,
 )

@@ -12,9 +12,11 @@ from onebot_bringup.viewer.displays.display import LARGEST
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
 from onebot_bringup.viewer.settings import Color, color, setting
 from onebot_description.model.quaternions import to_matrix
+from onebot_description.wire.cdr import nanoseconds
 
 _AXES: tuple[Color, ...] = ((255, 60, 60), (60, 220, 60), (80, 120, 255))  # x, y, z
 _SLIMNESS = 40  # an axis is so many times longer than thick
+_PERIOD_NS = 45_000_000  # hundreds may come in a second
 _UNKNOWN = -1.0  # as the first number of a covariance: the sensor does not measure it
 
 
@@ -32,7 +34,7 @@ class ImuLook(Look):
 class ImuDrawing(Drawing[ImuLook]):
     """What one sensor measures."""
 
-    waiting = 1  # the last one: hundreds come in a second
+    _drawn_ns = 0  # stamp of the message drawn last
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return the thickness."""
@@ -40,11 +42,15 @@ class ImuDrawing(Drawing[ImuLook]):
         return [rr.Arrows3D.from_fields(radii=[radius])]
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return the arrows, in the frame of the sensor.
+        """Return the arrows, in the frame of the sensor; some 20 times a second.
 
         Raises:
             ValueError: its orientation is none.
         """
+        stamp_ns = nanoseconds(message.header.stamp)
+        if 0 < stamp_ns - self._drawn_ns < _PERIOD_NS and self._drawn_ns:
+            return ()
+        self._drawn_ns = stamp_ns
         turn = self._turn(message)
         vectors: list[Any] = []
         colors: list[Color] = []
@@ -77,7 +83,7 @@ class ImuDrawing(Drawing[ImuLook]):
         length = np.linalg.norm(values)
         if not 0.0 < length <= LARGEST:
             raise ValueError(f"its orientation {values.tolist()} is no quaternion")
-        pose = self.context.frames.pose(self.frame, self.context.fixed_frame)
+        pose = self.pose()
         measured = to_matrix(values / length)
         turn: NDArray[np.float64] = measured if pose is None else pose[:3, :3].T @ measured
         return turn

@@ -27,7 +27,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
+import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ReadyColumn
 from onebot_bringup.viewer.displays.display import (
@@ -92,6 +94,11 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         super().__init__(contexts[0])
         self._offered: Mapping[str, str] = {}
 
+    @classmethod
+    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
+        """Whether one of ``topics`` has the same content, so that one is not shown by itself."""
+        return False
+
     def offer(self, topics: Mapping[str, str]) -> bool:
         """Draw these topics, and no others, from the next ``apply`` on.
 
@@ -136,6 +143,12 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             depth=qos.depth or (_DEPTH_HEAVY if self.heavy else _DEPTH),
         )
 
+    def flush(self) -> None:
+        """Log what has come; of what waits for a transform the last messages are kept."""
+        super().flush()
+        for drawing in self.items.values():
+            drawing.keep(_DEPTH_HEAVY if self.heavy else _DEPTH)
+
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
         parts = [drawing.layout() for drawing in self.items.values()]
@@ -144,6 +157,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             hidden=tuple(entity for part in parts for entity in part.hidden),
             shown=tuple(entity for part in parts for entity in part.shown),
             windows=tuple(window for part in parts for window in part.windows),
+            wide=tuple(view for part in parts for view in part.wide),
         )
 
     def warnings(self) -> list[str]:
@@ -157,7 +171,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
 
 _MOST_FRAMES = 99  # with entities of their own
-_DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
+_DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
 
 
 class Drawing(Generic[L]):
@@ -182,6 +196,7 @@ class Drawing(Generic[L]):
         """
         self.context, self.entity, self.look, self.color = context, entity, look, color
         self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
+        self.stamp_ns = 0  # of the message that is drawn
         self.problem = ""  # of the last message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
@@ -206,6 +221,13 @@ class Drawing(Generic[L]):
         """Return the frame that the entity is in."""
         return self.frame
 
+    def pose(self) -> NDArray[np.float64] | None:
+        """Return the (4, 4) pose of its frame in the fixed one, when the message was stamped.
+
+        None while no transforms connect them.
+        """
+        return self.context.frames.pose(self.frame, self.context.fixed_frame, self.stamp_ns)
+
     def style(self) -> Sequence[rr.AsComponents]:
         """Return what is the same for all messages; logged once."""
         return ()
@@ -224,6 +246,8 @@ class Drawing(Generic[L]):
                 self.frame = frame
         if self.frame or not self.stamped:
             self._pending.append((stamp_ns, message))
+        else:
+            self.problem = "its header has no frame_id"
 
     def flush(self) -> None:
         """Log what has come; where that is seldom, from time to time the last message again."""
@@ -238,12 +262,18 @@ class Drawing(Generic[L]):
         if self._in_frame != frame or not self._entities:
             self._move(frame)
         for stamp_ns, message in self._pending:
+            self.stamp_ns = stamp_ns
             try:
                 self.log(stamp_ns, *self.draw(message))
             except ValueError as error:
                 self.problem = str(error)
         self._last = self._pending[-1]
         self._pending.clear()
+
+    def keep(self, most: int) -> None:
+        """Drop the oldest messages that were not drawn, but for so many."""
+        while len(self._pending) > most:
+            self._pending.popleft()
 
     def _move(self, frame: str) -> None:
         """Draw in a frame from the next message on, in place of what is drawn in another."""
