@@ -1,5 +1,6 @@
 """Inertial sensors (sensor_msgs/Imu): the orientation as axes, the acceleration as an arrow."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -59,9 +60,10 @@ class ImuDrawing(Drawing[ImuLook]):
             colors += _AXES
         if self.look.acceleration and message.linear_acceleration_covariance[0] != _UNKNOWN:
             measured = message.linear_acceleration
-            arrow = np.array([measured.x, measured.y, measured.z]) * self.look.acceleration_scale
+            arrow = np.array([measured.x, measured.y, measured.z])
             if not (np.abs(arrow) <= LARGEST).all():
                 raise ValueError("its acceleration is not finite")
+            arrow *= self.look.acceleration_scale
             # In the sensor's own axes, which are turned as it says.
             vectors.append(arrow if turn is None else turn @ arrow)
             colors.append(self.look.color or self.color)
@@ -80,7 +82,7 @@ class ImuDrawing(Drawing[ImuLook]):
         values = np.array([q.x, q.y, q.z, q.w])
         if message.orientation_covariance[0] == _UNKNOWN:
             return None
-        length = np.linalg.norm(values)
+        length = math.hypot(*values)
         if not 0.0 < length <= LARGEST:
             raise ValueError(f"its orientation {values.tolist()} is no quaternion")
         pose = self.context.frames.pose(self.frame, self.context.fixed_frame)
