@@ -67,7 +67,7 @@ class Layout:
 
     def without_plots(self) -> "Layout":
         """Return the layout with nothing beside the robot."""
-        return replace(self, parts=tuple(replace(part, views=()) for part in self.parts))
+        return replace(self, parts=tuple(replace(part, views=(), wide=()) for part in self.parts))
 
 
 class BlueprintSender:
@@ -180,7 +180,10 @@ def make_blueprint(
         follow: the entity that the camera moves with.
         from_start: the viewer plays from the beginning, in place of following the end.
     """
-    robot = _robot_view(layout, follow)
+    robot: rrb.View | rrb.Container = _robot_view(layout, follow)
+    wide = [view.view() for part in layout.parts for view in part.wide]
+    if wide:
+        robot = rrb.Vertical(robot, *wide, row_shares=[4, *[1] * len(wide)])
     beside = _beside(layout.parts)
     root = rrb.Horizontal(robot, beside, column_shares=[3, 1]) if beside is not None else robot
     return rrb.Blueprint(root, *_panels(layout.panels, from_start))

@@ -30,7 +30,7 @@ Parameters:
     fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
         frame above the robot's root link (such as odom; else the root link).
     axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
-        trails, covariance and speeds.lines); they can be changed while the viewer runs.
+        trails, covariance, speeds.lines and curves.lines); they can be changed while it runs.
     robots (string[], []): the namespaces of several robots, to show them all; [] for the one robot
         of the node's own namespace. A fixed frame that each of them has, and a camera that follows
         a link, are for one robot: several are shown in the frame above all, with a camera that
@@ -421,7 +421,7 @@ class RerunViewer(Node):
             self._page_publisher.publish(String(data=address))
         self._offer_topics()
         try:
-            self._topics.update()
+            self._topics.set_topics(self._view.topics)
         except OneBotError as error:
             self._warn("topics", str(error), every=10.0)
         for conflict in self._conflicts.poll(time.monotonic()):
@@ -437,14 +437,9 @@ class RerunViewer(Node):
             self._warn(problem, problem, every=60.0)
         offered = [each._asdict() for each in self._view.offered]
         displays = json.dumps({"shown": offered})
-        if displays == self._published_displays:
-            return
-        self._published_displays = displays
-        self._displays_publisher.publish(String(data=displays))
-        try:
-            self._topics.set_topics(self._view.topics)
-        except OneBotError as error:
-            self._warn("topics", str(error), every=10.0)
+        if displays != self._published_displays:
+            self._published_displays = displays
+            self._displays_publisher.publish(String(data=displays))
 
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""

@@ -155,7 +155,7 @@ class RobotView:
             self._clock,
             root,
             self._definitions,
-            self._resolve,
+            lambda topic: self._full_name(names, topic),
             lambda: self._now_ns,
         )
 
@@ -188,7 +188,6 @@ class RobotView:
     def _select(self) -> list[str]:
         """Pass the topics on that are to be shown; where that changes them, subscribe anew."""
         readable, problems = self._readable()
-        before = self._selection.offered
         drawn = {name for name, display, _ in self._named() if display and not display.plots}
         self._selection.choose(readable, self._view, drawn)
         if self._selection.crowded:
@@ -196,15 +195,21 @@ class RobotView:
             problems.append(
                 f"too many topics to show all: not {crowded}; shown: in a view adds some"
             )
-        if self._selection.offered == before:
-            return problems
-        self._deliver(self._displays)
-        for shown in self._displays:
-            display = shown.display
-            if isinstance(display, MessageDisplay) and display.offer(self._selection.of(display)):
-                shown.display.flush()
-                shown.display.apply(self._view.of(type(display)))
-        return problems + self._make_queues()
+        changed = [
+            shown for shown in self._displays if shown.display.offer(self._offered_to(shown))
+        ]
+        if changed:
+            self._deliver(self._displays)
+        for shown in changed:
+            shown.display.flush()
+            shown.display.apply(self._view.of(type(shown.display)))
+        return problems + (self._make_queues() if changed else [])
+
+    def _offered_to(self, shown: "_Shown") -> Mapping[str, str]:
+        """Return the topics that a display may draw."""
+        if isinstance(shown.display, MessageDisplay):
+            return self._selection.of(shown.display)
+        return self._published
 
     def _readable(self) -> tuple[dict[str, str], list[str]]:
         """Return the topics whose type has a display, and a definition that can be read."""
@@ -345,7 +350,8 @@ class RobotView:
                 continue
             for kind in topic.types:
                 queue = queues.setdefault((name, kind.name), _Queue())
-                if display is not None:
+                # Several items of a display may be of one topic.
+                if display is not None and (display, topic.name, kind) not in queue.takers:
                     queue.takers.append((display, topic.name, kind))
         for (name, kind_name), queue in queues.items():
             limits = [self._limits.get(id(display)) for display, *_ in queue.takers]
@@ -402,7 +408,7 @@ class RobotView:
         """The frame everything is shown in; "" before there is any.
 
         The view's, also with the frame_prefix before it; while no such frame is known, the one
-        above the robot's root link, or without a robot above the frame of the first message. That
+        above the robot's root link, or without a robot above the frames of most messages. That
         one, too, of several robots that each have the view's.
         """
         for shown in self._robots:
@@ -415,9 +421,14 @@ class RobotView:
 
     @property
     def _frame_without_robot(self) -> str:
-        """The frame above that of the first message shown, or above any of /tf; "" for none."""
-        frame = next(iter(self._message_frames), "") or min(self.frames.names, default="")
-        return self.frames.top(frame) if frame else ""
+        """The root of the transforms that most messages shown have, or of any; "" for none.
+
+        Without transforms, the frame that most have.
+        """
+        known, tops = self.frames.names, [self.frames.top(each) for each in self._message_frames]
+        if tops:
+            return max(tops, key=lambda top: (top in known, tops.count(top)))
+        return self.frames.top(min(known)) if known else ""
 
     @property
     def _message_frames(self) -> list[str]:

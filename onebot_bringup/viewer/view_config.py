@@ -22,6 +22,9 @@ Example (every key may be left out)::
       lines:
         commanded: {topic: velocity_controller/cmd_vel, type: auto}
         measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
+    curves:                       # numbers of any messages, under any names
+      lines:
+        charge: {topic: battery, field: percentage, plot: Battery}
     automatic: true               # show every topic of a type that has a display, up to some
     hidden: [/local_plan]         # but for these topics,
     shown: [/camera/points]       # and these in any case
@@ -33,6 +36,7 @@ Example (every key may be left out)::
     imu: {axes: true, axes_scale: 0.3, acceleration: true, acceleration_scale: 0.05}  # metres
     range: {color: [255, 255, 255], alpha: 0.5}
     marker: {hidden_namespaces: [debug]}   # of visualization_msgs/Marker and MarkerArray
+    log: {visible: true, level: warn}   # of rcl_interfaces/Log
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 

@@ -7,12 +7,14 @@ from typing import Any
 
 from onebot_bringup.viewer.displays.camera_info import CameraInfoDisplay
 from onebot_bringup.viewer.displays.covariance import CovarianceDisplay
+from onebot_bringup.viewer.displays.curves import CurvesDisplay
 from onebot_bringup.viewer.displays.display import Display
 from onebot_bringup.viewer.displays.image import ImageDisplay
 from onebot_bringup.viewer.displays.imu import ImuDisplay
 from onebot_bringup.viewer.displays.joint_limits import JointLimitsDisplay
 from onebot_bringup.viewer.displays.joint_plot import JointPlotDisplay
 from onebot_bringup.viewer.displays.laser_scan import LaserScanDisplay
+from onebot_bringup.viewer.displays.log import LogDisplay
 from onebot_bringup.viewer.displays.marker import MarkerDisplay
 from onebot_bringup.viewer.displays.path import PathDisplay
 from onebot_bringup.viewer.displays.point_cloud2 import PointCloud2Display
@@ -29,6 +31,7 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     TrailDisplay,
     CovarianceDisplay,
     SpeedsDisplay,
+    CurvesDisplay,
     PathDisplay,
     LaserScanDisplay,
     PointCloud2Display,
@@ -37,4 +40,5 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     ImuDisplay,
     RangeDisplay,
     MarkerDisplay,
+    LogDisplay,
 )

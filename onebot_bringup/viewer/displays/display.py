@@ -70,12 +70,17 @@ class MessageType(Generic[T]):
 @lru_cache(maxsize=256)
 def _message_type(name: str, definition: str, live: bool) -> "MessageType[Any]":
     schema = Schema.of(name, definition)
-    return MessageType(name, one_by_one(schema.read), _stamp_ns, live)
+    return MessageType(name, one_by_one(schema.read), _stamp_of(schema), live)
 
 
-def _stamp_ns(message: Any) -> int:
-    header = getattr(message, "header", None)
-    return nanoseconds(header.stamp) if header is not None else 0
+def _stamp_of(schema: Schema) -> Callable[[Any], int]:
+    """Return what reads the stamp of a message: of its header, or its own."""
+    fields = schema.numeric_fields()
+    if "header.stamp.nanosec" in fields:
+        return lambda message: nanoseconds(message.header.stamp)
+    if "stamp.nanosec" in fields:
+        return lambda message: nanoseconds(message.stamp)
+    return lambda message: 0
 
 
 def one_by_one(read: Callable[[bytes], T]) -> Callable[[Sequence[bytes], Report], list[T | None]]:
@@ -157,6 +162,7 @@ class LayoutPart:
     shown: tuple[str, ...] = ()  # but for these
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
     robot: str = ""  # whose views these are, where there are several
+    wide: tuple[SideView, ...] = ()  # below the robot's
 
     def below(self, root: str) -> "LayoutPart":
         """Return the same of the entities below ``root``, a robot's; "" for all there are."""
@@ -167,6 +173,7 @@ class LayoutPart:
             tuple(below(root, entity) for entity in self.shown),
             tuple((below(root, entity), seconds) for entity, seconds in self.windows),
             root,
+            tuple(view.below(root) for view in self.wide) if root else self.wide,
         )
 
 
@@ -327,6 +334,14 @@ class Display(ABC, Generic[S]):
 
     def set_robot(self) -> None:  # noqa: B027  most displays do not depend on the robot
         """Draw for the robot that ``context`` now has."""
+
+    def offer(self, _topics: Mapping[str, str]) -> bool:
+        """Note which topics there are now; the type of each by its full name.
+
+        Returns:
+            Whether other topics are to be subscribed: ``apply`` follows.
+        """
+        return False
 
     def layout(self) -> LayoutPart:
         """Return its part of the layout, by the settings of now."""

@@ -27,7 +27,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
+import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ReadyColumn
 from onebot_bringup.viewer.displays.display import (
@@ -155,6 +157,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             hidden=tuple(entity for part in parts for entity in part.hidden),
             shown=tuple(entity for part in parts for entity in part.shown),
             windows=tuple(window for part in parts for window in part.windows),
+            wide=tuple(view for part in parts for view in part.wide),
         )
 
     def warnings(self) -> list[str]:
@@ -193,6 +196,7 @@ class Drawing(Generic[L]):
         """
         self.context, self.entity, self.look, self.color = context, entity, look, color
         self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
+        self.stamp_ns = 0  # of the message that is drawn
         self.problem = ""  # of the first message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
@@ -216,6 +220,13 @@ class Drawing(Generic[L]):
     def drawn_in(self) -> str:
         """Return the frame that the entity is in."""
         return self.frame
+
+    def pose(self) -> NDArray[np.float64] | None:
+        """Return the (4, 4) pose of its frame in the fixed one, when the message was stamped.
+
+        None while no transforms connect them.
+        """
+        return self.context.frames.pose(self.frame, self.context.fixed_frame, self.stamp_ns)
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return what is the same for all messages; logged once."""
@@ -251,6 +262,7 @@ class Drawing(Generic[L]):
         if self._in_frame != frame or not self._entities:
             self._move(frame)
         for stamp_ns, message in self._pending:
+            self.stamp_ns = stamp_ns
             try:
                 self.log(stamp_ns, *self.draw(message))
             except ValueError as error:
