@@ -82,10 +82,10 @@ class Replayed:
 @pytest.mark.parametrize(
     ("distro", "plugin", "compression"),
     [
-        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.NONE),
         (Stores.ROS2_HUMBLE, StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
         (Stores.ROS2_HUMBLE, StoragePlugin.MCAP, CompressionMode.NONE),
-        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.FILE),
         (Stores.ROS2_JAZZY, StoragePlugin.MCAP, CompressionMode.STORAGE),
     ],
 )
@@ -103,6 +103,27 @@ def test_distros_and_storages(tmp_path, distro, plugin, compression):
     assert replayed.ends("/plan") == [1 + step for step in range(10)]
     assert column(replayed.file, "/path/plan", "CoordinateFrame:frame") == [["base_link"]]
     assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+
+
+@pytest.mark.parametrize(
+    ("plugin", "plotted"), [(StoragePlugin.MCAP, True), (StoragePlugin.SQLITE3, False)]
+)
+def test_types_that_are_not_installed(tmp_path, plugin, plotted):
+    """They are read by the recording's definition; one that has none is named, once."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_HUMBLE, plugin) as robot:
+        for step in range(20):
+            robot.write("/plan", path(0, 2), step, frame="map")
+            robot.write_velocity("/vehicle/status", step / 2, step)
+    view = tmp_path / "view.yaml"
+    field = "{topic: /vehicle/status, field: longitudinal_velocity}"
+    view.write_text(f"curves: {{lines: {{speed: {field}}}}}\n")
+    replayed = Replayed(tmp_path / "bag", view=view)
+    curve = column(replayed.file, "/curves/speed", "Scalars:scalars")
+    assert [value for (value,) in curve] == [step / 2 for step in range(20 * plotted)]
+    assert len(replayed.ends("/plan")) == 20
+    problems = [text for text in replayed.warnings if "/vehicle/status cannot be plotted" in text]
+    assert len(problems) == (not plotted)
+    assert all("VelocityReport is neither in" in problem for problem in problems)
 
 
 def test_a_topic_alone(tmp_path):
