@@ -58,7 +58,7 @@ def log_bag(
         view: a .yaml or .rbl file; None for the view of the robot's description, if that is
             installed.
         fixed_frame: the frame to show everything in; "" for the view's, else the one above the
-            robot, the first message or the transforms.
+            robot, or above the frames of most topics.
         frame_prefix: put before link names to get their frames; "" to find it out.
         namespace: of the robot to show; "" for all.
         from_start: the viewer plays it from its beginning; False: it shows its end.

@@ -97,13 +97,22 @@ class ParameterClient:
             )
         return value
 
-    def set(self, pairs: Sequence[tuple[str, str]]) -> list[Any]:
-        """Set parameters to values in YAML; return a SetParametersResult each."""
+    def set(self, pairs: Sequence[tuple[str, str]], *, same_types: bool = False) -> list[Any]:
+        """Set parameters to values in YAML; return a SetParametersResult each.
+
+        Args:
+            pairs: names and values.
+            same_types: a value is read as one of the type that the parameter has now, as far as
+                that can be, also where the node would let it have another.
+        """
         from rcl_interfaces.msg import Parameter, ParameterValue
 
         request = []
         for name, text in pairs:
-            field, kind, value = parse_value(text, self._declared(name))
+            declared = self._declared(name)
+            if same_types and declared == NOT_SET:
+                declared = self.values([name])[0].type
+            field, kind, value = parse_value(text, declared)
             request.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
         return list(self._call("SetParameters", parameters=request).results)
 

@@ -14,6 +14,7 @@ Publishes:
 Subscribes:
     odometry (nav_msgs/Odometry, best effort, depth 1): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
+    displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid): while a page shows its map.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
@@ -74,7 +75,7 @@ from onebot_bringup.steering.server import (
     ServerContext,
     SteeringServer,
 )
-from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
+from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests, shown_topics
 from onebot_bringup.steering.tools import Click, ToolPublishers
 from onebot_bringup.steering.view_proxy import View, ViewProxy
 from onebot_bringup.viewer.display_server import has_display
@@ -183,7 +184,10 @@ class SteeringPage(Node):
         self._ground = Ground(self, self._odometry)
         self._thread = OtherThread(self)
         self._page_topic = settings.viewer_page
+        self._viewer = self._page_topic.rpartition("/")[0]  # the node: the topic is its ~/page
+        self._shown: list[Mapping[str, Any]] = []
         self.create_subscription(String, self._page_topic, self._on_viewer, LATCHED)
+        self.create_subscription(String, f"{self._viewer}/displays", self._on_displays, LATCHED)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / settings.rate, self._arbiter.tick, clock=steady)
@@ -353,9 +357,14 @@ class SteeringPage(Node):
         first = [one.node for one in self._controllers.known]
         served = (name.rpartition("/") for name, _ in self.get_service_names_and_types())
         found = sorted({node for node, _, service in served if service == "list_parameters"})
-        shown = self._view.view is not None
-        viewer = self._page_topic.rpartition("/")[0] if shown else ""
-        return {"nodes": sorted(found, key=lambda node: node not in first), "viewer": viewer}
+        return {
+            "nodes": sorted(found, key=lambda node: node not in first),
+            "viewer": self._viewer if self._view.view is not None else "",
+            "shown": self._shown if self._view.view is not None else [],
+        }
+
+    def _on_displays(self, message: String) -> None:
+        self._shown = shown_topics(message.data)
 
     def _set_view(self, view: View | None) -> None:
         self._view.view = view

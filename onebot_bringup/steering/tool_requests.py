@@ -4,7 +4,7 @@
     GET map.png: the picture of that map.
     POST click: publishes a click, see ``Click``; responds with ``topic`` and ``subscribers``.
     GET nodes: ``nodes`` with parameters, the robot's controllers first; the ``viewer``, "" for
-        none.
+        none; and what is ``shown`` in it: ``topic``, ``type`` and ``visible`` of each.
     GET parameters?node=N: its ``parameters``.
     POST parameters: ``node`` and ``values``, YAML by name; responds with why each was refused.
 
@@ -12,6 +12,7 @@ A request that fails has ``error``, a sentence, and a status from 400 on.
 """
 
 import asyncio
+import json
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -110,7 +111,7 @@ class ToolNode(Protocol):
         """Publish a click; return the topic and the number of its subscribers."""
 
     def nodes(self) -> Mapping[str, Any]:
-        """Return ``nodes`` and ``viewer``."""
+        """Return ``nodes``, ``viewer`` and ``shown``."""
 
 
 class ToolRequests:
@@ -170,7 +171,7 @@ class ToolRequests:
 
         def change() -> Mapping[str, Any]:
             node, values = parse_values(text)
-            results = self._client(node).set(list(values.items()))
+            results = self._client(node).set(list(values.items()), same_types=True)
             refused = {
                 name: result.reason or "the node refused it"
                 for name, result in zip(values, results, strict=True)
@@ -211,6 +212,18 @@ def parse_values(text: str) -> tuple[str, Mapping[str, str]]:
     if not isinstance(values, dict) or not all(isinstance(each, str) for each in values.values()):
         raise ProtocolError("values must have a text in YAML for each parameter", "values")
     return node, values
+
+
+def shown_topics(text: str) -> list[Mapping[str, Any]]:
+    """Return the topics of a viewer's ~/displays; none for a text that is no such message."""
+    try:
+        found = json.loads(text)["shown"]
+        return [
+            {"topic": str(one["topic"]), "type": str(one["type"]), "visible": bool(one["visible"])}
+            for one in found
+        ]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return []
 
 
 def rows_of(client: ParameterClient) -> list[Mapping[str, Any]]:

@@ -408,7 +408,7 @@ class RobotView:
         """The frame everything is shown in; "" before there is any.
 
         The view's, also with the frame_prefix before it; while no such frame is known, the one
-        above the robot's root link, or without a robot above the frame of the first message. That
+        above the robot's root link, or without a robot above the frames of most messages. That
         one, too, of several robots that each have the view's.
         """
         for shown in self._robots:
@@ -421,9 +421,14 @@ class RobotView:
 
     @property
     def _frame_without_robot(self) -> str:
-        """The frame above that of the first message shown, or above any of /tf; "" for none."""
-        frame = next(iter(self._message_frames), "") or min(self.frames.names, default="")
-        return self.frames.top(frame) if frame else ""
+        """The root of the transforms that most messages shown have, or of any; "" for none.
+
+        Without transforms, the frame that most have.
+        """
+        known, tops = self.frames.names, [self.frames.top(each) for each in self._message_frames]
+        if tops:
+            return max(tops, key=lambda top: (top in known, tops.count(top)))
+        return self.frames.top(min(known)) if known else ""
 
     @property
     def _message_frames(self) -> list[str]:

@@ -1,5 +1,6 @@
 """``onebot replay`` of other people's robots: any topics, frames, types, storage and distro."""
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Path
@@ -7,6 +8,7 @@ from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores
 from std_msgs.msg import String
+from visualization_msgs.msg import Marker
 
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.replay import log_bag
@@ -80,10 +82,10 @@ class Replayed:
 @pytest.mark.parametrize(
     ("distro", "plugin", "compression"),
     [
-        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.NONE),
         (Stores.ROS2_HUMBLE, StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
         (Stores.ROS2_HUMBLE, StoragePlugin.MCAP, CompressionMode.NONE),
-        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.FILE),
         (Stores.ROS2_JAZZY, StoragePlugin.MCAP, CompressionMode.STORAGE),
     ],
 )
@@ -101,6 +103,27 @@ def test_distros_and_storages(tmp_path, distro, plugin, compression):
     assert replayed.ends("/plan") == [1 + step for step in range(10)]
     assert column(replayed.file, "/path/plan", "CoordinateFrame:frame") == [["base_link"]]
     assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+
+
+@pytest.mark.parametrize(
+    ("plugin", "plotted"), [(StoragePlugin.MCAP, True), (StoragePlugin.SQLITE3, False)]
+)
+def test_types_that_are_not_installed(tmp_path, plugin, plotted):
+    """They are read by the recording's definition; one that has none is named, once."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_HUMBLE, plugin) as robot:
+        for step in range(20):
+            robot.write("/plan", path(0, 2), step, frame="map")
+            robot.write_velocity("/vehicle/status", step / 2, step)
+    view = tmp_path / "view.yaml"
+    field = "{topic: /vehicle/status, field: longitudinal_velocity}"
+    view.write_text(f"curves: {{lines: {{speed: {field}}}}}\n")
+    replayed = Replayed(tmp_path / "bag", view=view)
+    curve = column(replayed.file, "/curves/speed", "Scalars:scalars")
+    assert [value for (value,) in curve] == [step / 2 for step in range(20 * plotted)]
+    assert len(replayed.ends("/plan")) == 20
+    problems = [text for text in replayed.warnings if "/vehicle/status cannot be plotted" in text]
+    assert len(problems) == (not plotted)
+    assert all("VelocityReport is neither in" in problem for problem in problems)
 
 
 def test_a_topic_alone(tmp_path):
@@ -125,15 +148,19 @@ def test_a_topic_alone(tmp_path):
     ],
 )
 def test_fixed_frame(tmp_path, wanted, fixed, warnings):
-    """The given one, or else the root of the transforms above the first message."""
+    """The given one, or else the root of the transforms above most topics."""
     with OtherRobot(tmp_path / "bag") as robot:
         robot.write("/tf", transform("a", "b"))
+        robot.write("/first_plan", path(0, 2), frame="b")
+        for number in range(3):
+            robot.write(f"/early_plan{number}", path(0, 2), frame="nowhere")
         robot.write("/tf", transform("map", "odom"))
         robot.write("/tf", transform("odom", "base_link"))
         robot.write("/plan", path(0, 2), 1.0, frame="base_link")
+        robot.write("/other_plan", path(0, 2), 1.0, frame="odom")
     replayed = Replayed(tmp_path / "bag", fixed_frame=wanted)
     assert replayed.fixed_frame == fixed
-    found = [sentence for sentence in replayed.warnings if NO_ROBOT not in sentence]
+    found = [sentence for sentence in replayed.warnings if "fixed frame" in sentence]
     assert [sentence[: len(start)] for sentence, start in zip(found, warnings, strict=True)] == (
         warnings
     )
@@ -197,6 +224,21 @@ def test_a_topic_in_several_frames(tmp_path):
         assert {name for row in frames if row for name in row} == {frame}
         assert replayed.ends(entity) == list(range(first, 40, 2))
         assert column(replayed.file, f"/path{entity}", "Clear:is_recursive")
+
+
+def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
+    """Not by those that have been read meanwhile, of a robot that moves at 10 m/s."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(100):
+            time = step / 100
+            robot.write("/tf", transform("map", "base_link", 10 * time, time), time)
+            if step % 10 == 0:
+                marker = Marker(type=Marker.CUBE, id=step)
+                marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
+                robot.write("/detections", marker, time, frame="base_link")
+    replayed = Replayed(tmp_path / "bag")
+    centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
+    np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
 
 
 def test_transforms_below_a_namespace(tmp_path):

@@ -19,7 +19,7 @@ from geometry_msgs.msg import (
     TransformStamped,
     Twist,
 )
-from nav_msgs.msg import OccupancyGrid, Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from PIL import Image
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -31,11 +31,11 @@ from rcl_interfaces.msg import (
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
 from onebot_bringup.steering.ground import Grid
 from onebot_bringup.steering.protocol import ProtocolError
-from onebot_bringup.steering.tool_requests import parse_values
+from onebot_bringup.steering.tool_requests import parse_values, shown_topics
 from onebot_bringup.steering.tools import Click, message_of, parse_click
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.steering_support import address_of, steering
-from tests.ros_support import LATCHED, Peer
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for
 
 CLICK = {"tool": "goal", "frame": "map", "x": 1.5, "y": -2, "yaw": math.pi / 2}
@@ -144,6 +144,11 @@ def test_a_request_to_set_parameters_that_is_none_is_refused(text: str, problem:
     assert parse_values('{"node": "/a", "values": {"x": "1"}}') == ("/a", {"x": "1"})
     with pytest.raises(ProtocolError, match=problem):
         parse_values(text)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"shown": 1}', '{"shown": [{"topic": "/a"}]}'])
+def test_what_is_no_list_of_displays_shows_none(text: str) -> None:
+    assert shown_topics(text) == []
 
 
 # --- a node, and what a page requests ----------------------------------------------------------
@@ -272,3 +277,32 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(peer: Peer) -> None:
         assert "speed" in found["refused"]["speed"]
         assert "no node" in request("parameters?node=/nobody")["error"]
         assert request.raw("parameters", {}, Origin="http://evil.example")[0] == 403
+
+
+@pytest.mark.slow
+def test_a_page_sets_what_the_viewer_shows(peer: Peer) -> None:
+    """Its displays, by the list that it publishes, and its camera."""
+    peer.node.create_publisher(Path, "/plan", 10)
+    arguments = ros_args(grpc_port=0, web_port=0, open_browser="false")
+    with NodeProcess("onebot_bringup.viewer.rerun_viewer", *arguments), steering() as node:
+        request = Requests(address_of(node))
+
+        def visible() -> list[bool]:
+            return [one["visible"] for one in request("nodes")["shown"] if one["topic"] == "/plan"]
+
+        wait_for(lambda: visible() == [True], "the path among the displays")
+        viewer = request("nodes")["viewer"]
+        assert viewer == "/rerun_viewer"
+        for hidden, values in (
+            (True, {"hidden": '["/plan"]', "shown": "[]"}),
+            (False, {"hidden": "[]", "shown": '["/plan"]'}),
+        ):
+            assert request("parameters", {"node": viewer, "values": values}) == {"refused": {}}
+            wait_for(lambda hidden=hidden: visible() == [not hidden], "the check box")
+        for eye in ("[0.0, -0.03, 3.0]", "[]"):
+            values = {"camera.eye": eye, "camera.target": eye, "camera.follow": ""}
+            assert request("parameters", {"node": viewer, "values": values}) == {"refused": {}}
+            rows = request(f"parameters?node={viewer}")["parameters"]
+            found = {row["name"]: row["value"] for row in rows}
+            assert [found[name] for name in values] == [eye, eye, ""]
+        assert {"fixed_frame", "frame_prefix", "robots"} <= found.keys(), "the page reads them"

@@ -10,11 +10,13 @@ export class Tools {
   /**
    * @param {HTMLElement} bar with buttons.
    * @param {import("./map.js").GroundMap} map
+   * @param {object} panels by the names of their buttons; one is open at a time.
    * @param {(sentence: string) => void} notify shows a problem.
    */
-  constructor(bar, map, notify) {
+  constructor(bar, map, panels, notify) {
     this.bar = bar;
     this.map = map;
+    this.panels = panels;
     this.notify = notify;
     bar.addEventListener("click", ({ target }) => this.press(target.closest("button")));
     window.addEventListener("keydown", ({ code }) => code === "Escape" && this.choose(""));
@@ -26,10 +28,18 @@ export class Tools {
     if (tool) this.choose(this.map.tool === tool ? "" : tool);
     else if (camera) this.look(camera);
     else if (button.name === "map") this.open(!this.map.isOpen);
+    else this.toggle(button.name);
   }
 
   open(yes) {
     this.map.open(yes);
+    this.show();
+  }
+
+  toggle(wanted) {
+    for (const [name, panel] of Object.entries(this.panels)) {
+      panel.open(name === wanted && !panel.isOpen);
+    }
     this.show();
   }
 
@@ -43,7 +53,8 @@ export class Tools {
   show() {
     for (const button of this.bar.querySelectorAll("[aria-pressed]")) {
       const { tool } = button.dataset;
-      const pressed = tool ? tool === this.map.tool : this.map.isOpen;
+      const pane = this.panels[button.name] ?? this.map;
+      const pressed = tool ? tool === this.map.tool : pane.isOpen;
       button.setAttribute("aria-pressed", String(pressed));
     }
   }

@@ -443,7 +443,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         if (np.abs(lengths - 1.0) > _UNIT).any():
             self._make_unit(incoming, lengths)
         for frame, rows in moved.items():
-            pose = self.context.frames.pose(frame, self.context.fixed_frame)
+            pose = self.context.frames.pose(frame, self.context.fixed_frame, stamp_ns)
             assert pose is not None
             turn = from_rpy(to_rpy(pose[:3, :3]))
             poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]

@@ -27,7 +27,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
+import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ReadyColumn
 from onebot_bringup.viewer.displays.display import (
@@ -194,7 +196,8 @@ class Drawing(Generic[L]):
         """
         self.context, self.entity, self.look, self.color = context, entity, look, color
         self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
-        self.problem = ""  # of the last message that could not be drawn
+        self.stamp_ns = 0  # of the message that is drawn
+        self.problem = ""  # of the first message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
         self._drawn_at = 0.0
@@ -218,6 +221,13 @@ class Drawing(Generic[L]):
         """Return the frame that the entity is in."""
         return self.frame
 
+    def pose(self) -> NDArray[np.float64] | None:
+        """Return the (4, 4) pose of its frame in the fixed one, when the message was stamped.
+
+        None while no transforms connect them.
+        """
+        return self.context.frames.pose(self.frame, self.context.fixed_frame, self.stamp_ns)
+
     def style(self) -> Sequence[rr.AsComponents]:
         """Return what is the same for all messages; logged once."""
         return ()
@@ -237,7 +247,7 @@ class Drawing(Generic[L]):
         if self.frame or not self.stamped:
             self._pending.append((stamp_ns, message))
         else:
-            self.problem = "its header has no frame_id"
+            self.problem = self.problem or "its header has no frame_id"
 
     def flush(self) -> None:
         """Log what has come; where that is seldom, from time to time the last message again."""
@@ -252,10 +262,11 @@ class Drawing(Generic[L]):
         if self._in_frame != frame or not self._entities:
             self._move(frame)
         for stamp_ns, message in self._pending:
+            self.stamp_ns = stamp_ns
             try:
                 self.log(stamp_ns, *self.draw(message))
             except ValueError as error:
-                self.problem = str(error)
+                self.problem = self.problem or str(error)
         self._last = self._pending[-1]
         self._pending.clear()
 
