@@ -135,11 +135,11 @@ def image_columns(arrays: Arrays) -> Any:
 
 
 def markers(number: int) -> tuple[MarkerArray, Arrays]:
-    """1000 cubes, of which everything changes."""
-    noise = np.random.default_rng(number)
-    places, turns, scales = (noise.normal(size=(1000, width)) for width in (3, 4, 3))
+    """1000 cubes of any sizes and colours, which move and turn."""
+    noise, look = np.random.default_rng(number), np.random.default_rng(0)
+    places, turns = noise.normal(size=(1000, 3)), noise.normal(size=(1000, 4))
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
-    colors = noise.integers(0, 256, (1000, 4))
+    scales, colors = look.uniform(0.1, 1.0, (1000, 3)), look.integers(0, 256, (1000, 4))
     rows = zip(places, turns, scales, colors, strict=True)
     message = MarkerArray()
     for index, (place, turn, scale, color) in enumerate(rows):
@@ -374,11 +374,15 @@ def check(case: Case, messages: Messages, count: int, file: Path, name: str) -> 
 
 
 def _rows(file: Path, entity: str, columns: Arrays) -> Iterator[tuple[int, Arrays]]:
-    """Yield the time of each row of an entity, and what is in some of its columns."""
+    """Yield the time of each row of an entity, and what some of its columns are from then on."""
+    known: dict[str, NDArray[Any]] = {}
     for batch in batches(file, entity):
         stamps = batch.column(TIMELINE).cast("int64").to_numpy()
         for row, stamp_ns in enumerate(stamps.tolist()):
-            yield stamp_ns, {name: _numbers(batch.column(name)[row].values) for name in columns}
+            for name in set(columns).intersection(batch.schema.names):
+                if batch.column(name)[row].values is not None:
+                    known[name] = _numbers(batch.column(name)[row].values)
+            yield stamp_ns, known
 
 
 def _numbers(array: Any) -> NDArray[Any]:

@@ -93,9 +93,9 @@ class Incoming(NamedTuple):
             markers.frame_locked,
             lifetimes.sec * np.int64(1_000_000_000) + lifetimes.nanosec,
             markers.points.counts,
-            markers.pose.array().copy(),
-            markers.scale.array(),
-            markers.color.array(),
+            markers.pose.array().copy(),  # in one piece, since all that follows takes less then
+            markers.scale.array().copy(),
+            markers.color.array().copy(),
             markers,
         )
 
@@ -251,6 +251,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         self._stamp_ns = 0  # of the last row
         self._lag_ns = _NEVER  # from the stamp of a message to when it came, the least
         self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # for a transform to their frames
+        self._fixed = ""  # the fixed frame
         self._tree: tuple[object, ...] = ()  # in which they were looked for last
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
@@ -266,11 +267,12 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def flush(self) -> None:
         """Log what has come, and remove what is no longer to be seen."""
+        self._fixed = self.context.fixed_frame
         for stamp_ns, incoming in self._incoming():
             self._lag_ns = min(self._lag_ns, self.context.now_ns() - stamp_ns)
             self._expire(stamp_ns)
             self._take(stamp_ns, incoming)
-        tree = self.context.frames.version, self.context.fixed_frame
+        tree = self.context.frames.version, self._fixed
         if self._waiting and tree != self._tree:
             waiting, self._waiting = [*self._waiting.values()], {}
             self._take(waiting[-1][0], Incoming.of_single([message for _, message in waiting]))
@@ -334,19 +336,21 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def _kinds(self, incoming: Incoming) -> Integers:
         """Return the type of each marker, as KINDS has it; report those that cannot be drawn."""
-        arrows = (incoming.types == ARROW) & (incoming.points > 0)
-        kinds = np.where(arrows, ARROW_STRIP, incoming.types)
+        kinds = incoming.types
+        arrows = kinds == ARROW
+        if arrows.any():
+            kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
         numbers = (incoming.poses, incoming.scales, incoming.colors)
-        if not all(np.abs(each).max() <= LARGEST for each in numbers):
+        if not all(float(np.vdot(each, each)) <= LARGEST**2 for each in numbers):  # or it is NaN
             sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
-            kinds[~sound] = _NOT_DRAWN
+            kinds = np.where(sound, kinds, _NOT_DRAWN)
             drawn = incoming.actions == ADD
             self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
     def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> Plan:
         """Return what becomes of the markers; the plan of the message before if it is alike."""
-        fixed, version = self.context.fixed_frame, self.context.frames.version
+        fixed, version = self._fixed, self.context.frames.version
         variants = _variants(incoming, kinds)
         columns = incoming.ids, incoming.actions, kinds, incoming.locked
         numbers = [column.tobytes() for column in columns]
@@ -390,7 +394,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
                 self._waiting[marker] = stamp_ns, incoming.messages[row]
             return None
         self._waiting.pop(marker, None)
-        home = frame if incoming.locked[row] else self.context.fixed_frame
+        home = frame if incoming.locked[row] else self._fixed
         key = LayerKey(space, KINDS[kind].name, home, variant)
         if key not in self._layers:
             try:
@@ -443,15 +447,15 @@ class MarkerDrawing(Drawing[MarkerLook]):
         if (np.abs(lengths - 1.0) > _UNIT).any():
             self._make_unit(incoming, lengths)
         for frame, rows in moved.items():
-            pose = self.context.frames.pose(frame, self.context.fixed_frame, stamp_ns)
+            pose = self.context.frames.pose(frame, self._fixed, stamp_ns)
             assert pose is not None
             turn = from_rpy(to_rpy(pose[:3, :3]))
             poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
             poses[rows, 3:] = multiply(turn, poses[rows, 3:])
-        limited = incoming.lifetimes > 0
-        ends = np.where(limited, stamp_ns + incoming.lifetimes, _NEVER)
+        ends = np.where(incoming.lifetimes > 0, stamp_ns + incoming.lifetimes, _NEVER)
         parts = np.full(len(poses), None)
-        for row in np.flatnonzero((kinds >= LINE_STRIP) & (incoming.actions == ADD)).tolist():
+        with_parts = np.flatnonzero(kinds >= LINE_STRIP)
+        for row in with_parts[incoming.actions[with_parts] == ADD].tolist():
             if kinds[row] in KINDS and kinds[row] != MESH:
                 parts[row] = self._part(incoming, row, int(kinds[row]))
         return Batch(poses, incoming.scales, incoming.colors, ends, parts)
@@ -576,7 +580,9 @@ def _all_of(space: str, *known: Mapping[MarkerId, object]) -> list[MarkerId]:
 def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
     """Return, by row, what only markers have in common that can lie on one entity."""
     found: dict[int, object] = {}
-    for row in np.flatnonzero((kinds == MESH) | (kinds == TRIANGLE_LIST)).tolist():
+    for row in np.flatnonzero(kinds >= MESH).tolist():
+        if kinds[row] not in (MESH, TRIANGLE_LIST):
+            continue
         message = incoming.messages[row]
         colors = incoming.colors[row : row + 1]
         if kinds[row] == MESH:
