@@ -39,7 +39,7 @@ from tests.benchmarks.model_libraries import LINK_POSES, TRANSFORMS, OneBot
 from tests.benchmarks.plot import svg
 from tests.benchmarks.registry import BENCHMARKS, Options
 from tests.benchmarks.report import Plot, Report, at_least, at_most, plain, text
-from tests.support import skip_for, wait_for
+from tests.support import PATIENCE, skip_for, wait_for
 
 MAIN = "import sys; from tests.benchmarks.command import main; sys.exit(main(sys.argv[1:]))"
 REPORT = Report(
@@ -173,7 +173,7 @@ def test_interrupted_run_leaves_no_process():
             started = process_tree(run.process.pid)
             assert len(started) > 4
             os.kill(run.process.pid, number)
-            run.process.wait(60)
+            run.process.wait(PATIENCE)
         wait_for(lambda pids=started: not any(map(_lives, pids)), "all processes to end")
 
 

@@ -430,8 +430,12 @@ class RerunViewer(Node):
 
     def _offer_topics(self) -> None:
         """Show what others publish now, and publish what of it is shown."""
+        known = {each.topic for each in self._view.offered}
         published = {
-            name: types[0] for name, types in self.get_topic_names_and_types() if len(types) == 1
+            name: types[0]
+            for name, types in self.get_topic_names_and_types()
+            # What was published stays: the last of it is shown. Our own subscriptions do not count.
+            if len(types) == 1 and (name in known or self.count_publishers(name))
         }
         for problem in self._view.offer(published):
             self._warn(problem, problem, every=60.0)

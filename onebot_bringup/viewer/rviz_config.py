@@ -190,7 +190,8 @@ def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
         if isinstance(value, Mapping):
             if "Value" in value:
                 yield _snake(name), value["Value"]
-            if name != "Namespaces" and not name.endswith("Topic"):
+            # A covariance has colours of its own.
+            if name not in ("Covariance", "Namespaces") and not name.endswith("Topic"):
                 yield from _flat(value)
         else:
             yield _snake(name), value

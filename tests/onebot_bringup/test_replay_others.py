@@ -7,9 +7,11 @@ from nav_msgs.msg import Path
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores
+from sensor_msgs.msg import Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
+from onebot_bringup.bags import replay
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.replay import log_bag
 from onebot_bringup.cli.main import main
@@ -50,10 +52,19 @@ class Replayed:
         self.warnings, self.printed, blueprints = [], [], []
         self.file = folder.parent / "replayed.rrd"
         recording = open_recording(None, self.file)
-        recording.stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        stream = recording.stream
+        stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        self.flushes = 0
+        flush = stream.flush
+
+        def counted(**options):
+            self.flushes += 1
+            flush(**options)
+
+        stream.flush = counted
         self.shown = log_bag(
             Bag(folder),
-            recording.stream,
+            stream,
             warn=self.warnings.append,
             progress=self.printed.append,
             **options,
@@ -82,10 +93,10 @@ class Replayed:
 @pytest.mark.parametrize(
     ("distro", "plugin", "compression"),
     [
-        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.NONE),
         (Stores.ROS2_HUMBLE, StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
         (Stores.ROS2_HUMBLE, StoragePlugin.MCAP, CompressionMode.NONE),
-        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.FILE),
         (Stores.ROS2_JAZZY, StoragePlugin.MCAP, CompressionMode.STORAGE),
     ],
 )
@@ -103,6 +114,27 @@ def test_distros_and_storages(tmp_path, distro, plugin, compression):
     assert replayed.ends("/plan") == [1 + step for step in range(10)]
     assert column(replayed.file, "/path/plan", "CoordinateFrame:frame") == [["base_link"]]
     assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+
+
+@pytest.mark.parametrize(
+    ("plugin", "plotted"), [(StoragePlugin.MCAP, True), (StoragePlugin.SQLITE3, False)]
+)
+def test_types_that_are_not_installed(tmp_path, plugin, plotted):
+    """They are read by the recording's definition; one that has none is named, once."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_HUMBLE, plugin) as robot:
+        for step in range(20):
+            robot.write("/plan", path(0, 2), step, frame="map")
+            robot.write_velocity("/vehicle/status", step / 2, step)
+    view = tmp_path / "view.yaml"
+    field = "{topic: /vehicle/status, field: longitudinal_velocity}"
+    view.write_text(f"curves: {{lines: {{speed: {field}}}}}\n")
+    replayed = Replayed(tmp_path / "bag", view=view)
+    curve = column(replayed.file, "/curves/speed", "Scalars:scalars")
+    assert [value for (value,) in curve] == [step / 2 for step in range(20 * plotted)]
+    assert len(replayed.ends("/plan")) == 20
+    problems = [text for text in replayed.warnings if "/vehicle/status cannot be plotted" in text]
+    assert len(problems) == (not plotted)
+    assert all("VelocityReport is neither in" in problem for problem in problems)
 
 
 def test_a_topic_alone(tmp_path):
@@ -218,6 +250,16 @@ def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
     replayed = Replayed(tmp_path / "bag")
     centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
     np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
+
+
+def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
+    """Else all of a large recording is in memory, where it is read faster than it is written."""
+    monkeypatch.setattr(replay, "_MOST_WAITING", 100_000)
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(20):
+            image = Image(height=100, width=300, encoding="rgb8", step=900, data=bytes(90_000))
+            robot.write("/image", image, step / 100, frame="camera")
+    assert Replayed(tmp_path / "bag").flushes == 10
 
 
 def test_transforms_below_a_namespace(tmp_path):

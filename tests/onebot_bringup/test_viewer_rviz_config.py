@@ -99,6 +99,27 @@ def test_what_rviz_shows_is_shown(tmp_path):
     assert notice.endswith('not shown: ParticleCloud "Amcl Particle Swarm"')
 
 
+def test_groups_of_properties(tmp_path):
+    """Those of a shape are the display's; a covariance has colours of its own."""
+    display = """
+    - Class: rviz_default_plugins/PoseWithCovariance
+      Color: 1; 2; 3
+      Covariance: {Position: {Alpha: 0.3, Color: 204; 51; 204, Value: true}, Value: false}
+      Shape: Axes
+      Topic: {Value: /amcl_pose}
+    - Class: rviz_default_plugins/Odometry
+      Keep: 7
+      Shape: {Alpha: 0.5, Axes Length: 0.3, Color: 4; 5; 6, Value: Axes}
+      Topic: {Value: /odom}
+"""
+    view, notices = _loaded(tmp_path, FILE.replace("  Displays:\n", f"  Displays:{display}", 1))
+    pose, odometry = view.pose_with_covariance.topics["/amcl_pose"], view.odometry.topics["/odom"]
+    assert (pose.shape, pose.color, pose.covariance) == ("Axes", (1, 2, 3), False)
+    assert (odometry.shape, odometry.color) == ("Axes", (4, 5, 6))
+    assert (odometry.axes_length, odometry.keep) == (0.3, 7)
+    assert len(notices) == 1
+
+
 # As RViz of Jazzy saves displays of sensors.
 SENSORS = """
     - Alpha: 1

@@ -68,7 +68,12 @@ class MessageType(Generic[T]):
 
 
 @lru_cache(maxsize=256)
-def _message_type(name: str, definition: str, live: bool) -> "MessageType[Any]":
+def message_type(name: str, definition: str, live: bool = True) -> "MessageType[Any]":
+    """Return a type whose messages are decoded by its definition, see ``Schema``.
+
+    Raises:
+        ValueError: the definition cannot be read.
+    """
     schema = Schema.of(name, definition)
     return MessageType(name, one_by_one(schema.read), _stamp_of(schema), live)
 
@@ -275,7 +280,7 @@ class Context:
             OneBotError: there is no definition of it.
             ValueError: it cannot be read.
         """
-        return _message_type(name, self._definitions(name), live)
+        return message_type(name, self._definitions(name), live)
 
     def log_row(
         self, entity: str, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn

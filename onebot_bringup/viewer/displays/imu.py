@@ -1,5 +1,6 @@
 """Inertial sensors (sensor_msgs/Imu): the orientation as axes, the acceleration as an arrow."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,6 @@ from onebot_bringup.viewer.displays.display import LARGEST
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
 from onebot_bringup.viewer.settings import Color, color, setting
 from onebot_description.model.quaternions import to_matrix
-from onebot_description.wire.cdr import nanoseconds
 
 _AXES: tuple[Color, ...] = ((255, 60, 60), (60, 220, 60), (80, 120, 255))  # x, y, z
 _SLIMNESS = 40  # an axis is so many times longer than thick
@@ -47,10 +47,9 @@ class ImuDrawing(Drawing[ImuLook]):
         Raises:
             ValueError: its orientation is none.
         """
-        stamp_ns = nanoseconds(message.header.stamp)
-        if 0 < stamp_ns - self._drawn_ns < _PERIOD_NS and self._drawn_ns:
+        if 0 < self.stamp_ns - self._drawn_ns < _PERIOD_NS:
             return ()
-        self._drawn_ns = stamp_ns
+        self._drawn_ns = self.stamp_ns
         turn = self._turn(message)
         vectors: list[Any] = []
         colors: list[Color] = []
@@ -59,9 +58,10 @@ class ImuDrawing(Drawing[ImuLook]):
             colors += _AXES
         if self.look.acceleration and message.linear_acceleration_covariance[0] != _UNKNOWN:
             measured = message.linear_acceleration
-            arrow = np.array([measured.x, measured.y, measured.z]) * self.look.acceleration_scale
+            arrow = np.array([measured.x, measured.y, measured.z])
             if not (np.abs(arrow) <= LARGEST).all():
                 raise ValueError("its acceleration is not finite")
+            arrow *= self.look.acceleration_scale
             # In the sensor's own axes, which are turned as it says.
             vectors.append(arrow if turn is None else turn @ arrow)
             colors.append(self.look.color or self.color)
@@ -80,7 +80,7 @@ class ImuDrawing(Drawing[ImuLook]):
         values = np.array([q.x, q.y, q.z, q.w])
         if message.orientation_covariance[0] == _UNKNOWN:
             return None
-        length = np.linalg.norm(values)
+        length = math.hypot(*values)
         if not 0.0 < length <= LARGEST:
             raise ValueError(f"its orientation {values.tolist()} is no quaternion")
         pose = self.pose()

@@ -197,7 +197,7 @@ class Drawing(Generic[L]):
         self.context, self.entity, self.look, self.color = context, entity, look, color
         self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
         self.stamp_ns = 0  # of the message that is drawn
-        self.problem = ""  # of the last message that could not be drawn
+        self.problem = ""  # of the first message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
         self._drawn_at = 0.0
@@ -247,7 +247,7 @@ class Drawing(Generic[L]):
         if self.frame or not self.stamped:
             self._pending.append((stamp_ns, message))
         else:
-            self.problem = "its header has no frame_id"
+            self.problem = self.problem or "its header has no frame_id"
 
     def flush(self) -> None:
         """Log what has come; where that is seldom, from time to time the last message again."""
@@ -266,7 +266,7 @@ class Drawing(Generic[L]):
             try:
                 self.log(stamp_ns, *self.draw(message))
             except ValueError as error:
-                self.problem = str(error)
+                self.problem = self.problem or str(error)
         self._last = self._pending[-1]
         self._pending.clear()
 
