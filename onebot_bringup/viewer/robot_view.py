@@ -125,6 +125,7 @@ class RobotView:
             _Shown(display, LoadLimit() if live and isinstance(display, MessageDisplay) else None)
             for display in displays
         ]
+        self._of_messages = [each for each in displays if isinstance(each, MessageDisplay)]
         self._limits = {id(each.display): each.limit for each in self._displays if each.limit}
         for display in displays:
             display.apply(self._view.of(type(display)))
@@ -435,9 +436,8 @@ class RobotView:
         """The frames of the messages that are shown."""
         return [
             item.frame
-            for shown in self._displays
-            if isinstance(shown.display, MessageDisplay)
-            for item in shown.display.items.values()
+            for display in self._of_messages
+            for item in display.items.values()
             if item.frame
         ]
 

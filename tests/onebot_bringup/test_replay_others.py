@@ -7,9 +7,11 @@ from nav_msgs.msg import Path
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores
+from sensor_msgs.msg import Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
+from onebot_bringup.bags import replay
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.replay import log_bag
 from onebot_bringup.cli.main import main
@@ -50,10 +52,19 @@ class Replayed:
         self.warnings, self.printed, blueprints = [], [], []
         self.file = folder.parent / "replayed.rrd"
         recording = open_recording(None, self.file)
-        recording.stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        stream = recording.stream
+        stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        self.flushes = 0
+        flush = stream.flush
+
+        def counted(**options):
+            self.flushes += 1
+            flush(**options)
+
+        stream.flush = counted
         self.shown = log_bag(
             Bag(folder),
-            recording.stream,
+            stream,
             warn=self.warnings.append,
             progress=self.printed.append,
             **options,
@@ -239,6 +250,16 @@ def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
     replayed = Replayed(tmp_path / "bag")
     centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
     np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
+
+
+def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
+    """Else all of a large recording is in memory, where it is read faster than it is written."""
+    monkeypatch.setattr(replay, "_MOST_WAITING", 100_000)
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(20):
+            image = Image(height=100, width=300, encoding="rgb8", step=900, data=bytes(90_000))
+            robot.write("/image", image, step / 100, frame="camera")
+    assert Replayed(tmp_path / "bag").flushes == 10
 
 
 def test_transforms_below_a_namespace(tmp_path):
