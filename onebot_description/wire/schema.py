@@ -21,7 +21,7 @@ import functools
 import itertools
 import math
 import struct
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -176,11 +176,27 @@ class _Group:
             path, leaf, offset = inner[0]
             self.fields[field] = (_Group(f"{name}.{field}", inner), 0) if path else (leaf, offset)
 
-    def value(self, rows: _Rows, offset: int) -> "Message":
-        return Message(self, rows)
+    def value(self, rows: _Rows, offset: int = 0) -> "Message":
+        """Return the first row."""
+        return self._message(rows)
 
-    def column(self, rows: _Rows, offset: int) -> "Table":
-        return Table(self, rows)
+    def column(self, rows: _Rows, offset: int = 0) -> "Table":
+        """Return all rows."""
+        return self._table(rows)
+
+    @functools.cached_property
+    def _message(self) -> "type[Message]":
+        fields = {
+            name: _Attribute(name, leaf.value, at) for name, (leaf, at) in self.fields.items()
+        }
+        return type("Message", (Message,), {**fields, "_group": self})
+
+    @functools.cached_property
+    def _table(self) -> "type[Table]":
+        fields = {
+            name: _Attribute(name, leaf.column, at) for name, (leaf, at) in self.fields.items()
+        }
+        return type("Table", (Table,), {**fields, "_group": self})
 
     def find(self, path: str) -> tuple["_Leaf | _Group", int]:
         """Return a field, or one of a field's: names are joined by dots.
@@ -266,11 +282,11 @@ class _Program:
         if not count or not stride:
             rows = self.read(data, block, at, count)
             text, offset = self.root.fields.get("", (None, 0))
-            return text.column(rows, offset) if isinstance(text, _Text) else Table(self.root, rows)
+            return text.column(rows, offset) if isinstance(text, _Text) else self.root.column(rows)
         if phase not in self._layouts:
             places = _places(self._on_wire, phase)[:-1]
             self._layouts[phase] = self._group([place - phase for place in places])
-        return Table(self._layouts[phase], _Rows(data, block, data, at, stride, count))
+        return self._layouts[phase].column(_Rows(data, block, data, at, stride, count))
 
     def read(self, data: bytes, block: bytes, at: int, count: int) -> _Rows:
         """Read structs into rows.
@@ -388,29 +404,35 @@ def _compiled() -> ctypes.PyDLL:
 # ---- Messages ----
 
 
-class _View:
-    """The fields of a struct, each an attribute; made when first asked for, then kept.
+class _Attribute:
+    """A field of a view, made when first asked for, then kept."""
 
-    ``view["pose.position.x"]`` is ``view.pose.position.x``. ``view.pose.array()``, unless a field
-    has that name, returns all numbers in it as one array, whose last axis has as many as the
-    struct; TypeError if they are of several types, or other fields lie among them.
+    def __init__(self, name: str, read: Callable[[_Rows, int], Any], offset: int) -> None:
+        self._name, self._read, self._offset = name, read, offset
+
+    def __get__(self, view: Any, owner: type) -> Any:
+        if view is None:
+            return self
+        value = self._read(view._rows, self._offset)
+        setattr(view, self._name, value)  # which Python finds first
+        return value
+
+
+class _View:
+    """The fields of a struct, each an attribute; there is a class for each struct.
+
+    ``view["pose.position.x"]`` is ``view.pose.position.x``.
     """
 
-    _group = _Group("", ())  # for copies and the like, which ask an object without fields
+    _group: _Group
 
-    def __init__(self, group: _Group, rows: _Rows) -> None:
-        self._group, self._rows = group, rows
+    def __init__(self, rows: _Rows) -> None:
+        self._rows = rows
 
     def _get(self, leaf: _Leaf | _Group, offset: int) -> Any:
         return leaf.value(self._rows, offset)
 
     def __getattr__(self, name: str) -> Any:
-        found = self._group.fields.get(name)
-        if found is not None:
-            value = self.__dict__[name] = self._get(*found)
-            return value
-        if name == "array":
-            return lambda: self._get(*self._group.array)
         try:
             return self[name]
         except LookupError as error:
@@ -419,8 +441,16 @@ class _View:
     def __getitem__(self, path: Any) -> Any:
         return self._get(*self._group.find(path))
 
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *filter(None, self._group.fields)]
+    def array(self) -> NDArray[Any]:
+        """Return all its numbers as one array, whose last axis has as many as the struct.
+
+        A field of this name takes its place.
+
+        Raises:
+            TypeError: they are of several types, or other fields lie among them.
+        """
+        numbers: NDArray[Any] = self._get(*self._group.array)
+        return numbers
 
     def __repr__(self) -> str:
         return f"<{self._group.name}: {', '.join(filter(None, self._group.fields))}>"
@@ -450,8 +480,8 @@ class Table(_View):
             return super().__getitem__(which)
         chosen = range(len(self))[which]
         if isinstance(chosen, range):
-            return Table(self._group, self._rows.chosen(chosen))
-        return Message(self._group, self._rows.chosen(range(chosen, chosen + 1)))
+            return type(self)(self._rows.chosen(chosen))
+        return self._group.value(self._rows.chosen(range(chosen, chosen + 1)))
 
 
 class Sequences(Sequence[Any]):
@@ -510,7 +540,7 @@ class Schema:
         if not data.startswith(_PLAIN):
             raise WireError("not plain little-endian CDR")
         rows = self._program.read(data, self._block, HEADER, 1)
-        return Message(self._program.root, rows)
+        return self._program.root.value(rows)
 
     def numeric_fields(self) -> tuple[str, ...]:
         """List the single numbers outside of arrays, such as ``twist.linear.x``.
