@@ -78,10 +78,12 @@ def make_mrm(picture: Path, folder: Path) -> None:
 
 
 def make_gallery(picture: Path, folder: Path) -> None:
-    """OneBot in a maze with what its sensors measure, as the viewer shows it by itself."""
+    """OneBot with what sensors in a maze measure, as the viewer shows it by itself.
+
+    The maze itself is not drawn: it would hide what is measured of it.
+    """
     rrd = folder / "gallery.rrd"
-    words = ("world:=maze", "viewer:=none", f"save:={rrd}")
-    with running("onebot_bringup", *words, ready="driving robot"):
+    with running("onebot_bringup", "viewer:=none", f"save:={rrd}", ready="driving robot"):
         with (
             running("sensing", "maze", ready="sensing"),
             running("onebot", *driving(0.15, 0.05), ready="#1"),

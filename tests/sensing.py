@@ -1,6 +1,6 @@
 """Sensors of OneBot in a world, for the READMEs' picture: a scan, a cloud, a map, a plan, markers.
 
-``python -m tests.sensing WORLD``, beside ``onebot_bringup world:=WORLD``: a node that follows the
+``python -m tests.sensing WORLD``, beside ``onebot_bringup``: a node that follows the
 robot in a PyBullet of its own, and publishes five times a second what sensors would measure.
 """
 
