@@ -187,7 +187,7 @@ def running(
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGINT)
-            process.wait(20.0)
+            process.wait(180.0)
 
 
 _MAKERS: dict[str, Callable[[Path, Path], None]] = {

@@ -71,7 +71,7 @@ def run_until_up(command: str, cwd: Path = CHECKOUT, timeout: float = 900.0) -> 
             if time.monotonic() > deadline:
                 os.killpg(process.pid, signal.SIGKILL)
                 raise TimeoutError(f"{'did not stop' if interrupted else 'did not come up'}")
-    return process.wait(30), output.decode(errors="replace")
+    return process.wait(180), output.decode(errors="replace")
 
 
 def is_up(command: str, text: str) -> bool:

@@ -45,7 +45,7 @@ def _bring_up(name: str, folder: Path) -> None:
     recording = folder / f"{name}.rrd"
     command = f"{name}_bringup viewer:=none save:={recording}"
     print(f"$ {command}", flush=True)
-    code, output = run_until_up(command, folder, timeout=120)
+    code, output = run_until_up(command, folder)
     if code or "Traceback" in output:
         raise SystemExit(f"{command}: exit code {code}, or a traceback")
     if recording.stat().st_size < 10_000:
@@ -56,7 +56,7 @@ def _draw(name: str, model: Path, folder: Path) -> None:
     picture = folder / f"{name}.png"
     command = ["onebot", "snapshot", str(picture), str(model)]
     print(f"$ {' '.join(command)}", flush=True)
-    done = subprocess.run(command, cwd=folder, timeout=120, stderr=subprocess.PIPE, text=True)
+    done = subprocess.run(command, cwd=folder, timeout=600, stderr=subprocess.PIPE, text=True)
     if "Traceback" in done.stderr:
         raise SystemExit(done.stderr)
     if sys.version_info < (3, 11):

@@ -38,6 +38,11 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -
         time.sleep(0.02)
 
 
+def lines_of_ours(output: str) -> list[str]:
+    """The lines of a process but those of Fast DDS, such as errors of shared memory."""
+    return [line for line in output.splitlines() if " -> Function " not in line]
+
+
 def require_program(name: str, package: str = "") -> str:
     """Return the path of a program; skip where it is missing, but fail in CI, which installs it."""
     path = shutil.which(name)

@@ -15,7 +15,16 @@ import pytest
 from onebot_bringup.cli import bench
 from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError
-from tests.benchmarks import command, discovery, hosts, machine, model, saving, state_publisher
+from tests.benchmarks import (
+    command,
+    discovery,
+    displays,
+    hosts,
+    machine,
+    model,
+    saving,
+    state_publisher,
+)
 from tests.benchmarks.chains import Chain
 from tests.benchmarks.measuring import (
     CHECKOUT,
@@ -30,7 +39,7 @@ from tests.benchmarks.model_libraries import LINK_POSES, TRANSFORMS, OneBot
 from tests.benchmarks.plot import svg
 from tests.benchmarks.registry import BENCHMARKS, Options
 from tests.benchmarks.report import Plot, Report, at_least, at_most, plain, text
-from tests.support import skip_for, wait_for
+from tests.support import PATIENCE, skip_for, wait_for
 
 MAIN = "import sys; from tests.benchmarks.command import main; sys.exit(main(sys.argv[1:]))"
 REPORT = Report(
@@ -140,6 +149,19 @@ def test_library_with_wrong_answers_is_refused(task):
         model._check(Liar(chain), task, chain)
 
 
+def test_display_with_wrong_answers_is_refused():
+    """The error says which of the two it was, and in what."""
+    case = displays.CASES[0]
+
+    def moved(arrays):
+        return case.columns(
+            {name: values + (values.dtype.kind == "f") for name, values in arrays.items()}
+        )
+
+    with pytest.raises(WrongAnswer, match="bare.*1000 rays: Points3D:positions of message 0"):
+        displays.measure(case._replace(columns=moved), Options(quick=True))
+
+
 @pytest.mark.slow
 def test_interrupted_run_leaves_no_process():
     """Ctrl-C ends it and all that it has started, in the background of a shell, too."""
@@ -151,7 +173,7 @@ def test_interrupted_run_leaves_no_process():
             started = process_tree(run.process.pid)
             assert len(started) > 4
             os.kill(run.process.pid, number)
-            run.process.wait(60)
+            run.process.wait(PATIENCE)
         wait_for(lambda pids=started: not any(map(_lives, pids)), "all processes to end")
 
 

@@ -8,104 +8,10 @@ from typing import Any
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch
 from onebot_bringup.cli.session import Session, add_spin_time
 from onebot_bringup.introspection import parameter_values
-from onebot_bringup.introspection.parameter_values import NOT_SET, parse_value
+from onebot_bringup.introspection.parameter_client import ParameterClient
+from onebot_bringup.introspection.parameter_values import NOT_SET
 from onebot_bringup.launch.arguments import UsageError
-from onebot_description.errors import OneBotError, did_you_mean
-
-_REPEAT = 1.0  # s without a response until a request is sent again
-_ATTEMPTS = 5
-_ANSWER = _REPEAT * _ATTEMPTS  # s for a service to be discovered, and again for its response
-
-
-class ParameterClient:
-    """Calls the parameter services of one node.
-
-    All methods raise an OneBotError if the node does not answer.
-    """
-
-    def __init__(self, session: Session, node: str) -> None:
-        """Call the node of this full name."""
-        self._session, self._node = session, node
-
-    def _call(self, service: str, **fields: Any) -> Any:
-        from rcl_interfaces import srv
-
-        kind = getattr(srv, service)
-        name = {
-            "ListParameters": "list_parameters",
-            "GetParameters": "get_parameters",
-            "DescribeParameters": "describe_parameters",
-            "SetParameters": "set_parameters",
-        }[service]
-        client = self._session.node.create_client(kind, f"{self._node}/{name}")
-        try:
-            return self._response(client, kind.Request(**fields))
-        finally:
-            self._session.node.destroy_client(client)
-
-    def _response(self, client: Any, request: Any) -> Any:
-        """Send a request until there is a response.
-
-        A server drops its response if it has not discovered the client yet, as it may when the
-        machine is busy. All these requests may be repeated.
-        """
-        session, name = self._session, client.srv_name
-        if not session.spin(client.service_is_ready, _ANSWER):
-            raise OneBotError(f"the service {name} is not available")
-        futures = []
-        for _ in range(_ATTEMPTS):
-            futures.append(client.call_async(request))
-            if answered := session.spin(lambda: [f for f in futures if f.done()], _REPEAT):
-                return answered[0].result()
-        raise OneBotError(f"the service {name} does not answer (waited {_ANSWER:g} s)")
-
-    def names(self, prefixes: Sequence[str] = ()) -> list[str]:
-        """Return the names of all parameters, or of those below the prefixes."""
-        return list(self._call("ListParameters", prefixes=list(prefixes)).result.names)
-
-    def values(self, names: Sequence[str]) -> list[Any]:
-        """Return a ParameterValue for each name; its type is NOT_SET where there is no value."""
-        from rcl_interfaces.msg import ParameterValue
-
-        found = list(self._call("GetParameters", names=list(names)).values)
-        if len(found) == len(names):
-            return found
-        # rclpy and rclcpp return no value at all when one parameter of the request has none.
-        if len(names) == 1:
-            return [ParameterValue()]
-        return [value for name in names for value in self.values([name])]
-
-    def describe(self, names: Sequence[str]) -> list[Any]:
-        """Return a ParameterDescriptor for each name, if all exist."""
-        return list(self._call("DescribeParameters", names=list(names)).descriptors)
-
-    def get(self, name: str) -> Any:
-        """Return one ParameterValue.
-
-        Raises:
-            OneBotError: the parameter does not exist; the message lists similar names.
-        """
-        [value] = self.values([name])
-        if value.type == NOT_SET and name not in (known := self.names()):
-            raise OneBotError(
-                f'{self._node} has no parameter "{name}"{did_you_mean(name, known, "parameters")}'
-            )
-        return value
-
-    def set(self, pairs: Sequence[tuple[str, str]]) -> list[Any]:
-        """Set parameters to values in YAML; return a SetParametersResult each."""
-        from rcl_interfaces.msg import Parameter, ParameterValue
-
-        request = []
-        for name, text in pairs:
-            field, kind, value = parse_value(text, self._declared(name))
-            request.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
-        return list(self._call("SetParameters", parameters=request).results)
-
-    def _declared(self, name: str) -> int:
-        """The type of a statically typed parameter; NOT_SET if it is dynamic or undeclared."""
-        found = self.describe([name])
-        return int(found[0].type) if found and not found[0].dynamic_typing else NOT_SET
+from onebot_description.errors import OneBotError
 
 
 def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:

@@ -4,6 +4,7 @@ Values are rcl_interfaces/msg/ParameterValue; its ``type`` is one of the numbers
 """
 
 import array
+import json
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -43,6 +44,17 @@ def label(value: Any) -> str:
 def type_label(kind: int) -> str:
     """Return the name of a type, such as ``double``."""
     return _TYPES[kind][2] if kind in _TYPES else "not set"
+
+
+def text_of(value: Any) -> str:
+    """Return a ParameterValue as YAML that ``parse_value`` reads; "" if it is not set."""
+    found = _yaml_value(value_of(value))
+    if found is None:
+        return ""
+    if isinstance(found, str):
+        return found if _unquoted(found) == found else json.dumps(found)
+    text = yaml.safe_dump(found, default_flow_style=True, width=math.inf, allow_unicode=True)
+    return text.removesuffix("\n").removesuffix("\n...")
 
 
 def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:

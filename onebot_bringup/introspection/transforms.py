@@ -121,7 +121,7 @@ class TransformBuffer:
         return sorted({self._top(name) for name in self.names})
 
     def _top(self, frame: str) -> str:
-        way = self._way(frame)
+        way = self.above(frame)
         loop = self.frames.get(way[-1])
         return way[-1] if loop is None else min(way[way.index(loop.parent) :])
 
@@ -137,7 +137,7 @@ class TransformBuffer:
         """
         for name, role in ((target, "target_frame"), (source, "source_frame")):
             self._check(name, role)
-        up, down = self._way(target), self._way(source)
+        up, down = self.above(target), self.above(source)
         shared = set(down)
         common = next((name for name in up if name in shared), None)
         if common is None:
@@ -185,8 +185,8 @@ class TransformBuffer:
                 f"frame does not exist{did_you_mean(name, names, 'frames')}"
             )
 
-    def _way(self, frame: str) -> list[str]:
-        """``frame`` and those above it, to the root or once around a loop."""
+    def above(self, frame: str) -> list[str]:
+        """Return ``frame`` and those above it, to the root or once around a loop."""
         way: dict[str, None] = {}
         name = frame
         while name not in way:

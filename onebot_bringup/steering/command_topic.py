@@ -93,9 +93,14 @@ def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[C
     return named_robots(topics)
 
 
+def namespace_of(topic: str) -> str:
+    """Return the namespace of the robot with this topic of commands; "" for none."""
+    return _CONTROLLER.sub("", topic.rpartition("/")[0])
+
+
 def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
     """Return the robots with these topics of commands, by name, robot2 before robot10."""
-    names = [_CONTROLLER.sub("", topic.rpartition("/")[0]).strip("/") for topic in topics]
+    names = [namespace_of(topic).strip("/") for topic in topics]
     robots = [
         CommandedRobot(topic, name if name and names.count(name) == 1 else topic)
         for topic, name in zip(topics, names, strict=True)

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from onebot_bringup.steering.command_topic import full_name
 from onebot_control.poses import yaw_of
 from onebot_description.topic_subscription import TopicSubscription, TypeConflictError
-from onebot_description.wire.messages import odometry_sample
+from onebot_description.wire.messages import OdometrySample, odometry_sample
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -79,17 +79,22 @@ class OdometryTopic:
             else None
         )
 
+    @property
+    def sample(self) -> OdometrySample | None:
+        """The latest odometry; None if there is none, or if it cannot be decoded."""
+        data = self._data
+        try:
+            return odometry_sample(data[0]) if data is not None else None
+        except ValueError:
+            return None
+
     def fields(self) -> dict[str, Any] | None:
         """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
 
         None if there is none, if it cannot be decoded, or if its numbers are not finite.
         """
-        data = self._data
-        if data is None:
-            return None
-        try:
-            sample = odometry_sample(data[0])
-        except ValueError:
+        data, sample = self._data, self.sample
+        if data is None or sample is None:
             return None
         values = {
             "x": float(sample.translation[0]),

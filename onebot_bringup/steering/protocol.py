@@ -118,7 +118,7 @@ def parse(text: str) -> Message:
     Raises:
         ProtocolError: it is none of the messages above, or a number is not finite.
     """
-    fields = _object(text)
+    fields = json_object(text)
     kind = fields.pop("type", None)
     if not isinstance(kind, str) or kind not in _FIELDS:
         raise ProtocolError(f"the type must be one of {', '.join(_FIELDS)}")
@@ -136,7 +136,7 @@ def _message(kind: str, fields: Mapping[str, Any]) -> Message:
     if kind == "drive":
         if type(fields["seq"]) is not int or fields["seq"] < 0:
             raise ProtocolError("seq must be an integer from 0 on", "seq")
-        return Drive(Velocity(_number("linear", fields), _number("angular", fields)))
+        return Drive(Velocity(finite_number("linear", fields), finite_number("angular", fields)))
     if kind == "topic":
         return ChooseTopic(_topic(fields["topic"]))
     if kind == "limits":
@@ -144,9 +144,14 @@ def _message(kind: str, fields: Mapping[str, Any]) -> Message:
     return Release() if kind == "release" else Stop()
 
 
-def _object(text: str) -> dict[str, Any]:
-    if len(text) > MAX_LENGTH:
-        raise ProtocolError(f"a message has at most {MAX_LENGTH} characters")
+def json_object(text: str, most: int = MAX_LENGTH) -> dict[str, Any]:
+    """Return the fields of a JSON object with ``most`` characters.
+
+    Raises:
+        ProtocolError: it is too long, or none.
+    """
+    if len(text) > most:
+        raise ProtocolError(f"a message has at most {most} characters")
     try:
         found = json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
     except (ValueError, RecursionError):
@@ -167,7 +172,12 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _number(name: str, fields: Mapping[str, Any]) -> float:
+def finite_number(name: str, fields: Mapping[str, Any]) -> float:
+    """Return a field that is a finite number.
+
+    Raises:
+        ProtocolError: it is none.
+    """
     value = fields[name]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ProtocolError(f"{name} must be a number", name)
@@ -183,7 +193,7 @@ def _number(name: str, fields: Mapping[str, Any]) -> float:
 def _limit(name: str, fields: Mapping[str, Any]) -> float | None:
     if fields[name] is None:
         return None
-    limit = _number(name, fields)
+    limit = finite_number(name, fields)
     if limit <= 0.0:
         raise ProtocolError(f"{name} must be above zero", name)
     return limit

@@ -26,6 +26,7 @@ from onebot_bringup.steering.protocol import (
     velocity_fields,
     welcome_text,
 )
+from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
 
 STATIC = Path(__file__).parent / "static"
@@ -65,6 +66,7 @@ class ServerContext:
     arbiter: ThreadSafeArbiter
     access: Access
     view: ViewProxy
+    tools: ToolRequests
     robot: Callable[[], RobotStatus]
     # Called with the name of a page and of the topic that it chose; ``show_topic_error`` of the
     # server replies to that page if the topic cannot be used.
@@ -97,6 +99,7 @@ class SteeringServer:
         self.app.router.add_get("/ws", self._serve_page)
         self.app.router.add_get("/static/{path:.+}", self._file)
         context.view.add_to(self.app)
+        context.tools.add_to(self.app)
 
     def notify(self) -> None:
         """Send all pages the state now; to be called in the server's thread."""

@@ -8,15 +8,20 @@ Publishes:
     the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot subscribes, reliable,
         depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
         three zero commands, and nothing more, so that other nodes can drive.
+    goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point
+        (PointStamped), in the namespace of the robot that is steered: the page's tools.
 
 Subscribes:
     odometry (nav_msgs/Odometry, best effort, depth 1): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
+    displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
+    /tf, /tf_static, map (nav_msgs/OccupancyGrid): while a page shows its map.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
 Calls:
     list_parameters and get_parameters of the nodes that subscribe to commands: those that have
         limits are the robot's controllers.
+    the parameter services of the viewer, and of the node whose parameters a page shows.
 
 Parameters:
     host (string, "127.0.0.1"): the address to serve the page on. If other computers can reach it,
@@ -39,7 +44,7 @@ import queue
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
@@ -58,8 +63,10 @@ from onebot_bringup.steering.command_topic import (
     command_topics,
     commanded_robots,
     foreign_type,
+    namespace_of,
 )
 from onebot_bringup.steering.controllers import Controllers
+from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_of, limits_of
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
@@ -68,6 +75,8 @@ from onebot_bringup.steering.server import (
     ServerContext,
     SteeringServer,
 )
+from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests, shown_topics
+from onebot_bringup.steering.tools import Click, ToolPublishers
 from onebot_bringup.steering.view_proxy import View, ViewProxy
 from onebot_bringup.viewer.display_server import has_display
 from onebot_description.errors import OneBotError
@@ -171,8 +180,14 @@ class SteeringPage(Node):
         self._arbiter = ThreadSafeArbiter(settings.limits(()), self._commands.publish)
         self._view = ViewProxy()
         self._rejected = 0
+        self._tools = ToolPublishers(self)
+        self._ground = Ground(self, self._odometry)
+        self._thread = OtherThread(self)
         self._page_topic = settings.viewer_page
+        self._viewer = self._page_topic.rpartition("/")[0]  # the node: the topic is its ~/page
+        self._shown: list[Mapping[str, Any]] = []
         self.create_subscription(String, self._page_topic, self._on_viewer, LATCHED)
+        self.create_subscription(String, f"{self._viewer}/displays", self._on_displays, LATCHED)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / settings.rate, self._arbiter.tick, clock=steady)
@@ -190,6 +205,7 @@ class SteeringPage(Node):
             self._arbiter,
             access,
             self._view,
+            ToolRequests(self._thread, self),
             self._robot,
             self._request_topic,
             self._report_rejected,
@@ -289,6 +305,7 @@ class SteeringPage(Node):
         self._odometry.update(commands.topic, robots, subscribers)
         self._topics = command_topics(self)
         self._robots = commanded_robots(self, self._topics)
+        self._ground.update(namespace_of(commands.topic))
         if self._view.view is not None and not self.count_publishers(self._page_topic):
             self._set_view(None)
         after = commands.kind, commands.topic, len(commands.listeners)
@@ -318,6 +335,37 @@ class SteeringPage(Node):
             )
         self._set_view(view)
 
+    def ground(self, frame: str) -> Mapping[str, Any]:
+        """Return what a page's map shows, see ``Ground.fields``; prepare for its clicks."""
+        self._tools.prepare(namespace_of(self._commands.topic))
+        return self._ground.fields(frame)
+
+    def map_picture(self) -> Callable[[], bytes] | None:
+        """Return what makes the picture of the map."""
+        return self._ground.grid.picture if self._ground.grid is not None else None
+
+    def reaches_all(self, click: Click) -> bool:
+        """Whether all who subscribe to a click's topic have discovered its publisher."""
+        return self._tools.reaches_all(click, namespace_of(self._commands.topic))
+
+    def click(self, click: Click) -> tuple[str, int]:
+        """Publish a click to the robot that is steered."""
+        return self._tools.publish(click, namespace_of(self._commands.topic))
+
+    def nodes(self) -> Mapping[str, Any]:
+        """Return the nodes with parameters, the viewer, and what it shows."""
+        first = [one.node for one in self._controllers.known]
+        served = (name.rpartition("/") for name, _ in self.get_service_names_and_types())
+        found = sorted({node for node, _, service in served if service == "list_parameters"})
+        return {
+            "nodes": sorted(found, key=lambda node: node not in first),
+            "viewer": self._viewer if self._view.view is not None else "",
+            "shown": self._shown if self._view.view is not None else [],
+        }
+
+    def _on_displays(self, message: String) -> None:
+        self._shown = shown_topics(message.data)
+
     def _set_view(self, view: View | None) -> None:
         self._view.view = view
         self._arbiter.changed()
@@ -325,6 +373,7 @@ class SteeringPage(Node):
     def destroy_node(self) -> None:
         """Stop the robot, then the server and the node."""
         if self._server is not None:
+            self._thread.close()
             self._server.stop()
             self._arbiter.halt()
             self._commands.flush()

@@ -58,6 +58,7 @@ class TopicSelection:
             settings = view.of(display)
             looks = {self._resolve(name): look for name, look in settings.topics.items()}
             other = _is_hidden(topic) or topic in drawn_otherwise
+            other = other or display.is_duplicate(topic, topics)
             chosen = topic in named or topic in looks
             drawn = topic in named or looks.get(topic, settings).visible
             wanted = chosen or (view.automatic and not other)

@@ -30,6 +30,7 @@ from onebot_bringup.viewer.view_config import (
 )
 
 ROBOT_VIEW = "Robot"
+_IN_A_COLUMN = 4  # views, one above the other; more are in two columns
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class Layout:
 
     def without_plots(self) -> "Layout":
         """Return the layout with nothing beside the robot."""
-        return replace(self, parts=tuple(replace(part, views=()) for part in self.parts))
+        return replace(self, parts=tuple(replace(part, views=(), wide=()) for part in self.parts))
 
 
 class BlueprintSender:
@@ -180,9 +181,13 @@ def make_blueprint(
         follow: the entity that the camera moves with.
         from_start: the viewer plays from the beginning, in place of following the end.
     """
-    robot = _robot_view(layout, follow)
+    robot: rrb.View | rrb.Container = _robot_view(layout, follow)
+    wide = [view.view() for part in layout.parts for view in part.wide]
+    if wide:
+        robot = rrb.Vertical(robot, *wide, row_shares=[4, *[1] * len(wide)])
     beside = _beside(layout.parts)
-    root = rrb.Horizontal(robot, beside, column_shares=[3, 1]) if beside is not None else robot
+    shares = [3, 2 if isinstance(beside, rrb.Grid) else 1]
+    root = rrb.Horizontal(robot, beside, column_shares=shares) if beside is not None else robot
     return rrb.Blueprint(root, *_panels(layout.panels, from_start))
 
 
@@ -192,7 +197,13 @@ def _beside(parts: Iterable[LayoutPart]) -> rrb.Container | None:
     for robot, of_robot in groupby(parts, key=lambda part: part.robot):
         views = [view.view() for part in of_robot for view in part.views]
         if views:
-            columns.append(rrb.Vertical(*views, name=robot or None))
+            few = len(views) <= _IN_A_COLUMN
+            name = robot or None
+            columns.append(
+                rrb.Vertical(*views, name=name)
+                if few
+                else rrb.Grid(*views, grid_columns=2, name=name)
+            )
     return rrb.Tabs(*columns) if len(columns) > 1 else next(iter(columns), None)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 TIMELINE = "ros_time"
 
+_MANY = 65_536  # bytes: copying them takes longer than letting go of Python's memory
 _STAMPS = pa.timestamp("ns")
 
 
@@ -65,8 +66,16 @@ class ColumnMaker:
         return self._in_rows(array, len(array) // self._width // each, each)
 
     def row(self, values: NDArray[Any]) -> ReadyColumn:
-        """Return a column of one row of numbers, of any number of components."""
-        array = self._numbers(values)
+        """Return a column of one row of numbers, of any number of components.
+
+        Many numbers are not copied: nobody may write to them from now on.
+        """
+        if values.nbytes > _MANY and self._dtype == values.dtype and _is_ready(values):
+            array = pa.Array.from_buffers(
+                self._number, values.size, [None, pa.py_buffer(values.reshape(-1))]
+            )
+        else:
+            array = self._numbers(values)
         return self._in_rows(array, 1, len(array) // self._width)
 
     def _numbers(self, values: NDArray[Any]) -> pa.Array:
@@ -132,6 +141,11 @@ class StampColumn:
     def as_arrow_array(self) -> pa.Array:
         """A time a row."""
         return self._array
+
+
+def _is_ready(values: NDArray[Any]) -> bool:
+    """Whether numbers lie side by side, and where Arrow wants them."""
+    return bool(values.flags.c_contiguous and values.ctypes.data % 8 == 0)
 
 
 def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.Array:

@@ -1,7 +1,9 @@
-"""The TF tree with the latest transform of each frame, and the frame that a robot is shown in."""
+"""The TF tree with the transforms of each frame, and the frame that a robot is shown in."""
 
+from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +16,26 @@ Floats = NDArray[np.float64]
 _MOST_BLOCKS = 512
 _MOST_ROWS = 100_000  # of all blocks
 _MOST_COMPARED = 500  # names
+_HISTORY_NS, _MOST_KEPT = 10_000_000_000, 1000  # of messages, as long as tf2 keeps them
+
+
+class Transforms(Protocol):
+    """A TFMessage as arrays (``onebot_description.wire.messages.TfArrays`` is one)."""
+
+    @property
+    def parents(self) -> list[str]: ...  # noqa: D102
+    @property
+    def children(self) -> list[str]: ...  # noqa: D102
+    @property
+    def stamps_ns(self) -> NDArray[np.int64]: ...  # noqa: D102
+    @property
+    def translations(self) -> Floats: ...  # noqa: D102
+    @property
+    def rotations(self) -> Floats: ...  # noqa: D102
 
 
 class Edge(NamedTuple):
-    """The latest transform of a frame in its parent: (3,) metres and (4,) x y z w."""
+    """The transform of a frame in its parent: (3,) metres and (4,) x y z w."""
 
     parent: str
     translation: Floats
@@ -30,8 +48,42 @@ class _Block:
     def __init__(self, parents: Iterable[str], children: Iterable[str]) -> None:
         self.parents, self.children = list(parents), list(children)
         self.whole = True  # the latest transform of each of them is here
-        self.translations: Floats
+        self.translations: Floats  # the latest
         self.rotations: Floats
+        self.history: deque[Transforms] = deque(maxlen=_MOST_KEPT)
+
+    def record(self, messages: Iterable[Transforms]) -> None:
+        """Keep messages, of which the last is the latest."""
+        history = self.history
+        for message in messages:
+            if history and message.stamps_ns[0] < history[-1].stamps_ns[0]:
+                history.clear()  # the clock was set back
+            history.append(message)
+        while len(history) > 1 and history[-1].stamps_ns[0] - history[0].stamps_ns[0] > _HISTORY_NS:
+            history.popleft()
+
+    def at(self, row: int, time_ns: int) -> tuple[Floats, Floats]:
+        """Return translation and rotation at a time, interpolated.
+
+        Before the history they are its first, unless that is of another clock; after it the latest.
+
+        Args:
+            row: of the frame.
+            time_ns: nanoseconds.
+        """
+        history = self.history
+        stamps = [history[end].stamps_ns[row] for end in (0, -1)] if history else [0, 0]
+        if not stamps[0] - _HISTORY_NS < time_ns < stamps[1]:
+            return self.translations[row], self.rotations[row]
+        number = bisect_right(history, time_ns, key=lambda each: each.stamps_ns[row])
+        before, after = history[max(0, number - 1)], history[number]
+        start, end = before.stamps_ns[row], after.stamps_ns[row]
+        part = min(1.0, max(0.0, (time_ns - start) / max(1, end - start)))
+        turn, next_turn = before.rotations[row], after.rotations[row]
+        turn = turn + part * (np.copysign(1.0, turn @ next_turn) * next_turn - turn)
+        shift = before.translations[row]
+        shift = shift + part * (after.translations[row] - shift)
+        return shift, turn / np.linalg.norm(turn)
 
 
 class FrameTree:
@@ -53,16 +105,28 @@ class FrameTree:
         children: Iterable[str],
         translations: Floats,
         rotations: Floats,
+        history: Iterable[Transforms] = (),
     ) -> None:
         """Add transforms, one row each; a later row of the same child wins.
 
         If the very same lists of names come again, it takes no longer for many than for few.
+
+        Args:
+            parents: of each row.
+            children: the frames.
+            translations: (N, 3), metres.
+            rotations: (N, 4), x y z w.
+            history: messages of these names with their times, up to this one; none if they are
+                static.
         """
         known = self._blocks.get((id(parents), id(children)))
         block = known[2] if known is not None and known[2].whole else None
         if block is None:
             block = self._remember(parents, children)
+            if known is not None:
+                block.history = known[2].history
         block.translations, block.rotations = translations, rotations
+        block.record(history)
 
     def _remember(self, parents: Iterable[str], children: Iterable[str]) -> _Block:
         block = _Block(parents, children)
@@ -133,11 +197,18 @@ class FrameTree:
             self._tops.setdefault(below, top)
         return self._tops[frame]
 
-    def pose(self, frame: str, fixed: str) -> Floats | None:
-        """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected."""
+    def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
+        """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected.
+
+        Args:
+            frame: whose.
+            fixed: in which.
+            time_ns: nanoseconds; 0 for the latest.
+        """
         if self.top(frame) != self.top(fixed):
             return None
-        pose: Floats = np.linalg.solve(self._from_top(fixed), self._from_top(frame)).astype(float)
+        ways = self._from_top(fixed, time_ns), self._from_top(frame, time_ns)
+        pose: Floats = np.linalg.solve(*ways).astype(float)
         return pose
 
     def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
@@ -155,14 +226,16 @@ class FrameTree:
             f'shown in "{fixed_frame}" until it is'
         )
 
-    def _from_top(self, frame: str) -> Floats:
+    def _from_top(self, frame: str, time_ns: int) -> Floats:
         pose, top = np.eye(4), self.top(frame)
         while frame != top:
-            edge = self._edge(frame)
+            block, row = self._places[frame]
+            latest = block.translations[row], block.rotations[row]
+            translation, rotation = block.at(row, time_ns) if time_ns else latest
             step = np.eye(4)
-            step[:3, :3] = to_matrix(np.asarray(edge.rotation))
-            step[:3, 3] = edge.translation
-            pose, frame = step @ pose, edge.parent
+            step[:3, :3] = to_matrix(np.asarray(rotation))
+            step[:3, 3] = translation
+            pose, frame = step @ pose, block.parents[row]
         return pose
 
 

@@ -30,7 +30,7 @@ Parameters:
     fixed_frame (string, ""): the frame to show everything in; "" for the view's, or else for the
         frame above the robot's root link (such as odom; else the root link).
     axes.visible, collision, grid.spacing, ... : each setting of the view under its name there (not
-        trails, covariance and speeds.lines); they can be changed while the viewer runs.
+        trails, covariance, speeds.lines and curves.lines); they can be changed while it runs.
     robots (string[], []): the namespaces of several robots, to show them all; [] for the one robot
         of the node's own namespace. A fixed frame that each of them has, and a camera that follows
         a link, are for one robot: several are shown in the frame above all, with a camera that
@@ -421,7 +421,7 @@ class RerunViewer(Node):
             self._page_publisher.publish(String(data=address))
         self._offer_topics()
         try:
-            self._topics.update()
+            self._topics.set_topics(self._view.topics)
         except OneBotError as error:
             self._warn("topics", str(error), every=10.0)
         for conflict in self._conflicts.poll(time.monotonic()):
@@ -430,21 +430,20 @@ class RerunViewer(Node):
 
     def _offer_topics(self) -> None:
         """Show what others publish now, and publish what of it is shown."""
+        known = {each.topic for each in self._view.offered}
         published = {
-            name: types[0] for name, types in self.get_topic_names_and_types() if len(types) == 1
+            name: types[0]
+            for name, types in self.get_topic_names_and_types()
+            # What was published stays: the last of it is shown. Our own subscriptions do not count.
+            if len(types) == 1 and (name in known or self.count_publishers(name))
         }
         for problem in self._view.offer(published):
             self._warn(problem, problem, every=60.0)
         offered = [each._asdict() for each in self._view.offered]
         displays = json.dumps({"shown": offered})
-        if displays == self._published_displays:
-            return
-        self._published_displays = displays
-        self._displays_publisher.publish(String(data=displays))
-        try:
-            self._topics.set_topics(self._view.topics)
-        except OneBotError as error:
-            self._warn("topics", str(error), every=10.0)
+        if displays != self._published_displays:
+            self._published_displays = displays
+            self._displays_publisher.publish(String(data=displays))
 
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""

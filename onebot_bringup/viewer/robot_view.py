@@ -100,6 +100,7 @@ class RobotView:
         self._changed = clock()  # when the robot or the view did
         self._warnings = WarningFilter(clock)
         self._stamps = Stamps()
+        self._now_ns = 0  # on the timeline
         self._definitions = definitions
         self._live = live
         self._published: Mapping[str, str] = {}
@@ -124,6 +125,7 @@ class RobotView:
             _Shown(display, LoadLimit() if live and isinstance(display, MessageDisplay) else None)
             for display in displays
         ]
+        self._of_messages = [each for each in displays if isinstance(each, MessageDisplay)]
         self._limits = {id(each.display): each.limit for each in self._displays if each.limit}
         for display in displays:
             display.apply(self._view.of(type(display)))
@@ -154,7 +156,8 @@ class RobotView:
             self._clock,
             root,
             self._definitions,
-            self._resolve,
+            lambda topic: self._full_name(names, topic),
+            lambda: self._now_ns,
         )
 
     # --- messages -------------------------------------------------------------------------------
@@ -186,7 +189,6 @@ class RobotView:
     def _select(self) -> list[str]:
         """Pass the topics on that are to be shown; where that changes them, subscribe anew."""
         readable, problems = self._readable()
-        before = self._selection.offered
         drawn = {name for name, display, _ in self._named() if display and not display.plots}
         self._selection.choose(readable, self._view, drawn)
         if self._selection.crowded:
@@ -194,15 +196,21 @@ class RobotView:
             problems.append(
                 f"too many topics to show all: not {crowded}; shown: in a view adds some"
             )
-        if self._selection.offered == before:
-            return problems
-        self._deliver(self._displays)
-        for shown in self._displays:
-            display = shown.display
-            if isinstance(display, MessageDisplay) and display.offer(self._selection.of(display)):
-                shown.display.flush()
-                shown.display.apply(self._view.of(type(display)))
-        return problems + self._make_queues()
+        changed = [
+            shown for shown in self._displays if shown.display.offer(self._offered_to(shown))
+        ]
+        if changed:
+            self._deliver(self._displays)
+        for shown in changed:
+            shown.display.flush()
+            shown.display.apply(self._view.of(type(shown.display)))
+        return problems + (self._make_queues() if changed else [])
+
+    def _offered_to(self, shown: "_Shown") -> Mapping[str, str]:
+        """Return the topics that a display may draw."""
+        if isinstance(shown.display, MessageDisplay):
+            return self._selection.of(shown.display)
+        return self._published
 
     def _readable(self) -> tuple[dict[str, str], list[str]]:
         """Return the topics whose type has a display, and a definition that can be read."""
@@ -213,7 +221,8 @@ class RobotView:
                     self._of_all[0].context.message_type(kind)
                     found[topic] = kind
                 except (OneBotError, ValueError) as error:
-                    bad[kind] = f"{topic} cannot be shown: {error}"
+                    topics = [name for name, each in self._published.items() if each == kind]
+                    bad[kind] = f"{listing(topics, _LISTED)} cannot be shown: {error}"
         return found, list(bad.values())
 
     def wants(self, topic: str, type_name: str) -> bool:
@@ -290,6 +299,8 @@ class RobotView:
     def _update(self, now_ns: int | None) -> list[str]:
         """Decode and log what is due; None: everything."""
         warnings = self._update_robot()
+        if now_ns is not None:
+            self._now_ns = self._stamps.display_time(0, now_ns)
         due = [shown for shown in self._displays if shown.is_due(now_ns)]
         self._deliver(due)
         for shown in due:
@@ -340,7 +351,8 @@ class RobotView:
                 continue
             for kind in topic.types:
                 queue = queues.setdefault((name, kind.name), _Queue())
-                if display is not None:
+                # Several items of a display may be of one topic.
+                if display is not None and (display, topic.name, kind) not in queue.takers:
                     queue.takers.append((display, topic.name, kind))
         for (name, kind_name), queue in queues.items():
             limits = [self._limits.get(id(display)) for display, *_ in queue.takers]
@@ -397,7 +409,7 @@ class RobotView:
         """The frame everything is shown in; "" before there is any.
 
         The view's, also with the frame_prefix before it; while no such frame is known, the one
-        above the robot's root link, or without a robot above the frame of the first message. That
+        above the robot's root link, or without a robot above the frames of most messages. That
         one, too, of several robots that each have the view's.
         """
         for shown in self._robots:
@@ -410,18 +422,22 @@ class RobotView:
 
     @property
     def _frame_without_robot(self) -> str:
-        """The frame above that of the first message shown, or above any of /tf; "" for none."""
-        frame = next(iter(self._message_frames), "") or min(self.frames.names, default="")
-        return self.frames.top(frame) if frame else ""
+        """The root of the transforms that most messages shown have, or of any; "" for none.
+
+        Without transforms, the frame that most have.
+        """
+        known, tops = self.frames.names, [self.frames.top(each) for each in self._message_frames]
+        if tops:
+            return max(tops, key=lambda top: (top in known, tops.count(top)))
+        return self.frames.top(min(known)) if known else ""
 
     @property
     def _message_frames(self) -> list[str]:
         """The frames of the messages that are shown."""
         return [
             item.frame
-            for shown in self._displays
-            if isinstance(shown.display, MessageDisplay)
-            for item in shown.display.items.values()
+            for display in self._of_messages
+            for item in display.items.values()
             if item.frame
         ]
 

@@ -92,9 +92,16 @@ class RvizConfig:
         prefix = f"{key}.topics.{topic}"
         self.values[f"{prefix}.visible"] = enabled
         self.values |= _qos(_mapping(display.get("Topic")), prefix)
+        if "hidden_namespaces" in _fields(key):
+            spaces = _mapping(display.get("Namespaces"))
+            hidden = [name for name, shown in spaces.items() if shown is False]
+            self.values[f"{prefix}.hidden_namespaces"] = hidden
+        fields = _fields(key)
         for name, value in _flat(display):
-            if name in _fields(key):
+            if name in fields and value != "":  # of a transformer that RViz has not chosen yet
                 self.values[f"{prefix}.{name}"] = _color(value) or value
+        if "size" in fields and display.get("Style") == "Points":
+            self.values[f"{prefix}.size"] = 0.0  # metres: RViz has pixels, too
 
     # --- the camera -----------------------------------------------------------------------------
 
@@ -178,10 +185,13 @@ def _qos(topic: Properties, prefix: str) -> dict[str, Any]:
 
 
 def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
-    """Yield each property by our kind of name; those of a group by their own."""
+    """Yield each property by our kind of name, those of a group by their own, with its switch."""
     for name, value in properties.items():
         if isinstance(value, Mapping):
-            if name != "Topic" and not name.endswith("Topic"):
+            if "Value" in value:
+                yield _snake(name), value["Value"]
+            # A covariance has colours of its own.
+            if name not in ("Covariance", "Namespaces") and not name.endswith("Topic"):
                 yield from _flat(value)
         else:
             yield _snake(name), value

@@ -14,6 +14,7 @@ Color = tuple[int, int, int]
 Rules = Mapping[str, Any]  # keyword arguments of ``parameter``
 
 length: Rules = {"at_least": 0.0}
+fraction: Rules = {"at_least": 0.0, "at_most": 1.0}
 height: Rules = {}  # up, or down if negative
 vector: Rules = {"write": "three metres, such as [3.0, -3.0, 2.0]"}
 color: Rules = {"at_least": 0, "at_most": 255, "write": "three bytes, such as [48, 48, 48]"}

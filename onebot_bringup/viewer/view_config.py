@@ -22,14 +22,28 @@ Example (every key may be left out)::
       lines:
         commanded: {topic: velocity_controller/cmd_vel, type: auto}
         measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
+    curves:                       # numbers of any messages, under any names
+      lines:
+        charge: {topic: battery, field: percentage, plot: Battery}
     automatic: true               # show every topic of a type that has a display, up to some
     hidden: [/local_plan]         # but for these topics,
     shown: [/camera/points]       # and these in any case
     path: {visible: true, width: 0.02, topics: {/plan: {width: 0.1}}}  # of nav_msgs/Path; metres
+    map: {alpha: 0.7, color_scheme: auto, draw_behind: false}
+    odometry: {keep: 100, position_tolerance: 0.1, angle_tolerance: 0.1}   # metres, rad
+    pose: {shape: Axes, axes_length: 0.5}          # metres, as all lengths
+    pose_array: {shape: Arrow (Flat), arrow_length: 0.3}
+    pose_with_covariance: {covariance: true, sigma: 3.0}
+    point_stamped: {radius: 0.2, history_length: 10}
+    polygon: {color: [25, 255, 0]}
     laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
     point_cloud2: {color_transformer: Intensity, channel_name: ring}
     image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # of 16 or 32 bits
     camera_info: {far_clip: 0.5}  # metres
+    imu: {axes: true, axes_scale: 0.3, acceleration: true, acceleration_scale: 0.05}  # metres
+    range: {color: [255, 255, 255], alpha: 0.5}
+    marker: {hidden_namespaces: [debug]}   # of visualization_msgs/Marker and MarkerArray
+    log: {visible: true, level: warn}   # of rcl_interfaces/Log
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 

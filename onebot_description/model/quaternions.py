@@ -58,10 +58,16 @@ def rotate(rotation: Floats, vector: Floats) -> Floats:
     return rotated
 
 
+def normalized(rotation: Floats) -> Floats:
+    """Unit quaternions (..., 4) in the direction of those of any length; 0 gives identity."""
+    length = np.linalg.norm(rotation, axis=-1, keepdims=True)
+    unit = rotation / np.where(length > 0.0, length, 1.0)
+    return np.where(length > 0.0, unit, (0.0, 0.0, 0.0, 1.0))
+
+
 def to_matrix(rotation: Floats) -> Floats:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4) of any length; 0 gives identity."""
-    length = np.linalg.norm(rotation, axis=-1, keepdims=True)
-    rotation = rotation / np.where(length > 0.0, length, 1.0)
+    rotation = normalized(rotation)
     columns = [rotate(rotation, unit) for unit in np.eye(3)]
     return np.stack(columns, axis=-1)
 

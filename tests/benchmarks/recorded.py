@@ -28,14 +28,14 @@ class Frames(NamedTuple):
 
 def read_frames(file: Path) -> Frames:
     """Return what was logged of /tf, without /tf_static."""
-    batches = list(_batches(file))
-    stamps = [batch.column(TIMELINE).cast("int64").to_numpy() for batch in batches]
+    found = list(batches(file, f"/{TF_ENTITY}"))
+    stamps = [batch.column(TIMELINE).cast("int64").to_numpy() for batch in found]
     return Frames(
         np.concatenate([np.empty(0, np.int64), *stamps]),
-        [name for batch in batches for name in _one_each(batch, "parent_frame").to_pylist()],
-        [name for batch in batches for name in _one_each(batch, "child_frame").to_pylist()],
-        _numbers(batches, "translation", 3),
-        _numbers(batches, "quaternion", 4),
+        [name for batch in found for name in _one_each(batch, "parent_frame").to_pylist()],
+        [name for batch in found for name in _one_each(batch, "child_frame").to_pylist()],
+        _numbers(found, "translation", 3),
+        _numbers(found, "quaternion", 4),
     )
 
 
@@ -62,10 +62,11 @@ def frames_logged(file: Path) -> set[str]:
         return set()
 
 
-def _batches(file: Path) -> Iterator[Any]:
+def batches(file: Path, entity: str) -> Iterator[Any]:
+    """Yield the rows of an entity, in the order logged, but for the static ones."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it is experimental
         reader = rerun.chunk.RrdReader(str(file))
     for chunk in reader.stream():
-        if str(chunk.entity_path) == f"/{TF_ENTITY}" and not chunk.is_static:
+        if str(chunk.entity_path) == entity and not chunk.is_static:
             yield chunk.to_record_batch()

@@ -32,6 +32,7 @@ class OtherRobot:
         compression=CompressionMode.NONE,
     ):
         self._folder, self._distro = folder, distro
+        self._sqlite = plugin == StoragePlugin.SQLITE3
         self._types = get_typestore(distro)
         self._types.register(get_types_from_msg(_DEFINITION, VELOCITY_REPORT))
         self._writer = Writer(folder, version=8, storage_plugin=plugin)
@@ -44,9 +45,9 @@ class OtherRobot:
 
     def __exit__(self, *_):
         self._writer.close()
-        for path in self._folder.glob("*.db3"):
-            if self._distro in (Stores.ROS2_FOXY, Stores.ROS2_HUMBLE):
-                _make_older(path)
+        if self._sqlite and self._distro in (Stores.ROS2_FOXY, Stores.ROS2_HUMBLE):
+            (path,) = self._folder.glob("*.db3")
+            _make_older(path)
 
     def add(self, topic, kind, definition=None):
         """Add a topic; the definition of its type is the distro's, unless given."""
@@ -85,7 +86,7 @@ class OtherRobot:
             self._types.types[name] for name in ("std_msgs/msg/Header", VELOCITY_REPORT)
         )
         stamp = self._types.types["builtin_interfaces/msg/Time"](
-            START // SECOND, round(time * SECOND)
+            *divmod(START + round(time * SECOND), SECOND)
         )
         message = report(header(stamp, "base_link"), speed, 0.0, 0.0)
         data = bytes(self._types.serialize_cdr(message, VELOCITY_REPORT))

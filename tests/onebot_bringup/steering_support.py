@@ -125,7 +125,7 @@ class PageClient:
         self.silence()
         self._do(self._shut())
         self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(10.0)
+        self._thread.join(PATIENCE)
 
     async def _shut(self) -> None:
         await self._socket.close()

@@ -38,6 +38,7 @@ from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess, module_command
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
+from tests.support import PATIENCE
 
 _MODULE = len(module_command("")) - 1  # where a command names the node's module
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -250,7 +251,7 @@ def test_looking_for_wheels_does_not_delay_the_start() -> None:
         "check_wheels(load_description(command().model), values);"
         "sys.exit('numpy' in sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE)
 
 
 def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:

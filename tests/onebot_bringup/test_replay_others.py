@@ -1,13 +1,17 @@
 """``onebot replay`` of other people's robots: any topics, frames, types, storage and distro."""
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Path
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores
+from sensor_msgs.msg import Image
 from std_msgs.msg import String
+from visualization_msgs.msg import Marker
 
+from onebot_bringup.bags import replay
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.replay import log_bag
 from onebot_bringup.cli.main import main
@@ -48,10 +52,19 @@ class Replayed:
         self.warnings, self.printed, blueprints = [], [], []
         self.file = folder.parent / "replayed.rrd"
         recording = open_recording(None, self.file)
-        recording.stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        stream = recording.stream
+        stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        self.flushes = 0
+        flush = stream.flush
+
+        def counted(**options):
+            self.flushes += 1
+            flush(**options)
+
+        stream.flush = counted
         self.shown = log_bag(
             Bag(folder),
-            recording.stream,
+            stream,
             warn=self.warnings.append,
             progress=self.printed.append,
             **options,
@@ -80,10 +93,10 @@ class Replayed:
 @pytest.mark.parametrize(
     ("distro", "plugin", "compression"),
     [
-        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (Stores.ROS2_FOXY, StoragePlugin.SQLITE3, CompressionMode.NONE),
         (Stores.ROS2_HUMBLE, StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
         (Stores.ROS2_HUMBLE, StoragePlugin.MCAP, CompressionMode.NONE),
-        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (Stores.ROS2_JAZZY, StoragePlugin.SQLITE3, CompressionMode.FILE),
         (Stores.ROS2_JAZZY, StoragePlugin.MCAP, CompressionMode.STORAGE),
     ],
 )
@@ -101,6 +114,27 @@ def test_distros_and_storages(tmp_path, distro, plugin, compression):
     assert replayed.ends("/plan") == [1 + step for step in range(10)]
     assert column(replayed.file, "/path/plan", "CoordinateFrame:frame") == [["base_link"]]
     assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+
+
+@pytest.mark.parametrize(
+    ("plugin", "plotted"), [(StoragePlugin.MCAP, True), (StoragePlugin.SQLITE3, False)]
+)
+def test_types_that_are_not_installed(tmp_path, plugin, plotted):
+    """They are read by the recording's definition; one that has none is named, once."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_HUMBLE, plugin) as robot:
+        for step in range(20):
+            robot.write("/plan", path(0, 2), step, frame="map")
+            robot.write_velocity("/vehicle/status", step / 2, step)
+    view = tmp_path / "view.yaml"
+    field = "{topic: /vehicle/status, field: longitudinal_velocity}"
+    view.write_text(f"curves: {{lines: {{speed: {field}}}}}\n")
+    replayed = Replayed(tmp_path / "bag", view=view)
+    curve = column(replayed.file, "/curves/speed", "Scalars:scalars")
+    assert [value for (value,) in curve] == [step / 2 for step in range(20 * plotted)]
+    assert len(replayed.ends("/plan")) == 20
+    problems = [text for text in replayed.warnings if "/vehicle/status cannot be plotted" in text]
+    assert len(problems) == (not plotted)
+    assert all("VelocityReport is neither in" in problem for problem in problems)
 
 
 def test_a_topic_alone(tmp_path):
@@ -125,15 +159,19 @@ def test_a_topic_alone(tmp_path):
     ],
 )
 def test_fixed_frame(tmp_path, wanted, fixed, warnings):
-    """The given one, or else the root of the transforms above the first message."""
+    """The given one, or else the root of the transforms above most topics."""
     with OtherRobot(tmp_path / "bag") as robot:
         robot.write("/tf", transform("a", "b"))
+        robot.write("/first_plan", path(0, 2), frame="b")
+        for number in range(3):
+            robot.write(f"/early_plan{number}", path(0, 2), frame="nowhere")
         robot.write("/tf", transform("map", "odom"))
         robot.write("/tf", transform("odom", "base_link"))
         robot.write("/plan", path(0, 2), 1.0, frame="base_link")
+        robot.write("/other_plan", path(0, 2), 1.0, frame="odom")
     replayed = Replayed(tmp_path / "bag", fixed_frame=wanted)
     assert replayed.fixed_frame == fixed
-    found = [sentence for sentence in replayed.warnings if NO_ROBOT not in sentence]
+    found = [sentence for sentence in replayed.warnings if "fixed frame" in sentence]
     assert [sentence[: len(start)] for sentence, start in zip(found, warnings, strict=True)] == (
         warnings
     )
@@ -154,6 +192,19 @@ def test_the_definition_in_the_recording_counts(tmp_path, plugin):
     assert Replayed(tmp_path / "bag").ends("/plan") == [2]
 
 
+@pytest.mark.parametrize("text", ["what is this?", "nav_msgs/Missing[] poses\n"])
+def test_a_broken_definition(tmp_path, text):
+    """Topics of the type are left out with one warning; the rest is shown."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_JAZZY, StoragePlugin.MCAP) as robot:
+        robot.write("/tf", transform("map", "base"))
+        for topic in ("/plan", "/local_plan"):
+            robot.write(topic, path(0, 2), frame="map", definition=text)
+    replayed = Replayed(tmp_path / "bag")
+    assert (replayed.fixed_frame, replayed.shown.messages) == ("map", 1)
+    [_, warning] = replayed.warnings
+    assert warning.startswith("/local_plan, /plan cannot be shown: ")
+
+
 @pytest.mark.parametrize("stamps_from", [0.0, 1_000_000_000.0])
 def test_simulated_stamps(tmp_path, stamps_from):
     """Messages are shown at their stamps, far from when they were received."""
@@ -171,6 +222,44 @@ def test_nothing_is_dropped(tmp_path):
         for step in range(600):
             robot.write("/plan", path(0, step), step / 1000, frame="map")
     assert Replayed(tmp_path / "bag").ends("/plan") == list(range(600))
+
+
+def test_a_topic_in_several_frames(tmp_path):
+    """Each message is drawn in its own frame, also when others are drawn later."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(40):
+            robot.write("/plan", path(0, step), step / 10, frame="left" if step % 2 else "right")
+    replayed = Replayed(tmp_path / "bag")
+    for entity, frame, first in (("/plan", "right", 0), ("/plan/_1", "left", 1)):
+        frames = column(replayed.file, f"/path{entity}", "CoordinateFrame:frame")
+        assert {name for row in frames if row for name in row} == {frame}
+        assert replayed.ends(entity) == list(range(first, 40, 2))
+        assert column(replayed.file, f"/path{entity}", "Clear:is_recursive")
+
+
+def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
+    """Not by those that have been read meanwhile, of a robot that moves at 10 m/s."""
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(100):
+            time = step / 100
+            robot.write("/tf", transform("map", "base_link", 10 * time, time), time)
+            if step % 10 == 0:
+                marker = Marker(type=Marker.CUBE, id=step)
+                marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
+                robot.write("/detections", marker, time, frame="base_link")
+    replayed = Replayed(tmp_path / "bag")
+    centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
+    np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
+
+
+def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
+    """Else all of a large recording is in memory, where it is read faster than it is written."""
+    monkeypatch.setattr(replay, "_MOST_WAITING", 100_000)
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(20):
+            image = Image(height=100, width=300, encoding="rgb8", step=900, data=bytes(90_000))
+            robot.write("/image", image, step / 100, frame="camera")
+    assert Replayed(tmp_path / "bag").flushes == 10
 
 
 def test_transforms_below_a_namespace(tmp_path):

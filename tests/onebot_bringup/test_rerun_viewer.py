@@ -27,7 +27,7 @@ from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.support import used_domain, wait_for
+from tests.support import lines_of_ours, used_domain, wait_for
 from tests.support_rendering import center, colored, pixels, require_renderer
 
 MODULE = "onebot_bringup.viewer.rerun_viewer"
@@ -229,7 +229,7 @@ def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
     with _viewer(tmp_path, False, viewer="none", save=tmp_path / "full.rrd") as node:
         assert node.wait() == 1
         full = f"error: save:={tmp_path}/full.rrd: {os.strerror(errno.ENOSPC)}"
-        assert node.output.splitlines()[-1] == full and "Traceback" not in node.output
+        assert lines_of_ours(node.output)[-1] == full and "Traceback" not in node.output
     file = tmp_path / "x.rrd"
     with _viewer(tmp_path, False, viewer="none", save=file) as node, Peer(ros_domain) as peer:
         robot = Robot(peer)
@@ -239,7 +239,7 @@ def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
         wait_for(lambda: robot.move() or node.process.poll() is not None, "the end")
         assert node.wait() == 1
         limit = f"error: save:={file}: {os.strerror(errno.EFBIG)}"
-        assert node.output.splitlines()[-1] == limit
+        assert lines_of_ours(node.output)[-1] == limit
         for word in ("Traceback", "Error occurred", "ERROR", "FATAL"):
             assert word not in node.output
 

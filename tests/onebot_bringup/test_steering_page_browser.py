@@ -2,6 +2,7 @@
 
 import functools
 import http.server
+import json
 import math
 import signal
 import threading
@@ -12,8 +13,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PointStamped, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from std_msgs.msg import String
 
@@ -595,6 +598,113 @@ def test_another_robot_is_chosen(peer: Peer, page: Page) -> None:
         page.release_keys("w")
         wait_for(lambda: _last(heard["robot2"]) == (0.0, 0.0), "the stop")
         assert _last(heard["robot1"]) == (0.0, 0.0)
+
+
+def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page) -> None:
+    """As in RViz: press, drag to where it faces, release; a tool is for one place."""
+    goals = peer.hear(PoseStamped, "/goal_pose")
+    points = peer.hear(PointStamped, "/clicked_point")
+    at = Odometry(child_frame_id="base_link")
+    at.header.frame_id, at.pose.pose.position.x = "odom", 1.0
+    moved = peer.node.create_publisher(Odometry, "/odom", 10)
+    timer = peer.node.create_timer(0.05, lambda: moved.publish(at))
+    with steering(topic="/cmd_vel") as node:
+        page.open(node.address)
+        wait_for(lambda: page.number("x") == 1.0, "the odometry")
+
+        def pressed(selector: str) -> bool:
+            return page.find(selector).get_attribute("aria-pressed") == "true"
+
+        page.find("[data-tool=goal]").click()
+        assert pressed("[data-tool=goal]") and pressed("[name=map]")
+        robot = "#ground .robot:not(.absent)"
+        wait_for(lambda: page.driver.find_elements(By.CSS_SELECTOR, robot), "the robot on the map")
+        page.hold("#ground svg", 0, -50)
+        assert goals == []
+        page.act().send_keys(Keys.ESCAPE).perform()
+        page.let_go()
+        page.find("[data-tool=goal]").click()
+        page.hold("#ground svg", 0, -50)
+        page.let_go()
+        wait_for(lambda: "Published /goal_pose" in page.text("#ground [role=status]"), "the goal")
+        wait_for(lambda: goals, "its message")
+        pose = goals[0].pose
+        turn = pose.orientation
+        assert len(goals) == 1 and goals[0].header.frame_id == "odom"
+        assert (pose.position.x, pose.position.y) == pytest.approx((1.0, 0.0), abs=0.02)
+        assert yaw_of(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
+        assert not pressed("[data-tool=goal]") and pressed("[name=map]")
+
+        page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+        page.find("[data-tool=point]").click()
+        page.touch({0: ("#ground svg", 80)})
+        page.end_touch()
+        wait_for(lambda: points, "the point")
+        assert (points[0].point.x, points[0].point.y) == pytest.approx((1.0, 1.0), abs=0.02)
+        page.hold("#ground svg", 40, 0)
+        page.let_go()
+        page.find("[name=map]").click()
+        assert not page.find("#ground").is_displayed()
+        page.wait_for_states(2)
+        assert len(goals) == len(points) == 1, "without a tool, a drag moves the map"
+        # The page of the test before may have lost its server.
+        logged = [entry["message"] for entry in page.driver.get_log("browser")]
+        assert [message for message in logged if f":{node.port}/" in message] == []
+    peer.node.destroy_timer(timer)
+
+
+def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, page: Page) -> None:
+    """By check boxes, fields and Enter; a refused value says why, and the old one stays."""
+    peer.node.declare_parameter("speed", 0.5)
+    peer.node.declare_parameter("lights", False)
+    peer.node.add_on_set_parameters_callback(
+        lambda them: SetParametersResult(successful=them[0].value != 9.0, reason="too fast")
+    )
+    with Peer(ros_domain, "rerun_viewer") as viewer, steering(topic="/cmd_vel") as node:
+        settings = {"hidden": ["/other"], "shown": ["scan", "/map"], "grid.visible": True}
+        for name, value in settings.items():
+            viewer.node.declare_parameter(name, value)
+        shown = [{"topic": "/scan", "type": "sensor_msgs/msg/LaserScan", "visible": True}]
+        address = "http://127.0.0.1:9/?url=rerun%2Bhttp://127.0.0.1:9/proxy"
+        for topic, text in (("page", address), ("displays", json.dumps({"shown": shown}))):
+            to = viewer.publisher(String, f"/rerun_viewer/{topic}", LATCHED)
+            to.publish(String(data=text))
+        page.open(node.address)
+
+        def row(panel: str, name: str) -> Any:
+            path = f"//*[@id='{panel}']//*[contains(@class, 'row')][label[text()='{name}']]"
+            return wait_for(lambda: page.driver.find_elements(By.XPATH, path), name)[0]
+
+        def field(panel: str, name: str) -> Any:
+            return row(panel, name).find_element(By.TAG_NAME, "input")
+
+        def values(of: Peer, *names: str) -> list[Any]:
+            return [of.node.get_parameter(name).value for name in names]
+
+        page.find("[name=displays]").click()
+        assert field("displays", "/scan").is_selected()
+        assert "sensor_msgs/msg/LaserScan" in row("displays", "/scan").text
+        field("displays", "/scan").click()
+        hidden = [["/other", "/scan"], ["/map"]]
+        wait_for(lambda: values(viewer, "hidden", "shown") == hidden, "the topic to be hidden")
+        page.driver.execute_script("arguments[0].focus()", field("displays", "grid"))
+        page.act().send_keys(Keys.ENTER).perform()
+        wait_for(lambda: values(viewer, "grid.visible") == [False], "the grid to be hidden")
+
+        page.find("[name=parameters]").click()
+        assert not page.find("#displays").is_displayed()
+        field("parameters", "lights").click()
+        wait_for(lambda: values(peer, "lights") == [True], "the lights")
+        speed = field("parameters", "speed").get_attribute("id")
+        page.enter(f"#{speed}", "9")
+        wait_for(lambda: "too fast" in row("parameters", "speed").text, "the reason")
+        wait_for(lambda: page.find(f"#{speed}").get_property("value") == "0.5", "the old value")
+        page.enter(f"#{speed}", "1.5")
+        wait_for(lambda: values(peer, "speed") == [1.5], "the speed")
+        wait_for(lambda: "too fast" not in row("parameters", "speed").text, "no reason any more")
+        page.enter("#parameters-filter", "LIGHT")
+        assert not row("parameters", "speed").is_displayed()
+        assert row("parameters", "lights").is_displayed()
 
 
 def test_a_finger_drives(peer: Peer, page: Page) -> None:

@@ -6,6 +6,7 @@ from importlib.resources import files
 
 import pytest
 from geometry_msgs.msg import Twist
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 
 from tests.onebot_bringup.steering_support import PageClient
 from tests.ros_support import Peer
@@ -47,6 +48,9 @@ def node() -> Iterator[Steering]:
     ):
         for number in range(10, 12):  # there is a choice of robots
             peer.hear(Twist, f"/robot{number}/velocity_controller/cmd_vel")
+        fine = FloatingPointRange(from_value=0.0, to_value=2.0)
+        about = ParameterDescriptor(description="m/s", floating_point_range=[fine])
+        peer.node.declare_parameter("speed", 0.5, about)
         yield node
 
 
@@ -99,9 +103,16 @@ def findings(page: Page) -> list[str]:
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("screen", SCREENS)
 def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str) -> None:
-    """At rest, while this page drives with a limit refused, and while another page drives."""
+    """At rest, its map and panel; while it drives, a limit refused; while another page drives."""
     page.emulate(*SCREENS[screen], prefers_color_scheme=scheme)
     found = {"at rest": findings(page)}
+    page.find("[data-tool=goal]").click()
+    found["map"] = findings(page)
+    page.find("[name=map]").click()
+    page.find("[name=parameters]").click()
+    wait_for(lambda: "m/s" in page.text("#parameters .rows"), "the parameters")
+    found["parameters"] = findings(page)
+    page.find("[name=parameters]").click()
     page.driver.execute_script(WARN)
     page.enter("#linear-limit", "fast")
     page.act().key_down("w").perform()
@@ -113,7 +124,7 @@ def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str)
         other.hold(0.3)
         wait_for(lambda: page.body("driver") == "other", "the other page to drive")
         found["driven"] = findings(page)
-    assert found == {"at rest": [], "driving": [], "driven": []}
+    assert found == dict.fromkeys(found, [])
 
 
 # Whether each element is on the screen as a whole, and is what is seen at its middle and edges.

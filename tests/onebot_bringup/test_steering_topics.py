@@ -29,7 +29,7 @@ from tests.onebot_bringup.steering_support import (
     steered,
 )
 from tests.ros_support import LATCHED, Peer
-from tests.support import wait_for
+from tests.support import PATIENCE, wait_for
 
 STAMPED = "geometry_msgs/msg/TwistStamped"
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -353,7 +353,7 @@ def test_onlookers_change_nothing(peer, ros_domain):
             assert _shown(page, own, _odometry(1.0, 0.0))["topic"] == "/base/wheels"
     finally:
         stop.set_result(None)
-        spinning.join(10.0)
+        spinning.join(PATIENCE)
         executor.shutdown()
         for node in onlookers:
             node.destroy_node()

@@ -46,6 +46,17 @@ def test_which_topics_are_shown(view, visible):
     assert _visible(view, topics) == visible
 
 
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+
+
+def test_a_picture_is_shown_once():
+    """Not what image_transport publishes beside it, too, but where that is all there is."""
+    topics = {"/a/compressed": COMPRESSED, "/b": IMAGE, "/b/compressed": COMPRESSED}
+    topics["/b/compressedDepth"] = COMPRESSED
+    assert _visible("", topics) == ["/a/compressed", "/b"]
+    assert _visible("shown: [/b/compressed]", topics) == ["/a/compressed", "/b", "/b/compressed"]
+
+
 def test_all_that_could_be_shown_are_offered():
     """Those that are not shown, too: a page has a check box for each."""
     selection = TopicSelection(full_name)

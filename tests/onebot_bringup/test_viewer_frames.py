@@ -113,6 +113,57 @@ def test_another_message_on_a_frame_counts_and_so_does_the_next_of_the_first():
     assert tree.top("c") == "a" and tree.names == {"a", "b", "c"}
 
 
+def _moved(tree, parents, children, *steps):
+    """Add messages of one transform each, at (seconds, x, quaternion)."""
+    messages = [
+        TfArrays(
+            parents,
+            children,
+            np.array([int(seconds * 1e9)]),
+            np.array([[x, 0.0, 0.0]]),
+            np.array([turn]),
+        )
+        for seconds, x, turn in steps
+    ]
+    last = messages[-1]
+    tree.update(parents, children, last.translations, last.rotations, messages)
+
+
+def test_a_pose_at_a_time():
+    """Interpolated between two messages, as tf2 does; else that of the nearest."""
+    tree, names = FrameTree(), (["odom"], ["base"])
+    tree.update(["base"], ["laser"], np.array([[1.0, 0, 0]]), NO_TURN[None])  # static
+    _moved(tree, *names, (1.0, 0.0, NO_TURN), (2.0, 4.0, -QUARTER_TURN))
+    _moved(tree, *names, (3.0, 6.0, QUARTER_TURN))
+
+    def laser(seconds):
+        return tree.pose("laser", "odom", int(seconds * 1e9))[:2, 3]
+
+    np.testing.assert_allclose(laser(1.5), [2 + np.sqrt(0.5), np.sqrt(0.5)])
+    np.testing.assert_allclose(laser(2.75), [5.5, 1], atol=1e-12)
+    for first in (0.5, 1.0):
+        np.testing.assert_allclose(laser(first), [1, 0])
+    for latest in (0, -20.0, 3.0, 9.0):
+        np.testing.assert_allclose(laser(latest), [6, 1], atol=1e-12)
+    back = tree.pose("odom", "laser", int(1.5e9))
+    np.testing.assert_allclose(back, np.linalg.inv(tree.pose("laser", "odom", int(1.5e9))))
+    _moved(tree, *names, (1.0, 8.0, NO_TURN), (2.0, 8.0, NO_TURN))
+    np.testing.assert_allclose(laser(1.5), [9, 0])  # the clock was set back
+
+
+def test_the_history_is_bounded():
+    """By time, and by the number of messages."""
+    tree, names = FrameTree(), (["odom"], ["base"])
+    for number in range(200):
+        _moved(tree, *names, (1 + number / 10, float(number), NO_TURN))
+    for seconds, x in ((15.95, 149.5), (10.95, 99.5), (9.95, 99.0), (0.5, 199.0)):
+        assert tree.pose("base", "odom", int(seconds * 1e9))[0, 3] == pytest.approx(x)
+    for number in range(2000):
+        _moved(tree, *names, (30 + number / 1000, float(number), NO_TURN))
+    for seconds, x in ((31.5, 1500), (30.9, 1000)):
+        assert tree.pose("base", "odom", int(seconds * 1e9))[0, 3] == pytest.approx(x)
+
+
 @pytest.mark.parametrize(
     ("shift", "turn"),
     [

@@ -4,11 +4,15 @@ import io
 
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
 from PIL import Image as Pillow
 from sensor_msgs.msg import CompressedImage, Image
 
+from onebot_bringup.viewer.blueprint import Layout, make_blueprint
 from onebot_bringup.viewer.columns import BytesMaker
+from onebot_bringup.viewer.displays.display import LayoutPart
 from onebot_bringup.viewer.displays.image import ImageView
+from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import START_NS, show
@@ -193,6 +197,16 @@ def test_bytes_are_not_copied(monkeypatch, tmp_path):
             data = data.base
         assert isinstance(data.base, bytes)
     assert len(passed) == 2
+
+
+@pytest.mark.parametrize(("count", "kind", "shares"), [(4, rrb.Vertical, 1), (5, rrb.Grid, 2)])
+def test_many_pictures_are_in_two_columns(count, kind, shares):
+    """So that each is still seen."""
+    views = tuple(ImageView(f"image/{number}", f"/{number}") for number in range(count))
+    layout = Layout.of(ViewConfig(), [LayoutPart(views=views)], "base", complete=True, robots=[])
+    root = make_blueprint(layout).root_container
+    assert isinstance(root.contents[1], kind) and list(root.column_shares) == [3, shares]
+    assert len(root.contents[1].contents) == count
 
 
 def test_each_picture_has_a_view(tmp_path):

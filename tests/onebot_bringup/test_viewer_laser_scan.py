@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import LaserScan
 
-from onebot_description.wire.messages import time_message
+from onebot_description.wire.messages import time_message, transforms_message
 from tests.onebot_bringup.drive_support import chunks, column
-from tests.onebot_bringup.viewer_support import START_NS, show
+from tests.onebot_bringup.viewer_support import START_NS, show, transforms
 
 NAN, INF = float("nan"), float("inf")
 ENTITY = "/laser_scan/scan"
@@ -114,7 +114,20 @@ def test_bad_scans_are_reported_and_cost_nothing_of_the_others(tmp_path):
     assert [len(found) for found in points(file)] == [0, 0, 1]
 
 
-def test_a_scan_in_an_unknown_frame_waits(tmp_path):
-    """It would be an error in the view."""
-    file, _ = show(tmp_path, "", ("/scan", scan(frame="elsewhere")))
+def test_a_scan_without_a_frame_is_warned_of(tmp_path):
+    """It cannot be drawn; one that follows others is in theirs."""
+    file, said = show(tmp_path, "", ("/scan", scan(frame="")), ("/scan", scan(at=1000)))
+    assert said == ['laser scan "/scan": its header has no frame_id']
+    assert len(points(file)) == 1
+
+
+def test_scans_in_an_unknown_frame_wait(tmp_path):
+    """It would be an error in the view; once a transform comes, the last ones are drawn."""
+    sent = [("/scan", scan(frame="elsewhere", at=number * 1000)) for number in range(300)]
+    file, _ = show(tmp_path, "", *sent)
     assert chunks(file, ENTITY) == []
+    place = transforms("base", "elsewhere", 0.0)
+    values = np.hstack([place.translations, place.rotations])
+    message = transforms_message(time_message(START_NS), place.parents, place.children, values)
+    file, _ = show(tmp_path, "", *sent, ("/tf", message))
+    assert len(points(file)) == 100

@@ -185,6 +185,13 @@ def test_bad_clouds_are_reported(message, said, tmp_path):
     assert warning.startswith('point cloud2 "/cloud": ') and said in warning
 
 
+def test_many_bad_clouds_are_one_warning(tmp_path):
+    """However they differ."""
+    sent = [_bad(data=b"0" * number) for number in range(50)]
+    _, _, warnings = shown(tmp_path, "", *sent)
+    assert len(warnings) == 1
+
+
 def test_an_empty_cloud_clears_the_points(tmp_path):
     """Whatever its steps are."""
     full, empty = cloud(packed("x", "y", "z"), **xyz()), _bad(width=0, data=b"")

@@ -99,6 +99,105 @@ def test_what_rviz_shows_is_shown(tmp_path):
     assert notice.endswith('not shown: ParticleCloud "Amcl Particle Swarm"')
 
 
+def test_groups_of_properties(tmp_path):
+    """Those of a shape are the display's; a covariance has colours of its own."""
+    display = """
+    - Class: rviz_default_plugins/PoseWithCovariance
+      Color: 1; 2; 3
+      Covariance: {Position: {Alpha: 0.3, Color: 204; 51; 204, Value: true}, Value: false}
+      Shape: Axes
+      Topic: {Value: /amcl_pose}
+    - Class: rviz_default_plugins/Odometry
+      Keep: 7
+      Shape: {Alpha: 0.5, Axes Length: 0.3, Color: 4; 5; 6, Value: Axes}
+      Topic: {Value: /odom}
+"""
+    view, notices = _loaded(tmp_path, FILE.replace("  Displays:\n", f"  Displays:{display}", 1))
+    pose, odometry = view.pose_with_covariance.topics["/amcl_pose"], view.odometry.topics["/odom"]
+    assert (pose.shape, pose.color, pose.covariance) == ("Axes", (1, 2, 3), False)
+    assert (odometry.shape, odometry.color) == ("Axes", (4, 5, 6))
+    assert (odometry.axes_length, odometry.keep) == (0.3, 7)
+    assert len(notices) == 1
+
+
+# As RViz of Jazzy saves displays of sensors.
+SENSORS = """
+    - Alpha: 1
+      Autocompute Intensity Bounds: false
+      Autocompute Value Bounds: {Max Value: 7, Min Value: -3, Value: false}
+      Axis: X
+      Channel Name: ring
+      Class: rviz_default_plugins/PointCloud2
+      Color: 255; 255; 0
+      Color Transformer: AxisColor
+      Decay Time: 2
+      Enabled: true
+      Invert Rainbow: true
+      Max Color: 255; 255; 255
+      Max Intensity: 200
+      Min Color: 0; 0; 10
+      Min Intensity: 5
+      Name: Cloud
+      Position Transformer: XYZ
+      Size (Pixels): 3
+      Size (m): 0.02
+      Style: Flat Squares
+      Topic: {Depth: 5, Reliability Policy: Best Effort, Value: /points}
+      Use Fixed Frame: true
+      Use rainbow: false
+    - Class: rviz_default_plugins/LaserScan
+      Color Transformer: ""
+      Size (Pixels): 3
+      Size (m): 0.01
+      Style: Points
+      Topic: {Value: /scan}
+    - Class: rviz_default_plugins/Image
+      Max Value: 9
+      Median window: 5
+      Min Value: 2
+      Normalize Range: false
+      Topic: {Value: /depth/image_raw}
+    - Class: rviz_default_plugins/Camera
+      Image Rendering: background and overlay
+      Topic: {Value: /camera/image_raw}
+      Visibility: {Grid: true, Image: true, Value: true}
+    - {Class: rviz_default_plugins/Range, Alpha: 0.2, Color: 1; 2; 3, Topic: {Value: /sonar}}
+    - Class: rviz_common/Group"""
+
+
+def test_displays_of_sensors_have_the_same_settings(tmp_path):
+    """By the same names; those of RViz that have no effect here are left out in silence."""
+    view, [notice] = _loaded(tmp_path, FILE.replace("\n    - Class: rviz_common/Group", SENSORS, 1))
+    assert notice.endswith('not shown: ParticleCloud "Amcl Particle Swarm"')
+    [cloud] = view.point_cloud2.topics.values()
+    assert (cloud.color_transformer, cloud.axis, cloud.channel_name) == ("AxisColor", "X", "ring")
+    assert not cloud.autocompute_value_bounds and not cloud.autocompute_intensity_bounds
+    assert (cloud.min_value, cloud.max_value) == (-3.0, 7.0)
+    assert (cloud.min_intensity, cloud.max_intensity) == (5.0, 200.0)
+    assert (cloud.use_rainbow, cloud.invert_rainbow) == (False, True)
+    assert (cloud.min_color, cloud.color) == ((0, 0, 10), (255, 255, 0))
+    assert (cloud.size, cloud.decay_time, cloud.depth) == (0.02, 2.0, 5)
+    [scan] = view.laser_scan.topics.values()
+    assert (scan.color_transformer, scan.size) == ("auto", 0.0)
+    assert set(view.image.topics) == {"/depth/image_raw", "/camera/image_raw"}
+    depth = view.image.topics["/depth/image_raw"]
+    assert (depth.normalize_range, depth.min_value, depth.max_value) == (False, 2.0, 9.0)
+    [sonar] = view.range.topics.values()
+    assert (sonar.alpha, sonar.color) == (0.2, (1, 2, 3))
+
+
+def test_namespaces_of_markers_are_hidden_as_in_rviz(tmp_path):
+    """Whatever their names; of arrays, too."""
+    display = """
+    - Class: rviz_default_plugins/MarkerArray
+      Namespaces: {walls: true, noise: false, visible: false}
+      Topic: {Value: /marks}
+    - Class: rviz_common/Group"""
+    view, _ = _loaded(tmp_path, FILE.replace("\n    - Class: rviz_common/Group", display, 1))
+    assert view.marker.topics["/marks"].visible
+    assert view.marker.topics["/marks"].hidden_namespaces == ("noise", "visible")
+
+
 def test_an_orbit_looks_from_where_rviz_does(tmp_path):
     """Pitch is up, yaw around, from the focal point."""
     view, _ = _loaded(tmp_path)

@@ -68,7 +68,10 @@ axes:
 @hypothesis_settings(deadline=None, max_examples=50)
 @given(data=st.data())
 def test_any_settings_of_our_views_can_be_saved_and_read_again(robot, data):
-    """Every setting, in any order; the comments and every line that has none of them stay."""
+    """Every setting, in any order; the comments and every line that has none of them stay.
+
+    Of a word or a fraction, that may have few values, the value that it has.
+    """
     path = view_for(robot)
     assert path is not None
     text = path.read_text()
@@ -79,7 +82,10 @@ def test_any_settings_of_our_views_can_be_saved_and_read_again(robot, data):
     chosen = data.draw(st.lists(st.sampled_from(names), unique=True))
     new = {name: data.draw(drawn[type(old[name])]) for name in chosen}
     for name, value in new.items():
-        view = replaced(view, name, value)
+        try:
+            view = replaced(view, name, value)
+        except ConfigError:
+            new[name] = old[name]
     text = edit_yaml(text, new)
     assert parse_view(text) == view
     keys = {name.rpartition(".")[2] for name in chosen}

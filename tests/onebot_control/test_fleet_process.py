@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, lines_of_ours, wait_for
 
 MODULE = "onebot_control.velocity_controller"
 # b drives against a, c turns elsewhere.
@@ -119,7 +119,7 @@ def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) ->
     words = robots(c={"update_rate": 50})
     with NodeProcess(MODULE, str(model), *words, *ros_args(), check=False) as node:
         wait_for(lambda: node.process.poll() == 1, "the end")
-        assert node.output.splitlines() == [
+        assert lines_of_ours(node.output) == [
             "error: /c/velocity_controller: update_rate: 50, but 100 of /a/velocity_controller; "
             "it is the same for all robots of a world"
         ]

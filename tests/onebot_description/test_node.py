@@ -25,7 +25,7 @@ from onebot_description.node import (
     use_writable_log_folder,
 )
 from tests.ros_support import Peer
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, lines_of_ours, wait_for
 
 
 def test_files_and_names_are_found() -> None:
@@ -81,7 +81,7 @@ def test_an_error_of_a_node_is_one_line(ros_domain: int) -> None:
         [sys.executable, "-c", _FAILING], capture_output=True, text=True, timeout=180, check=True
     )
     assert done.stdout.split() == ["1", "1", "1", "0"] * 2
-    assert done.stderr.splitlines() == ["error: start", "error: callback", "error: end"] * 2
+    assert lines_of_ours(done.stderr) == ["error: start", "error: callback", "error: end"] * 2
 
 
 def test_each_kind_is_logged_once_within_its_time() -> None:

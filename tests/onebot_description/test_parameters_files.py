@@ -17,6 +17,7 @@ from onebot_description.parameters.files import (
     section_matches,
 )
 from onebot_description.parameters.reader import ConfigError, defaults
+from tests.support import PATIENCE
 
 NODE, LIVE_NODE = "/ns/jsp", "/jsp"
 FILE = """\
@@ -70,7 +71,9 @@ def test_a_file_reads_as_rcl_reads_it(tmp_path: Path, ros_domain: int) -> None:
     names = ",".join([*ours, "empty", "elsewhere"])
     ros = ["--ros-args", "-r", "__ns:=/ns", "--params-file", str(tmp_path / "file.yaml")]
     command = [sys.executable, "-c", script, names, *ros]
-    output = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+    output = subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE, check=True
+    ).stdout
     assert output.splitlines() == [f"{name} {value!r}" for name, value in ours.items()]
     assert ours["twice"] == "second"
 

@@ -289,7 +289,7 @@ def test_ctrl_c_while_busy(ros_domain, arm):
         thread.start()
         try:
             wait_for(lambda: len(moving) > 100, "many transforms")
-            assert node.interrupt(5) == 0
+            assert node.interrupt() == 0
         finally:
             done.set()
             thread.join()

@@ -6,6 +6,7 @@ import threading
 import pytest
 
 from onebot_description.signals import KeyboardInterrupts, StopSignals, stop_signals
+from tests.support import PATIENCE
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -14,7 +15,7 @@ def test_a_signal_calls_and_does_not_interrupt(number: signal.Signals) -> None:
     called = threading.Event()
     with StopSignals(called.set):
         signal.raise_signal(number)
-        assert called.wait(60.0)
+        assert called.wait(PATIENCE)
 
 
 def test_what_may_be_given_up_is_interrupted() -> None:
@@ -26,7 +27,7 @@ def test_what_may_be_given_up_is_interrupted() -> None:
         signal.raise_signal(signal.SIGINT)  # cleaning up is not
         with pytest.raises(KeyboardInterrupt), signals.interrupting():
             raise AssertionError("this was to be left out")
-        assert called.wait(60.0)
+        assert called.wait(PATIENCE)
 
 
 def test_an_interruption_stays_one() -> None:

@@ -4,11 +4,14 @@ import { Braking } from "./braking.js";
 import { Connection } from "./connection.js";
 import { Gamepads } from "./gamepad.js";
 import { Keys } from "./keys.js";
+import { GroundMap } from "./map.js";
+import { Displays, Parameters } from "./panels.js";
 import { Pad } from "./pad.js";
 import { Readout, share } from "./readout.js";
 import { Limits, Robot, Topic, write } from "./settings.js";
 import { Sliders } from "./sliders.js";
 import { Stop } from "./stop.js";
+import { Tools } from "./tools.js";
 import { View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
@@ -30,6 +33,12 @@ const limits = new Limits(
 const readout = new Readout(element("readout"));
 const braking = new Braking(element("braking").querySelector("output"));
 const view = new View(element("view"), stop);
+const map = new GroundMap(element("ground"), (tool, place) => tools.publish(tool, place));
+const panels = {
+  displays: new Displays(element("displays")),
+  parameters: new Parameters(element("parameters")),
+};
+const tools = new Tools(element("tools"), map, panels, notify);
 
 enable(false);
 // Without the focus no release of a key or a button would be received.

@@ -62,7 +62,7 @@ export function share(value, limit) {
 }
 
 /** With a real minus sign, as wide as a plus, and no minus before zero. */
-function fixed(value, digits) {
+export function fixed(value, digits) {
   const words = value.toFixed(digits);
   return Number(words) === 0 ? words.replace("-", "") : words.replace("-", "\u2212");
 }

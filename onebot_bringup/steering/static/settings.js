@@ -227,7 +227,7 @@ function save(chosen) {
 }
 
 /** Enter applies the value, as leaving the field does, and gives the keys back to driving. */
-function onEnterLeave(input) {
+export function onEnterLeave(input) {
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") input.blur();
   });

@@ -34,8 +34,8 @@ CORNERS = 48
 # An eigenvalue this much below zero, of the largest one, is rounding; more is no covariance.
 _ROUNDING = 1e-9
 # Half an axis beyond this (metres) means "unknown", as 1e6 in a covariance does.
-_LARGEST = 100.0
-_FILL_ALPHA = 45
+LARGEST_AXIS = 100.0
+FILL_ALPHA = 45
 _CHANGE = 0.01  # of a shape's size: less would not be seen
 
 Floats = NDArray[np.float64]
@@ -134,6 +134,11 @@ def sector_outline(deviation: float, sigma: float, radius: float) -> Floats:
     return np.concatenate([middle, arc, middle])
 
 
+def fan() -> NDArray[np.int64]:
+    """Return the triangles of the surface that an outline encloses."""
+    return np.array([(0, i, i + 1) for i in range(1, CORNERS)])
+
+
 class CovarianceStream:
     """Logs the ellipse and the sector of one Odometry topic."""
 
@@ -170,7 +175,7 @@ class CovarianceStream:
         place[2] += self._settings.height
         for outline, rotation in (
             (self._place, np.array([0.0, 0.0, 0.0, 1.0])),
-            (self._heading, _yaw_only(sample.rotation)),
+            (self._heading, yaw_only(sample.rotation)),
         ):
             if outline.drawn:
                 self._context.transforms.place(stamp_ns, self.frame, outline.frame, place, rotation)
@@ -187,7 +192,7 @@ class CovarianceStream:
         self._place.draw(
             stamp_ns,
             ellipse_outline(ellipse, sigma)
-            if ellipse is not None and 0 < sigma * ellipse.along <= _LARGEST
+            if ellipse is not None and 0 < sigma * ellipse.along <= LARGEST_AXIS
             else None,
         )
         self._heading.draw(
@@ -244,18 +249,17 @@ class _Outline:
         if self._styled:
             return
         self._styled = True
-        fan = np.array([(0, i, i + 1) for i in range(1, CORNERS)])
         self._recording.log(
             self._entity,
             rr.CoordinateFrame(self.frame),
             rr.LineStrips3D.from_fields(colors=[self._color], radii=[self._width / 2]),
-            rr.Mesh3D.from_fields(triangle_indices=fan, albedo_factor=(*self._color, _FILL_ALPHA)),
+            rr.Mesh3D.from_fields(triangle_indices=fan(), albedo_factor=(*self._color, FILL_ALPHA)),
             static=True,
         )
 
 
-def _yaw_only(rotation: Floats) -> Floats:
-    """The turn about z alone of a quaternion x y z w."""
+def yaw_only(rotation: Floats) -> Floats:
+    """Return the turn about z alone of a quaternion x y z w, of length 1."""
     length = math.hypot(rotation[2], rotation[3])
     if not 0 < length < math.inf:
         return np.array([0.0, 0.0, 0.0, 1.0])

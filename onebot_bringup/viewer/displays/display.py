@@ -68,14 +68,24 @@ class MessageType(Generic[T]):
 
 
 @lru_cache(maxsize=256)
-def _message_type(name: str, definition: str, live: bool) -> "MessageType[Any]":
+def message_type(name: str, definition: str, live: bool = True) -> "MessageType[Any]":
+    """Return a type whose messages are decoded by its definition, see ``Schema``.
+
+    Raises:
+        ValueError: the definition cannot be read.
+    """
     schema = Schema.of(name, definition)
-    return MessageType(name, one_by_one(schema.read), _stamp_ns, live)
+    return MessageType(name, one_by_one(schema.read), _stamp_of(schema), live)
 
 
-def _stamp_ns(message: Any) -> int:
-    header = getattr(message, "header", None)
-    return nanoseconds(header.stamp) if header is not None else 0
+def _stamp_of(schema: Schema) -> Callable[[Any], int]:
+    """Return what reads the stamp of a message: of its header, or its own."""
+    fields = schema.numeric_fields()
+    if "header.stamp.nanosec" in fields:
+        return lambda message: nanoseconds(message.header.stamp)
+    if "stamp.nanosec" in fields:
+        return lambda message: nanoseconds(message.stamp)
+    return lambda message: 0
 
 
 def one_by_one(read: Callable[[bytes], T]) -> Callable[[Sequence[bytes], Report], list[T | None]]:
@@ -157,6 +167,7 @@ class LayoutPart:
     shown: tuple[str, ...] = ()  # but for these
     windows: tuple[tuple[str, float], ...] = ()  # entity, and how many seconds of it are shown
     robot: str = ""  # whose views these are, where there are several
+    wide: tuple[SideView, ...] = ()  # below the robot's
 
     def below(self, root: str) -> "LayoutPart":
         """Return the same of the entities below ``root``, a robot's; "" for all there are."""
@@ -167,6 +178,7 @@ class LayoutPart:
             tuple(below(root, entity) for entity in self.shown),
             tuple((below(root, entity), seconds) for entity, seconds in self.windows),
             root,
+            tuple(view.below(root) for view in self.wide) if root else self.wide,
         )
 
 
@@ -216,6 +228,7 @@ class Context:
         root: str = "",
         definitions: Callable[[str], str] = full_definition,
         resolve: Callable[[str], str] = str,
+        now_ns: Callable[[], int] = lambda: 0,
     ) -> None:
         """Share where to log, and what is known of the robot.
 
@@ -229,8 +242,10 @@ class Context:
             root: the entity below which all of the robot is logged; "" where it is the only one.
             definitions: returns the definition of a message type; raises OneBotError.
             resolve: returns the full name of a topic that the view names.
+            now_ns: the time on the timeline, nanoseconds.
         """
         self.root = root
+        self.now_ns = now_ns
         self._definitions = definitions
         self.resolve = resolve
         self.recording = cast(rr.RecordingStream, _Subtree(recording, root)) if root else recording
@@ -265,7 +280,7 @@ class Context:
             OneBotError: there is no definition of it.
             ValueError: it cannot be read.
         """
-        return _message_type(name, self._definitions(name), live)
+        return message_type(name, self._definitions(name), live)
 
     def log_row(
         self, entity: str, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn
@@ -324,6 +339,14 @@ class Display(ABC, Generic[S]):
 
     def set_robot(self) -> None:  # noqa: B027  most displays do not depend on the robot
         """Draw for the robot that ``context`` now has."""
+
+    def offer(self, _topics: Mapping[str, str]) -> bool:
+        """Note which topics there are now; the type of each by its full name.
+
+        Returns:
+            Whether other topics are to be subscribed: ``apply`` follows.
+        """
+        return False
 
     def layout(self) -> LayoutPart:
         """Return its part of the layout, by the settings of now."""

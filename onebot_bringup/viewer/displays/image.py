@@ -220,3 +220,11 @@ class ImageDisplay(MessageDisplay[ImageLook]):
     draws = ImageDrawing
     message_types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
     heavy = True
+
+    @classmethod
+    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
+        """Whether ROS's image_transport publishes it beside a picture, compressed."""
+        picture, _, transport = topic.rpartition("/")
+        return transport == "compressedDepth" or (
+            transport == "compressed" and topics.get(picture) in cls.message_types
+        )

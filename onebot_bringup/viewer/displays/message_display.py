@@ -27,7 +27,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
+import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ReadyColumn
 from onebot_bringup.viewer.displays.display import (
@@ -92,6 +94,11 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         super().__init__(contexts[0])
         self._offered: Mapping[str, str] = {}
 
+    @classmethod
+    def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
+        """Whether one of ``topics`` has the same content, so that one is not shown by itself."""
+        return False
+
     def offer(self, topics: Mapping[str, str]) -> bool:
         """Draw these topics, and no others, from the next ``apply`` on.
 
@@ -136,6 +143,12 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             depth=qos.depth or (_DEPTH_HEAVY if self.heavy else _DEPTH),
         )
 
+    def flush(self) -> None:
+        """Log what has come; of what waits for a transform the last messages are kept."""
+        super().flush()
+        for drawing in self.items.values():
+            drawing.keep(_DEPTH_HEAVY if self.heavy else _DEPTH)
+
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
         parts = [drawing.layout() for drawing in self.items.values()]
@@ -144,6 +157,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             hidden=tuple(entity for part in parts for entity in part.hidden),
             shown=tuple(entity for part in parts for entity in part.shown),
             windows=tuple(window for part in parts for window in part.windows),
+            wide=tuple(view for part in parts for view in part.wide),
         )
 
     def warnings(self) -> list[str]:
@@ -156,11 +170,15 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         return [*super().warnings(), *bad]
 
 
-_DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS
+_MOST_FRAMES = 99  # with entities of their own
+_DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
 
 
 class Drawing(Generic[L]):
-    """Draws the messages of one topic, each in place of the one before."""
+    """Draws the messages of one topic, each in place of the one before.
+
+    An entity is in one frame for all time: messages in another are drawn at one of its own, below.
+    """
 
     stamped: ClassVar[bool] = True  # its messages have a header, whose frame it is in
     # Logged again from time to time, where messages come seldom: see REPEAT_AFTER.
@@ -178,11 +196,13 @@ class Drawing(Generic[L]):
         """
         self.context, self.entity, self.look, self.color = context, entity, look, color
         self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
-        self.problem = ""  # of the last message that could not be drawn
+        self.stamp_ns = 0  # of the message that is drawn
+        self.problem = ""  # of the first message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
         self._drawn_at = 0.0
-        self._in_frame = ""  # the entity is
+        self._in_frame = ""  # that the entity drawn at is in
+        self._entities: dict[str, str] = {}  # by frame
 
     @abstractmethod
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
@@ -201,6 +221,13 @@ class Drawing(Generic[L]):
         """Return the frame that the entity is in."""
         return self.frame
 
+    def pose(self) -> NDArray[np.float64] | None:
+        """Return the (4, 4) pose of its frame in the fixed one, when the message was stamped.
+
+        None while no transforms connect them.
+        """
+        return self.context.frames.pose(self.frame, self.context.fixed_frame, self.stamp_ns)
+
     def style(self) -> Sequence[rr.AsComponents]:
         """Return what is the same for all messages; logged once."""
         return ()
@@ -214,10 +241,13 @@ class Drawing(Generic[L]):
         if self.stamped:
             frame = message.header.frame_id.lstrip("/")
             if frame not in ("", self.frame):
+                if self._pending:
+                    self.flush()  # in the frame that they are in
                 self.frame = frame
-                self._pending.clear()  # they were in the other frame
         if self.frame or not self.stamped:
             self._pending.append((stamp_ns, message))
+        else:
+            self.problem = self.problem or "its header has no frame_id"
 
     def flush(self) -> None:
         """Log what has come; where that is seldom, from time to time the last message again."""
@@ -229,25 +259,42 @@ class Drawing(Generic[L]):
             self._pending.append(self._last)
         self._drawn_at = now
         frame = self.drawn_in()
-        if self._in_frame != frame:
-            self._in_frame = frame
-            self.context.recording.log(self.entity, rr.CoordinateFrame(frame), static=True)
-        if self._last is None:
-            for component in self.style():
-                self.context.recording.log(self.entity, component, static=True)
+        if self._in_frame != frame or not self._entities:
+            self._move(frame)
         for stamp_ns, message in self._pending:
+            self.stamp_ns = stamp_ns
             try:
                 self.log(stamp_ns, *self.draw(message))
             except ValueError as error:
-                self.problem = str(error)
+                self.problem = self.problem or str(error)
         self._last = self._pending[-1]
         self._pending.clear()
+
+    def keep(self, most: int) -> None:
+        """Drop the oldest messages that were not drawn, but for so many."""
+        while len(self._pending) > most:
+            self._pending.popleft()
+
+    def _move(self, frame: str) -> None:
+        """Draw in a frame from the next message on, in place of what is drawn in another."""
+        if self._entities:
+            self.log(self._pending[0][0], rr.Clear(recursive=True))
+        if frame not in self._entities:
+            if len(self._entities) > _MOST_FRAMES:
+                self._entities.popitem()
+            number = len(self._entities)
+            self._entities[frame] = below(self.entity, f"_{number}") if number else self.entity
+        self._in_frame = frame
+        coordinates = [rr.CoordinateFrame(frame)] if frame else []
+        for component in (*coordinates, *self.style()):
+            self.context.recording.log(self._entities[frame], component, static=True)
 
     def log(
         self, stamp_ns: int, *archetypes: rr.AsComponents | ReadyColumn, below_it: str = ""
     ) -> None:
         """Log at a time, to the entity or to one below it."""
-        entity = below(self.entity, below_it) if below_it else self.entity
+        entity = self._entities.get(self._in_frame, self.entity)
+        entity = below(entity, below_it) if below_it else entity
         if archetypes:
             self.context.log_row(entity, stamp_ns, *archetypes)
 
@@ -261,7 +308,7 @@ class Drawing(Generic[L]):
 
     def replace(self, before: "Drawing[L]") -> None:
         """Draw anew what another look has drawn, and what it waited with."""
-        self.frame = before.frame
+        self.frame, self._entities = before.frame, before._entities
         self._pending.extend([before._last] if before._last is not None else [])
         self._pending.extend(before._pending)
 

@@ -102,7 +102,7 @@ class PointsDrawing(Drawing[PointsLook]):
                 break
         else:
             colors = self._flat()
-        if self.look.decay_time and (pose := self._pose()) is not None:
+        if self.look.decay_time and (pose := self.pose()) is not None:
             positions = positions @ pose[:3, :3].T + pose[:3, 3]
         return [_POSITIONS.row(positions), _COLORS.row(colors)]
 
@@ -133,15 +133,12 @@ class PointsDrawing(Drawing[PointsLook]):
         return np.array([red << 24 | green << 16 | blue << 8 | _OPAQUE], np.uint32)
 
     def _along_axis(self, positions: Floats32) -> NDArray[Any]:
-        axis, pose = _AXES.index(self.look.axis), self._pose()
+        axis, pose = _AXES.index(self.look.axis), self.pose()
         if pose is None:
             return positions[:, axis]
         row = pose[axis].astype(np.float32)
         found: Floats32 = positions @ row[:3] + row[3]
         return found
-
-    def _pose(self) -> NDArray[np.float64] | None:
-        return self.context.frames.pose(self.frame, self.context.fixed_frame)
 
 
 def _is_constant(values: NDArray[Any]) -> bool:
@@ -176,8 +173,8 @@ def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Col
     with np.errstate(over="ignore", invalid="ignore"):
         scaled -= scaled.dtype.type(low)
         scaled *= scaled.dtype.type(255.0 / (high - low) if high > low else 0.0)
-        np.fmax(np.fmin(scaled, 255.0, out=scaled), 0.0, out=scaled)  # also of NaN
-    return table.take(scaled.astype(np.uint8))
+        rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # any one for NaN
+    return table.take(rows, mode="wrap")  # which is the fastest: they are within it
 
 
 def _bounds(values: NDArray[Any]) -> tuple[float, float]:

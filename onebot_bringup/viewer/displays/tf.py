@@ -4,7 +4,7 @@ import time
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import compress
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -22,7 +22,7 @@ from onebot_bringup.viewer.displays.display import (
     WantedTopic,
     one_by_one,
 )
-from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.frames import FrameTree, Transforms
 from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.wire.messages import TfArrays, tf_arrays
 
@@ -240,21 +240,6 @@ _TRANSLATIONS = ColumnMaker(rr.Transform3D.columns(translation=np.zeros((1, 3)))
 _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))
 
 
-class Transforms(Protocol):
-    """A TFMessage as arrays (``onebot_description.wire.messages.TfArrays`` is one)."""
-
-    @property
-    def parents(self) -> list[str]: ...  # noqa: D102
-    @property
-    def children(self) -> list[str]: ...  # noqa: D102
-    @property
-    def stamps_ns(self) -> NDArray[np.int64]: ...  # noqa: D102
-    @property
-    def translations(self) -> Floats: ...  # noqa: D102
-    @property
-    def rotations(self) -> Floats: ...  # noqa: D102
-
-
 class _Placed(NamedTuple):
     """A frame of ours, not of /tf."""
 
@@ -404,13 +389,15 @@ class TransformStream:
     def _remember(self, batch: Sequence[Transforms], latest_ns: int) -> None:
         """Update ``frames``, and log anew the frames that have not come for a while."""
         now = time.monotonic()
-        last: dict[int, Transforms] = {}  # of each list of frames, in the order they came
+        # Of each list of frames, in the order in which they came last.
+        found: dict[int, list[Transforms]] = {}
         for item in batch:
-            last.pop(id(item.children), None)
-            last[id(item.children)] = item
-        for names, item in last.items():
-            self._frames.update(*_columns(item))
-            self._received[names] = (item.children, now)
+            same = found.pop(id(item.children), [])
+            same.append(item)
+            found[id(item.children)] = same
+        for names, items in found.items():
+            self._frames.update(*_columns(items[-1]), history=items)
+            self._received[names] = (items[-1].children, now)
         self._latest_ns = latest_ns
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_AFTER / 2

@@ -1,0 +1,177 @@
+"""What the page's map shows: the robot and the map (nav_msgs/OccupancyGrid), in one frame.
+
+That frame is ``map`` where the robot's odometry is below one, or else the root of its tree. Nothing
+is subscribed while no page looks.
+"""
+
+import io
+import math
+import secrets
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from nav_msgs.msg import OccupancyGrid
+from PIL import Image
+from rclpy.node import Node
+
+from onebot_bringup.introspection.transforms import TransformBuffer, TransformError
+from onebot_bringup.steering.odometry import OdometryTopic
+from onebot_control.poses import Transform, compose, yaw_of
+from onebot_description.topic_subscription import (
+    TopicSubscription,
+    TypeConflictError,
+    compatible_qos,
+    offers,
+)
+from onebot_description.wire.messages import OdometrySample, tf_arrays
+from onebot_description.wire.tf_message import TFMessage
+
+_MAP = "map"  # the name of the topic, and of the frame
+_TF = "tf2_msgs/msg/TFMessage"
+_GRID = "nav_msgs/msg/OccupancyGrid"
+_DEPTH = 100
+_UNUSED = 10.0  # s without a request until it unsubscribes
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A map."""
+
+    message: OccupancyGrid
+    version: str = field(default_factory=lambda: secrets.token_hex(4))  # another one for each
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it has as many cells as it says."""
+        info = self.message.info
+        cells = info.width * info.height
+        return bool(0 < cells == len(self.message.data) and info.resolution > 0.0)
+
+    def picture(self) -> bytes:
+        """Return it as PNG, a pixel a cell: free is white, occupied black, unknown transparent."""
+        info = self.message.info
+        cells = np.frombuffer(self.message.data, np.int8).reshape(info.height, info.width)[::-1]
+        known = (cells >= 0) & (cells <= 100)
+        shade = 255 - np.where(known, cells, 0).astype(np.uint16) * 255 // 100
+        pixels = np.dstack([shade, known * 255]).astype(np.uint8)
+        file = io.BytesIO()
+        Image.fromarray(pixels, "LA").save(file, "PNG", compress_level=1)
+        return file.getvalue()
+
+
+class Ground:
+    """Subscribes to the transforms and the map while pages look; all in the node's thread."""
+
+    def __init__(self, node: Node, odometry: OdometryTopic) -> None:
+        """Start without subscriptions; ``odometry`` is the robot's."""
+        self._node, self._odometry = node, odometry
+        self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
+        self._transforms = TransformBuffer()
+        self._used = -math.inf
+        self.grid: Grid | None = None
+
+    def update(self, namespace: str) -> None:
+        """Follow publishers that come and go; to be called several times per second.
+
+        Args:
+            namespace: of the robot; its map is below it, or else the map of all robots.
+        """
+        wanted: dict[str, str] = {}
+        if time.monotonic() < self._used + _UNUSED:
+            own = f"{namespace}/{_MAP}"
+            grid = own if self._node.count_publishers(own) else f"/{_MAP}"
+            wanted = {"/tf": _TF, "/tf_static": _TF, grid: _GRID}
+        if self._subscriptions.keys() != wanted.keys():
+            self._close()
+            self._subscriptions = {
+                name: (kind, self._make(name, kind)) for name, kind in wanted.items()
+            }
+        for name, (kind, subscription) in self._subscriptions.items():
+            self._follow(name, kind, subscription)
+
+    def _follow(self, name: str, kind: str, subscription: TopicSubscription) -> None:
+        offered = offers(self._node, name, [kind]).get(kind)
+        if offered:
+            try:
+                subscription.update(kind, compatible_qos(offered, _DEPTH))
+            except TypeConflictError:
+                pass  # the page steers a topic of this name
+
+    def _make(self, name: str, kind: str) -> TopicSubscription:
+        if kind == _GRID:
+            return TopicSubscription(
+                self._node, name, self._on_grid, lambda _: OccupancyGrid, raw=False
+            )
+        static = name == "/tf_static"
+
+        def received(_: str, data: bytes) -> None:
+            try:
+                self._transforms.add(tf_arrays(data), static=static)
+            except ValueError:
+                pass  # other nodes report it
+
+        return TopicSubscription(self._node, name, received, lambda _: TFMessage)
+
+    def _close(self) -> None:
+        for _, subscription in self._subscriptions.values():
+            subscription.close()
+        self._transforms, self.grid = TransformBuffer(), None
+
+    def _on_grid(self, _: str, message: OccupancyGrid) -> None:
+        grid = Grid(message)
+        self.grid = grid if grid.is_whole else None
+
+    def fields(self, frame: str = "") -> dict[str, Any]:
+        """Return what a page shows: poses and sizes in m and rad, None where they are not known.
+
+        Args:
+            frame: to have it in; "" for the map's, see above.
+        """
+        self._used = time.monotonic()
+        odometry = self._odometry.sample
+        frame = frame or self._frame(odometry)
+        robot = None
+        if odometry is not None:
+            robot = self._pose(frame, odometry.frame_id, _transform(odometry))
+        base = odometry.child_frame_id if odometry is not None else ""
+        return {"frame": frame, "base": base, "robot": robot, "map": self._grid_fields(frame)}
+
+    def _frame(self, odometry: OdometrySample | None) -> str:
+        buffer = self._transforms
+        if odometry is None:
+            return _MAP if _MAP in buffer.names else next(iter(buffer.roots), "")
+        above = buffer.above(odometry.frame_id.removeprefix("/"))
+        return next((name for name in above if name.rpartition("/")[2] == _MAP), above[-1])
+
+    def _grid_fields(self, frame: str) -> dict[str, Any] | None:
+        grid = self.grid
+        if grid is None:
+            return None
+        info, origin = grid.message.info, grid.message.info.origin
+        place, turn = origin.position, origin.orientation
+        pose = self._pose(
+            frame,
+            grid.message.header.frame_id,
+            ((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)),
+        )
+        size = {"width": info.width * info.resolution, "height": info.height * info.resolution}
+        return {"version": grid.version, **pose, **size} if pose is not None else None
+
+    def _pose(self, frame: str, of: str, transform: Transform) -> dict[str, float] | None:
+        """A pose in the frame ``of``, as one in ``frame``; None if it is not known."""
+        of = of.removeprefix("/")
+        if of != frame:
+            try:
+                transform = compose(self._transforms.lookup(frame, of).transform, transform)
+            except TransformError:
+                return None
+        pose = {"x": transform[0][0], "y": transform[0][1], "yaw": yaw_of(*transform[1])}
+        return pose if all(map(math.isfinite, pose.values())) else None
+
+
+def _transform(sample: OdometrySample) -> Transform:
+    x, y, z = sample.translation.tolist()
+    a, b, c, w = sample.rotation.tolist()
+    return (x, y, z), (a, b, c, w)

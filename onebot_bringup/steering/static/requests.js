@@ -1,0 +1,23 @@
+/** Requests of the tools and panels to the robot's server: JSON both ways. */
+
+/** The address of what the server has below tools/, with the token of the page's own address. */
+export function toolAddress(path, query = {}) {
+  const address = new URL(`tools/${path}`, document.baseURI);
+  const token = new URLSearchParams(location.search).get("token");
+  for (const [name, value] of Object.entries(token ? { ...query, token } : query)) {
+    address.searchParams.set(name, value);
+  }
+  return address;
+}
+
+/** @throws {Error} with the server's sentence, or one that says that there is none. */
+async function ask(address, options) {
+  const answer = await fetch(address, { cache: "no-store", ...options }).catch(() => null);
+  const found = await answer?.json().catch(() => null);
+  if (!answer?.ok) throw new Error(found?.error ?? "The robot's server does not answer.");
+  return found;
+}
+
+export const get = (path, query) => ask(toolAddress(path, query));
+export const post = (path, body) =>
+  ask(toolAddress(path), { method: "POST", body: JSON.stringify(body) });

@@ -1,0 +1,247 @@
+"""The requests of the page's tools and panels, below /tools/: JSON over HTTP.
+
+    GET ground[?frame=F]: the robot and the map in a frame, see ``Ground.fields``.
+    GET map.png: the picture of that map.
+    POST click: publishes a click, see ``Click``; responds with ``topic`` and ``subscribers``.
+    GET nodes: ``nodes`` with parameters, the robot's controllers first; the ``viewer``, "" for
+        none; and what is ``shown`` in it: ``topic``, ``type`` and ``visible`` of each.
+    GET parameters?node=N: its ``parameters``.
+    POST parameters: ``node`` and ``values``, YAML by name; responds with why each was refused.
+
+A request that fails has ``error``, a sentence, and a status from 400 on.
+"""
+
+import asyncio
+import json
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from functools import partial
+from typing import Any, Protocol, TypeVar
+
+from aiohttp import web
+from rclpy.node import Node
+
+from onebot_bringup.introspection.parameter_client import ParameterClient
+from onebot_bringup.introspection.parameter_values import text_of, type_label
+from onebot_bringup.steering.protocol import ProtocolError, json_object
+from onebot_bringup.steering.tools import Click, parse_click
+from onebot_description.errors import OneBotError
+
+T = TypeVar("T")
+
+_POLL = 0.01  # s
+_TIMEOUT = 5.0  # s for the node's thread
+_DISCOVERY = 2.0  # s for those who subscribe to a click to discover its publisher
+_LONGEST = 1 << 14  # characters of a request to set parameters
+_LONGEST_VALUE = 1000  # characters; longer ones, such as a robot's description, are not edited here
+_AT_ONCE = 4  # requests for parameters, which wait for other nodes
+
+
+class OtherThread:
+    """A node as a ``Session`` of threads that do not spin it."""
+
+    def __init__(self, node: Node) -> None:
+        """Call ``node``."""
+        self._node = node
+        self._closed = threading.Event()
+
+    @property
+    def node(self) -> "OtherThread":
+        """Makes and destroys clients."""
+        return self
+
+    def create_client(self, kind: Any, name: str) -> Any:
+        """Make a client."""
+        return self.call(lambda: self._node.create_client(kind, name))
+
+    def destroy_client(self, client: Any) -> None:
+        """Destroy it."""
+        self.call(lambda: self._node.destroy_client(client))
+
+    def call(self, action: Callable[[], T]) -> T:
+        """Return what ``action`` returns in the node's thread.
+
+        Raises:
+            OneBotError: the node does not spin, or ends.
+        """
+        done: Future[T] = Future()
+        executor = self._node.executor
+        if executor is not None:
+            executor.create_task(partial(_run, action, done))
+            self.spin(done.done, _TIMEOUT)
+        if not done.done():
+            raise OneBotError("the page's node does not answer at the moment")
+        return done.result()
+
+    def spin(self, until: Callable[[], Any], timeout: float) -> Any:
+        """Wait until ``until()`` is true; the node's thread runs its callbacks."""
+        deadline = time.monotonic() + timeout
+        while not (value := until()) and time.monotonic() < deadline:
+            if self._closed.wait(_POLL):
+                raise OneBotError("the page's node ends")
+        return value
+
+    def close(self) -> None:
+        """End all calls."""
+        self._closed.set()
+
+
+def _run(action: Callable[[], T], done: "Future[T]") -> None:
+    try:
+        done.set_result(action())
+    except Exception as error:
+        done.set_exception(error)
+
+
+class ToolNode(Protocol):
+    """What the node does for a tool; called in its thread."""
+
+    def ground(self, frame: str) -> Mapping[str, Any]:
+        """See ``Ground.fields``."""
+
+    def map_picture(self) -> Callable[[], bytes] | None:
+        """Return what makes the picture of the map, in any thread; None without a map."""
+
+    def reaches_all(self, click: Click) -> bool:
+        """Whether all who subscribe to a click's topic have discovered its publisher."""
+
+    def click(self, click: Click) -> tuple[str, int]:
+        """Publish a click; return the topic and the number of its subscribers."""
+
+    def nodes(self) -> Mapping[str, Any]:
+        """Return ``nodes``, ``viewer`` and ``shown``."""
+
+
+class ToolRequests:
+    """The routes below /tools/."""
+
+    def __init__(self, thread: OtherThread, node: ToolNode) -> None:
+        """Have ``node`` do what is requested, in the thread that spins it."""
+        self._thread, self._node = thread, node
+        self._free = asyncio.Semaphore(_AT_ONCE)
+
+    def add_to(self, app: web.Application) -> None:
+        """Add the routes."""
+        router = app.router
+        router.add_get("/tools/ground", self._ground)
+        router.add_get("/tools/map.png", self._map)
+        router.add_get("/tools/nodes", self._nodes)
+        router.add_post("/tools/click", self._click)
+        router.add_get("/tools/parameters", self._parameters)
+        router.add_post("/tools/parameters", self._set_parameters)
+
+    async def _ground(self, request: web.Request) -> web.Response:
+        frame = request.query.get("frame", "")
+        return await self._respond(lambda: self._node.ground(frame))
+
+    async def _map(self, request: web.Request) -> web.Response:
+        draw = await asyncio.to_thread(self._thread.call, self._node.map_picture)
+        if draw is None:
+            raise web.HTTPNotFound(text="There is no map.\n")
+        return web.Response(body=await asyncio.to_thread(draw), content_type="image/png")
+
+    async def _nodes(self, request: web.Request) -> web.Response:
+        return await self._respond(self._node.nodes)
+
+    async def _click(self, request: web.Request) -> web.Response:
+        text = await request.text()
+
+        def publish() -> Mapping[str, Any]:
+            thread, click = self._thread, parse_click(text)
+            # What is published before the subscribers have discovered the publisher is lost.
+            thread.spin(lambda: thread.call(partial(self._node.reaches_all, click)), _DISCOVERY)
+            topic, subscribers = thread.call(partial(self._node.click, click))
+            return {"topic": topic, "subscribers": subscribers}
+
+        return await _json(publish)
+
+    async def _respond(self, action: Callable[[], Mapping[str, Any]]) -> web.Response:
+        """Respond with what ``action`` returns in the node's thread."""
+        return await _json(partial(self._thread.call, action))
+
+    async def _parameters(self, request: web.Request) -> web.Response:
+        node = request.query.get("node", "")
+        async with self._free:
+            return await _json(lambda: {"parameters": rows_of(self._client(node))})
+
+    async def _set_parameters(self, request: web.Request) -> web.Response:
+        text = await request.text()
+
+        def change() -> Mapping[str, Any]:
+            node, values = parse_values(text)
+            results = self._client(node).set(list(values.items()), same_types=True)
+            refused = {
+                name: result.reason or "the node refused it"
+                for name, result in zip(values, results, strict=True)
+                if not result.successful
+            }
+            return {"refused": refused}
+
+        async with self._free:
+            return await _json(change)
+
+    def _client(self, node: str) -> ParameterClient:
+        if node not in self._thread.call(self._node.nodes)["nodes"]:
+            raise OneBotError(f'there is no node "{node}"')
+        return ParameterClient(self._thread, node)
+
+
+async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:
+    try:
+        return web.json_response(await asyncio.to_thread(action))
+    except ProtocolError as error:
+        return web.json_response({"error": f"{error}."}, status=400)
+    except OneBotError as error:
+        return web.json_response({"error": f"{error}."}, status=409)
+
+
+def parse_values(text: str) -> tuple[str, Mapping[str, str]]:
+    """Return the node and the values in YAML, by name, that a page wants to set.
+
+    Raises:
+        ProtocolError: the text is no such request.
+    """
+    fields = json_object(text, _LONGEST)
+    if set(fields) != {"node", "values"}:
+        raise ProtocolError("a request to set parameters has node and values, no others")
+    node, values = fields["node"], fields["values"]
+    if not isinstance(node, str):
+        raise ProtocolError("node must be the full name of a node", "node")
+    if not isinstance(values, dict) or not all(isinstance(each, str) for each in values.values()):
+        raise ProtocolError("values must have a text in YAML for each parameter", "values")
+    return node, values
+
+
+def shown_topics(text: str) -> list[Mapping[str, Any]]:
+    """Return the topics of a viewer's ~/displays; none for a text that is no such message."""
+    try:
+        found = json.loads(text)["shown"]
+        return [
+            {"topic": str(one["topic"]), "type": str(one["type"]), "visible": bool(one["visible"])}
+            for one in found
+        ]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return []
+
+
+def rows_of(client: ParameterClient) -> list[Mapping[str, Any]]:
+    """Return the parameters of a node as a page shows them, by name."""
+    names = sorted(client.names())
+    pairs = zip(client.describe(names), client.values(names), strict=True)
+    rows = [_row(*pair) for pair in pairs]
+    return [row for row in rows if len(row["value"]) <= _LONGEST_VALUE]
+
+
+def _row(descriptor: Any, value: Any) -> Mapping[str, Any]:
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    return {
+        "name": descriptor.name,
+        "type": type_label(value.type),
+        "value": text_of(value),
+        "description": descriptor.description,
+        "rule": descriptor.additional_constraints,
+        "read_only": descriptor.read_only,
+        "range": [ranges[0].from_value, ranges[0].to_value] if ranges else None,
+    }

@@ -1,0 +1,126 @@
+"""The page's tools, as RViz has them: a click on the ground becomes a message."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamped
+from rclpy.node import Node
+
+from onebot_bringup.steering.protocol import ProtocolError, finite_number, json_object
+from onebot_control.poses import about_z
+from onebot_description.errors import OneBotError
+from onebot_description.topic_subscription import RCLError
+
+_DEPTH = 10
+_LONGEST_FRAME = 200  # characters
+
+
+class Tool(NamedTuple):
+    """What a tool publishes."""
+
+    topic: str  # below the robot's namespace
+    kind: Any
+
+
+TOOLS: Mapping[str, Tool] = {
+    "goal": Tool("goal_pose", PoseStamped),
+    "estimate": Tool("initialpose", PoseWithCovarianceStamped),
+    "point": Tool("clicked_point", PointStamped),
+}
+# RViz's: 0.5 m along x and y, 15 degrees about z, one standard deviation each.
+_ESTIMATE = np.zeros((6, 6))
+_ESTIMATE[0, 0] = _ESTIMATE[1, 1] = 0.5**2
+_ESTIMATE[5, 5] = (np.pi / 12.0) ** 2
+
+
+@dataclass(frozen=True)
+class Click:
+    """A place on the ground that a page sent."""
+
+    tool: str  # of TOOLS
+    frame: str
+    x: float  # m
+    y: float  # m
+    yaw: float  # rad; a point has none
+
+
+def parse_click(text: str) -> Click:
+    """Return the click that a page sent: JSON with the fields of ``Click``.
+
+    Raises:
+        ProtocolError: it is none.
+    """
+    fields = json_object(text)
+    if set(fields) != {"tool", "frame", "x", "y", "yaw"}:
+        raise ProtocolError("a click has tool, frame, x, y and yaw, no others")
+    tool, frame = fields["tool"], fields["frame"]
+    if not isinstance(tool, str) or tool not in TOOLS:
+        raise ProtocolError(f"tool must be one of {', '.join(TOOLS)}", "tool")
+    if not isinstance(frame, str) or not 0 < len(frame) <= _LONGEST_FRAME:
+        raise ProtocolError("frame must be the name of a frame, such as map", "frame")
+    return Click(tool, frame, *(finite_number(name, fields) for name in ("x", "y", "yaw")))
+
+
+def message_of(click: Click, stamp: Any) -> Any:
+    """Return the message of a click, stamped with a builtin_interfaces/msg/Time."""
+    message = TOOLS[click.tool].kind()
+    message.header.frame_id, message.header.stamp = click.frame, stamp
+    if click.tool == "point":
+        message.point.x, message.point.y = click.x, click.y
+        return message
+    pose = message.pose
+    if click.tool == "estimate":
+        pose.covariance = _ESTIMATE.ravel()
+        pose = pose.pose
+    pose.position.x, pose.position.y = click.x, click.y
+    *_, pose.orientation.z, pose.orientation.w = about_z(click.yaw)
+    return message
+
+
+class ToolPublishers:
+    """Publishes clicks to one robot."""
+
+    def __init__(self, node: Node) -> None:
+        """Start without publishers; ``prepare`` makes them."""
+        self._node = node
+        self._publishers: dict[str, Any] = {}  # by full name
+
+    def prepare(self, namespace: str) -> None:
+        """Have publishers before the first click: subscribers take a moment to discover one.
+
+        Args:
+            namespace: of the robot, such as "/robot1"; "" for none.
+        """
+        wanted = {f"{namespace}/{tool.topic}": tool.kind for tool in TOOLS.values()}
+        for topic in self._publishers.keys() - wanted.keys():
+            self._node.destroy_publisher(self._publishers.pop(topic))
+        for topic in wanted.keys() - self._publishers.keys():
+            try:
+                self._publishers[topic] = self._node.create_publisher(wanted[topic], topic, _DEPTH)
+            except RCLError:
+                pass  # of another type in this process; reported when it is clicked
+
+    def reaches_all(self, click: Click, namespace: str) -> bool:
+        """Whether all who subscribe to a click's topic have discovered its publisher."""
+        topic, publisher = self._publisher(click, namespace)
+        return bool(publisher.get_subscription_count() >= self._node.count_subscribers(topic))
+
+    def publish(self, click: Click, namespace: str) -> tuple[str, int]:
+        """Publish a click; return the topic's full name and the number of its subscribers.
+
+        Raises:
+            OneBotError: the topic has another type.
+        """
+        topic, publisher = self._publisher(click, namespace)
+        publisher.publish(message_of(click, self._node.get_clock().now().to_msg()))
+        return topic, publisher.get_subscription_count()
+
+    def _publisher(self, click: Click, namespace: str) -> tuple[str, Any]:
+        self.prepare(namespace)
+        tool = TOOLS[click.tool]
+        topic = f"{namespace}/{tool.topic}"
+        if topic not in self._publishers:
+            raise OneBotError(f"{topic} has another type than {tool.kind.__name__}")
+        return topic, self._publishers[topic]

@@ -1,0 +1,92 @@
+"""What nodes log (rcl_interfaces/Log, as on /rosout), as lines of text below the robot.
+
+Every ROS system has /rosout, and its nodes write to a terminal, too: the view takes its room only
+where it is asked for: by the topic's check box, ``shown: [/rosout]`` or ``log: {visible: true}``.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.encodings import TextLogColumnKind
+
+from onebot_bringup.viewer.columns import TIMELINE
+from onebot_bringup.viewer.displays.display import LayoutPart, below
+from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
+from onebot_bringup.viewer.settings import one_of, setting
+from onebot_description.errors import shortened
+
+_LEVELS = {  # the least number of each
+    "debug": (10, rr.TextLogLevel.DEBUG),
+    "info": (20, rr.TextLogLevel.INFO),
+    "warn": (30, rr.TextLogLevel.WARN),
+    "error": (40, rr.TextLogLevel.ERROR),
+    "fatal": (50, rr.TextLogLevel.CRITICAL),
+}
+_LONGEST = 5000  # characters of a line
+
+
+@dataclass(frozen=True)
+class LogLook(Look):
+    """What nodes log."""
+
+    visible: bool = setting(False, "show it below the robot")
+    level: str = setting("info", f"the least: {', '.join(_LEVELS)}", one_of(*_LEVELS))
+
+
+@dataclass(frozen=True)
+class LogView:
+    """A view of lines of text."""
+
+    entity: str
+    topic: str
+
+    def view(self) -> rrb.View:
+        """Return the view for Rerun."""
+        columns = rrb.TextLogColumns(
+            timeline_columns=[TIMELINE],
+            text_log_columns=[TextLogColumnKind.LogLevel, TextLogColumnKind.Body],
+        )
+        return rrb.TextLogView(origin=self.entity, name=self.topic, columns=columns)
+
+    def below(self, root: str) -> "LogView":
+        """Return the same view of the entity below ``root``."""
+        return replace(self, entity=below(root, self.entity))
+
+
+class LogDrawing(Drawing[LogLook]):
+    """The lines of one topic."""
+
+    stamped = False
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a message that is of the level, or above."""
+        if message.level >= _LEVELS[self.look.level][0]:
+            super().add(stamp_ns, message)
+
+    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
+        """Return a line: the node and what it logs."""
+        text = f"[{message.name}] {message.msg}"
+        return [rr.TextLog(shortened(text, _LONGEST), level=_level(message.level))]
+
+    def layout(self) -> LayoutPart:
+        """Return its view."""
+        return LayoutPart(wide=(LogView(self.entity, self.topic),))
+
+
+def _level(number: int) -> rr.TextLogLevel:
+    """Return Rerun's word for a level; one between two is the lower."""
+    names = [name for least, name in _LEVELS.values() if least <= number]
+    return rr.TextLogLevel(names[-1] if names else rr.TextLogLevel.TRACE)
+
+
+class LogDisplay(MessageDisplay[LogLook]):
+    """Shows what nodes log."""
+
+    key = "log"
+    Look = LogLook
+    draws = LogDrawing
+    message_types = ("rcl_interfaces/msg/Log",)
+    plots = True

@@ -1,0 +1,220 @@
+"""Occupancy grids (nav_msgs/OccupancyGrid) and their updates (map_msgs/OccupancyGridUpdate)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, one_row
+from onebot_bringup.viewer.displays.display import (
+    LARGEST,
+    SELDOM,
+    MessageType,
+    WantedTopic,
+    message_type,
+)
+from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
+from onebot_bringup.viewer.settings import fraction, one_of, setting
+from onebot_description.model.quaternions import normalized
+
+UPDATES = "_updates"  # what the topic's name ends in
+# map_msgs need not be installed.
+UPDATE = message_type(
+    "map_msgs/msg/OccupancyGridUpdate",
+    """std_msgs/Header header
+int32 x
+int32 y
+uint32 width
+uint32 height
+int8[] data
+===
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+""",
+)
+_COLORMAPS = {
+    "map": rr.components.Colormap.RvizMap,
+    "costmap": rr.components.Colormap.RvizCostmap,
+    "raw": rr.components.Colormap.Grayscale,
+}
+AUTO = "auto"
+_DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
+
+
+@dataclass(frozen=True)
+class MapLook(Look):
+    """Occupancy grids."""
+
+    alpha: float = setting(0.7, "opacity, 0 to 1", fraction)
+    color_scheme: str = setting(
+        AUTO,
+        "auto is costmap if the topic has that in its name, else map",
+        one_of(AUTO, *_COLORMAPS),
+    )
+    draw_behind: bool = setting(False, "below other maps; costmaps are above them")
+
+
+class Grid(NamedTuple):
+    """A map as it is now."""
+
+    header: Any
+    info: Any
+    cells: NDArray[np.int8]  # (height, width), the lowest y first
+
+
+class MapDrawing(Drawing[MapLook]):
+    """The map of one topic, with its updates; one without cells clears it."""
+
+    repeated = True
+    _grid: Grid | None = None
+    _grid_ns = 0
+    _own = False  # the cells are a copy, to write to
+
+    def style(self) -> Sequence[rr.AsComponents]:
+        """Return colours and layer."""
+        scheme = self.look.color_scheme
+        if scheme == AUTO:
+            scheme = "costmap" if "costmap" in self.entity else "map"
+        layer = -1.0 if self.look.draw_behind else float(scheme == "costmap")
+        colors, alpha = _COLORMAPS[scheme], self.look.alpha
+        return [rr.GridMap.from_fields(colormap=colors, opacity=alpha, draw_order=layer)]
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a map, to be logged by ``flush``."""
+        try:
+            grid = _grid(message)
+        except ValueError as error:
+            self.problem = str(error)
+            return
+        self._own = False
+        self._take(stamp_ns, grid)
+
+    def update(self, stamp_ns: int, message: Any) -> None:
+        """Add an update, which is ignored before there is a map, or where that is newer."""
+        if self._grid is None or stamp_ns < self._grid_ns:
+            return
+        try:
+            grid = self._updated(self._grid, message)
+        except ValueError as error:
+            self.problem = str(error)
+            return
+        if self._pending and self._pending[-1][1].cells is grid.cells:
+            self._pending.pop()  # with an update before it
+        self._take(stamp_ns, grid)
+
+    def _take(self, stamp_ns: int, grid: Grid) -> None:
+        self._grid, self._grid_ns = grid, stamp_ns
+        super().add(stamp_ns, grid)
+
+    def _updated(self, grid: Grid, update: Any) -> Grid:
+        """Return a map with an update in it.
+
+        Raises:
+            ValueError: it is no part of the map.
+        """
+        cells = grid.cells
+        rows = slice(update.y, update.y + update.height)
+        columns = slice(update.x, update.x + update.width)
+        inside = rows.stop <= cells.shape[0] and columns.stop <= cells.shape[1]
+        if min(update.x, update.y) < 0 or not inside:
+            raise ValueError(
+                f"an update of {update.width} x {update.height} cells at ({update.x}, {update.y}) "
+                f"is not within the map of {cells.shape[1]} x {cells.shape[0]}"
+            )
+        if len(update.data) != update.width * update.height:
+            raise ValueError(f"an update has {len(update.data)} cells: {_by(update)}")
+        if not self._own:
+            cells, self._own = cells.copy(), True
+        cells[rows, columns] = update.data.reshape(update.height, update.width)
+        return grid._replace(cells=cells)
+
+    def replace(self, before: Drawing[MapLook]) -> None:
+        """Go on with the map of before."""
+        super().replace(before)
+        if isinstance(before, MapDrawing):
+            self._grid, self._grid_ns = before._grid, before._grid_ns
+
+    def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
+        """Return the cells, the highest y first, and where they lie."""
+        if not message.cells.size:
+            return [rr.Clear(recursive=False)]
+        return [_cells(message.cells), *_geometry(message.info)]
+
+
+def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
+    """Return cells as an image, whose first row is the upper one."""
+    memory = np.frombuffer(pa.allocate_buffer(cells.size), np.uint8)  # which Arrow uses again
+    memory.reshape(cells.shape)[...] = np.flipud(cells).view(np.uint8)
+    return _DATA.row(memory)
+
+
+def _geometry(info: Any) -> Sequence[ReadyColumn]:
+    return _placed(info.width, info.height, info.resolution, info.origin.array().tobytes())
+
+
+@lru_cache(maxsize=16)
+def _placed(width: int, height: int, cell_size: float, origin: bytes) -> Sequence[ReadyColumn]:
+    """Return where a map lies, as columns that can be logged many times."""
+    place, rotation = np.split(np.frombuffer(origin), [3])
+    kind = rr.components.ImageFormat(width, height, color_model="L", channel_datatype="U8")
+    turn = rr.Quaternion(xyzw=normalized(rotation))
+    return one_row(
+        rr.GridMap.from_fields(format=kind, cell_size=cell_size, translation=place, quaternion=turn)
+    )
+
+
+def _grid(message: Any) -> Grid:
+    """Return a message as a grid.
+
+    Raises:
+        ValueError: it is not consistent.
+    """
+    info = message.info
+    if len(message.data) != info.width * info.height:
+        raise ValueError(f"it has {len(message.data)} cells: {_by(info)}")
+    origin = info.origin.array()
+    if not (math.isfinite(info.resolution) and (np.abs(origin) <= LARGEST).all()):
+        raise ValueError("its resolution or its origin is not finite")
+    if info.resolution <= 0 and len(message.data):
+        raise ValueError(f"its resolution is {info.resolution:g} m")
+    return Grid(message.header, info, message.data.reshape(info.height, info.width))
+
+
+def _by(size: Any) -> str:
+    return f"{size.width} x {size.height} are announced"
+
+
+class MapDisplay(MessageDisplay[MapLook]):
+    """Draws occupancy grids."""
+
+    key = "map"
+    Look = MapLook
+    draws = MapDrawing
+    message_types = ("nav_msgs/msg/OccupancyGrid",)
+    live = False
+    period_ns = SELDOM
+
+    def topics(self) -> Sequence[WantedTopic]:
+        """Return the topics, and those of their updates."""
+        updates = (
+            WantedTopic(each.name + UPDATES, (UPDATE,), optional=True, as_published=True)
+            for each in super().topics()
+        )
+        return [*super().topics(), *updates]
+
+    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+        """Pass maps and updates to the drawing of their topic."""
+        if kind is not UPDATE:
+            super().add(topic, kind, messages)
+            return
+        drawing = self.items[topic.removesuffix(UPDATES)]
+        assert isinstance(drawing, MapDrawing)
+        for stamp_ns, message in messages:
+            drawing.update(stamp_ns, message)

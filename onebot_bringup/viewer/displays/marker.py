@@ -1,0 +1,617 @@
+"""Markers (visualization_msgs/Marker and MarkerArray), as RViz shows them.
+
+All markers of a namespace and type are one entity, a layer: a thousand cubes are one call into
+Rerun, with arrays that come straight from the message. What came before stays as the plan of what
+goes where, so that a message of the same markers as the one before costs no work a marker.
+
+A marker that is locked to its frame lies in that frame and moves with it; any other one lies in
+the fixed frame, where it was when it came. One whose lifetime is over is removed at that time.
+"""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.columns import one_row, time_column
+from onebot_bringup.viewer.displays.display import LARGEST, REPEAT_AFTER, Context, below
+from onebot_bringup.viewer.displays.marker_shapes import (
+    ARROW,
+    ARROW_STRIP,
+    KINDS,
+    LINE_LIST,
+    LINE_STRIP,
+    MESH,
+    TRIANGLE_LIST,
+    Batch,
+    Floats,
+    Kind,
+    MeshVariant,
+    Part,
+    Piece,
+    rgba,
+)
+from onebot_bringup.viewer.displays.message_display import (
+    Drawing,
+    Look,
+    MessageDisplay,
+    topic_entity,
+)
+from onebot_bringup.viewer.settings import Color, name_list, setting
+from onebot_description.errors import OneBotError, printable, shortened
+from onebot_description.model.quaternions import from_rpy, multiply, rotate, to_rpy
+
+ADD, DELETE, DELETE_ALL = 0, 2, 3
+_NEVER = np.iinfo(np.int64).max  # the end of no lifetime
+_NOT_DRAWN = -1  # the type of a marker that is left out
+_UNIT = 0.01  # that the square of a quaternion's length may be off
+_TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
+_MOST_WAITING = 10_000  # markers, while no transform leads to their frames
+
+MarkerId = tuple[str, int]  # namespace and number
+
+
+@dataclass(frozen=True)
+class MarkerLook(Look):
+    """Shapes that programs draw."""
+
+    hidden_namespaces: tuple[str, ...] = setting((), "which are not drawn", name_list)
+
+
+class Incoming(NamedTuple):
+    """Markers that have come, a row each."""
+
+    spaces: list[str]
+    frames: list[str]
+    ids: NDArray[np.int64]
+    types: NDArray[np.int64]
+    actions: NDArray[np.int64]
+    locked: NDArray[np.int64]
+    lifetimes: NDArray[np.int64]  # nanoseconds
+    points: NDArray[np.int64]  # how many
+    poses: Floats  # (N, 7) metres and x y z w
+    scales: Floats  # (N, 3) metres
+    colors: Floats  # (N, 4), 0 to 1
+    messages: Sequence[Any]
+
+    @classmethod
+    def of_array(cls, markers: Any) -> "Incoming":
+        """Take the markers of a MarkerArray, a table."""
+        seconds, rest = markers.lifetime.sec.astype(np.int64), markers.lifetime.nanosec
+        return cls(
+            markers.ns,
+            markers.header.frame_id,
+            markers.id.astype(np.int64),
+            markers.type.astype(np.int64),
+            markers.action.astype(np.int64),
+            markers.frame_locked.astype(np.int64),
+            seconds * 1_000_000_000 + rest,
+            markers.points.counts.astype(np.int64),
+            markers.pose.array().astype(np.float64),
+            markers.scale.array().astype(np.float64),
+            markers.color.array().astype(np.float64),
+            markers,
+        )
+
+    @classmethod
+    def of_single(cls, markers: Sequence[Any]) -> "Incoming":
+        """Take messages of one marker each."""
+        numbers = [
+            (m.id, m.type, m.action, m.frame_locked, _nanoseconds(m.lifetime), len(m.points))
+            for m in markers
+        ]
+        ids, types, actions, locked, lifetimes, points = np.array(numbers, np.int64).T
+        return cls(
+            [marker.ns for marker in markers],
+            [marker.header.frame_id for marker in markers],
+            ids,
+            types,
+            actions,
+            locked,
+            lifetimes,
+            points,
+            np.array([marker.pose.array() for marker in markers]),
+            np.array([marker.scale.array() for marker in markers]),
+            np.array([marker.color.array() for marker in markers], np.float64),
+            markers,
+        )
+
+
+def _nanoseconds(duration: Any) -> int:
+    return int(duration.sec) * 1_000_000_000 + int(duration.nanosec)
+
+
+class LayerKey(NamedTuple):
+    """What the markers of a layer have in common."""
+
+    space: str
+    kind: str
+    frame: str
+    variant: object  # of a mesh, or the opacity of triangles
+
+
+class Layer:
+    """Markers of one type and namespace, on one entity."""
+
+    def __init__(self, context: Context, entity: str, key: LayerKey, kind: Kind) -> None:
+        """Draw nothing yet."""
+        self._context, self.entity, self._kind = context, entity, kind
+        self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
+        if isinstance(key.variant, MeshVariant):
+            self._own += key.variant.pieces()
+        self.space = key.space
+        self.ids: list[MarkerId] = []
+        self.batch: Batch | None = None
+        self.first_end = _NEVER  # of the lifetimes
+        self._logged: Sequence[Piece] = ()
+        self._stamp_ns = self._whole_ns = 0
+        self.whole_at = 0.0  # the time of the last row with all columns
+
+    def set(self, ids: list[MarkerId], batch: Batch | None) -> None:
+        """Take these markers in place of those before."""
+        self.ids, self.batch = ids, batch
+        self.first_end = int(batch.ends.min()) if batch is not None and ids else _NEVER
+
+    def forget(self) -> None:
+        """Log all with the next row: the entity was cleared."""
+        self._logged = ()
+
+    def log(self, stamp_ns: int, *, hidden: bool) -> None:
+        """Log what has changed since the row before; from time to time, all."""
+        visible = self.batch is not None and self.ids and not hidden
+        drawn = self._kind.pieces(self.batch) if visible and self.batch is not None else ()
+        if not drawn:
+            if self._logged:
+                self._context.log_row(self.entity, stamp_ns, rr.Clear(recursive=False))
+            self._logged = ()
+            return
+        pieces = [*self._own, *drawn]
+        columns = pieces
+        whole = stamp_ns < self._stamp_ns or time.monotonic() - self.whole_at > REPEAT_AFTER
+        if len(self._logged) == len(pieces) and not whole:
+            pairs = zip(pieces, self._logged, strict=True)
+            columns = [piece for piece, before in pairs if not _is_same(piece, before)]
+        else:
+            self.whole_at = time.monotonic()
+        self._logged, self._stamp_ns = pieces, stamp_ns
+        if columns:
+            self._context.recording.send_columns(
+                self.entity,
+                indexes=[time_column(np.array([stamp_ns]))],
+                columns=[_column(piece) for piece in columns],
+            )
+
+
+def _is_same(piece: Piece, before: Piece) -> bool:
+    if isinstance(piece, tuple) and isinstance(before, tuple):
+        return np.array_equal(piece[1], before[1])
+    return piece is before
+
+
+def _column(piece: Piece) -> Any:
+    if isinstance(piece, tuple):
+        maker, numbers = piece
+        return maker.row(numbers)
+    return piece
+
+
+class Change(NamedTuple):
+    """What a message does to a layer."""
+
+    layer: Layer
+    ids: list[MarkerId]
+    rows: NDArray[np.intp]  # of the message, by markers; -1 for those that stay as they are
+    slots: NDArray[np.intp]  # which they had before; -1 for those that are new
+    is_all: bool  # these are all rows, in their order
+
+    def apply(self, came: Batch) -> None:
+        """Change the layer."""
+        layer, rows = self.layer, self.rows
+        if self.is_all:
+            layer.set(self.ids, came)
+        elif layer.batch is None or (rows >= 0).all():
+            layer.set(self.ids, came.at(rows))
+        else:
+            both = layer.batch.joined(came)
+            rows = np.where(rows < 0, self.slots, rows + len(layer.batch.ends))
+            layer.set(self.ids, both.at(rows))
+
+
+class Plan(NamedTuple):
+    """What a message does, and each that is alike."""
+
+    signature: tuple[object, ...]  # all that it depends on
+    changes: list[Change]
+    moved: dict[str, list[int]]  # rows that lie in the fixed frame, by their own frames
+    where: dict[MarkerId, LayerKey]  # all markers after it
+
+
+class MarkerDrawing(Drawing[MarkerLook]):
+    """The markers of one topic."""
+
+    stamped = False
+
+    def __init__(self, context: Context, entity: str, look: MarkerLook, color: Color) -> None:
+        """Draw nothing yet."""
+        super().__init__(context, entity, look, color)
+        self.in_arrays = False  # its messages are of many markers
+        self.problems: dict[str, str] = {}  # the first of each kind
+        self._layers: dict[LayerKey, Layer] = {}
+        self._where: dict[MarkerId, LayerKey] = {}
+        self._changed: dict[str, Layer] = {}  # by entity, since they were logged
+        self._plan: Plan | None = None
+        self._stamp_ns = 0  # of the last row
+        self._lag_ns = _NEVER  # from the stamp of a message to when it came, the least
+        self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # for a transform to their frames
+        self._tree: tuple[object, ...] = ()  # in which they were looked for last
+
+    def draw(self, message: Any) -> Sequence[rr.AsComponents]:
+        """Return nothing: ``flush`` draws many messages at once."""
+        return ()
+
+    def add(self, stamp_ns: int, message: Any) -> None:
+        """Add a message, to be logged by ``flush``."""
+        self._pending.append((stamp_ns, message))
+        if not self.frame:  # the fixed frame may have to be found by it
+            markers = message.markers if self.in_arrays else [message]
+            self.frame = next((_frame(each) for each in markers if _frame(each)), "")
+
+    def flush(self) -> None:
+        """Log what has come, and remove what is no longer to be seen."""
+        for stamp_ns, incoming in self._incoming():
+            self._lag_ns = min(self._lag_ns, self.context.now_ns() - stamp_ns)
+            self._expire(stamp_ns)
+            self._take(stamp_ns, incoming)
+        tree = self.context.frames.version, self.context.fixed_frame
+        if self._waiting and tree != self._tree:
+            waiting, self._waiting = [*self._waiting.values()], {}
+            self._take(waiting[-1][0], Incoming.of_single([message for _, message in waiting]))
+        self._tree = tree
+        if self._waiting:
+            self.frame = _frame(next(iter(self._waiting.values()))[1])
+        self._expire(self.context.now_ns() - self._lag_ns)
+        self._repeat()
+
+    def erase(self) -> None:
+        """Remove what is drawn, from its last time on."""
+        if self._layers:
+            self.log(self._stamp_ns, rr.Clear(recursive=True))
+
+    def replace(self, before: Drawing[MarkerLook]) -> None:
+        """Draw what another look has drawn."""
+        own = {"look": self.look, "color": self.color}
+        vars(self).update(vars(before) | own)
+        for layer in self._layers.values():
+            layer.forget()
+            self._changed[layer.entity] = layer
+        self._log(self._stamp_ns)
+
+    def _incoming(self) -> Iterator[tuple[int, Incoming]]:
+        """Yield the messages; single markers that come at about the same time together."""
+        pending = [*self._pending]
+        self._pending.clear()
+        if self.in_arrays:
+            yield from ((stamp, Incoming.of_array(each.markers)) for stamp, each in pending)
+            return
+        together: dict[MarkerId, Any] = {}
+        first_ns = last_ns = 0
+        for stamp_ns, message in pending:
+            late = not 0 <= stamp_ns - first_ns <= _TOGETHER_NS
+            if late or (message.ns, message.id) in together or message.action == DELETE_ALL:
+                if together:
+                    yield last_ns, Incoming.of_single([*together.values()])
+                together, first_ns = {}, stamp_ns
+            together[message.ns, message.id] = message
+            last_ns = stamp_ns
+        if together:
+            yield last_ns, Incoming.of_single([*together.values()])
+
+    # --- what a message does ----------------------------------------------------------------------
+
+    def _take(self, stamp_ns: int, incoming: Incoming) -> None:
+        """Add, change or remove markers."""
+        if not incoming.spaces:
+            return
+        kinds = self._kinds(incoming)
+        plan = self._plan_of(stamp_ns, incoming, kinds)
+        batch = self._batch(stamp_ns, incoming, kinds, plan.moved)
+        if plan is not self._plan:
+            same = all(change.ids == change.layer.ids for change in plan.changes)
+            self._plan = plan if same and plan.where == self._where else None
+            self._where = plan.where
+        for change in plan.changes:
+            change.apply(batch)
+            self._changed[change.layer.entity] = change.layer
+        self._log(stamp_ns)
+
+    def _kinds(self, incoming: Incoming) -> NDArray[np.int64]:
+        """Return the type of each marker, as KINDS has it; report those that cannot be drawn."""
+        arrows = (incoming.types == ARROW) & (incoming.points > 0)
+        kinds = np.where(arrows, ARROW_STRIP, incoming.types)
+        numbers = (incoming.poses, incoming.scales, incoming.colors)
+        if not all(np.abs(each).max() <= LARGEST for each in numbers):
+            sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
+            kinds[~sound] = _NOT_DRAWN
+            drawn = incoming.actions == ADD
+            self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
+        return kinds
+
+    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: NDArray[np.int64]) -> Plan:
+        """Return what becomes of the markers; the plan of the message before if it is alike."""
+        fixed, version = self.context.fixed_frame, self.context.frames.version
+        variants = _variants(incoming, kinds)
+        numbers = np.stack([incoming.ids, incoming.actions, kinds, incoming.locked]).tobytes()
+        names = incoming.spaces, incoming.frames
+        signature = (*names, numbers, variants, fixed, version)
+        if self._plan is not None and self._plan.signature == signature:
+            return self._plan
+        self._check(incoming, kinds)
+        where = dict(self._where)
+        source: dict[MarkerId, int] = {}
+        moved: dict[str, list[int]] = {}
+        for row, (space, number, action) in enumerate(
+            zip(incoming.spaces, incoming.ids.tolist(), incoming.actions.tolist(), strict=True)
+        ):
+            marker = space, number
+            if action in (DELETE, DELETE_ALL):
+                for each in [marker] if action == DELETE else _all_of(space, where, self._waiting):
+                    for known in (where, source, self._waiting):
+                        known.pop(each, None)
+                continue
+            key = self._key(stamp_ns, incoming, row, kinds[row], variants.get(row))
+            if key is None:
+                continue
+            if where.get(marker) != key:
+                where.pop(marker, None)
+            where[marker], source[marker] = key, row
+            frame = incoming.frames[row].lstrip("/")
+            if frame != key.frame:
+                moved.setdefault(frame, []).append(row)
+        return Plan(signature, self._changes(where, source, len(kinds)), moved, where)
+
+    def _key(
+        self, stamp_ns: int, incoming: Incoming, row: int, kind: int, variant: object
+    ) -> LayerKey | None:
+        """Return the layer of a marker; None if it is not drawn, or not yet."""
+        space, frame = incoming.spaces[row], incoming.frames[row].lstrip("/")
+        if kind not in KINDS or not frame or incoming.actions[row] != ADD:
+            return None
+        marker = space, int(incoming.ids[row])
+        if not self.context.connected(frame):
+            if marker in self._waiting or len(self._waiting) < _MOST_WAITING:
+                self._waiting[marker] = stamp_ns, incoming.messages[row]
+            return None
+        self._waiting.pop(marker, None)
+        home = frame if incoming.locked[row] else self.context.fixed_frame
+        key = LayerKey(space, KINDS[kind].name, home, variant)
+        if key not in self._layers:
+            try:
+                self._layers[key] = Layer(self.context, self._entity(key), key, KINDS[kind])
+            except OneBotError as error:
+                self._report(incoming, row, str(error))
+                return None
+        return key
+
+    def _entity(self, key: LayerKey) -> str:
+        """Return the entity of a new layer."""
+        used = {layer.entity for layer in self._layers.values()}
+        space = [key.space] if key.space else []
+        for number in count(1):
+            name = key.kind if number == 1 else f"{key.kind}_{number}"
+            entity = below(self.entity, rr.new_entity_path([*space, name]).lstrip("/"))
+            if entity not in used:
+                return entity
+        raise AssertionError
+
+    def _changes(
+        self, where: Mapping[MarkerId, LayerKey], source: Mapping[MarkerId, int], rows: int
+    ) -> list[Change]:
+        """Return how each layer changes, if the rows in ``source`` come to lie as ``where`` has."""
+        members: dict[LayerKey, list[MarkerId]] = {key: [] for key in self._layers}
+        for marker, key in where.items():
+            members[key].append(marker)
+        found = []
+        for key, ids in members.items():
+            layer = self._layers[key]
+            from_rows = np.array([source.get(marker, -1) for marker in ids], np.intp)
+            if ids == layer.ids and (from_rows < 0).all():
+                continue
+            before = {marker: slot for slot, marker in enumerate(layer.ids)}
+            slots = np.array([before.get(marker, -1) for marker in ids], np.intp)
+            is_all = np.array_equal(from_rows, np.arange(rows))
+            found.append(Change(layer, ids, from_rows, slots, is_all))
+        return found
+
+    def _batch(
+        self,
+        stamp_ns: int,
+        incoming: Incoming,
+        kinds: NDArray[np.int64],
+        moved: Mapping[str, list[int]],
+    ) -> Batch:
+        """Return the markers as they are drawn."""
+        poses = incoming.poses
+        lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
+        if (np.abs(lengths - 1.0) > _UNIT).any():
+            self._make_unit(incoming, lengths)
+        for frame, rows in moved.items():
+            pose = self.context.frames.pose(frame, self.context.fixed_frame, stamp_ns)
+            assert pose is not None
+            turn = from_rpy(to_rpy(pose[:3, :3]))
+            poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
+            poses[rows, 3:] = multiply(turn, poses[rows, 3:])
+        limited = incoming.lifetimes > 0
+        ends = np.where(limited, stamp_ns + incoming.lifetimes, _NEVER)
+        parts = np.full(len(poses), None)
+        for row in np.flatnonzero((kinds >= LINE_STRIP) & (incoming.actions == ADD)).tolist():
+            if kinds[row] in KINDS and kinds[row] != MESH:
+                parts[row] = self._part(incoming, row, int(kinds[row]))
+        return Batch(poses, incoming.scales, incoming.colors, ends, parts)
+
+    def _make_unit(self, incoming: Incoming, lengths: Floats) -> None:
+        """Give quaternions the length of one; without any, as in RViz, there is no turn."""
+        turns, drawn = incoming.poses[:, 3:], incoming.actions == ADD
+        none = lengths == 0
+        turns[none] = (0.0, 0.0, 0.0, 1.0)
+        turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
+        self._report(incoming, none & drawn, "its quaternion is zero: taken as no turn")
+        odd = (np.abs(lengths - 1.0) > _UNIT) & ~none & drawn
+        self._report(incoming, odd, "its quaternion is not of unit length")
+
+    def _part(self, incoming: Incoming, row: int, kind: int) -> Part:
+        """Return the points, colours and text of a marker."""
+        message = incoming.messages[row]
+        points = message.points.array().astype(np.float64).reshape(-1, 3)
+        colors = message.colors.array().astype(np.float64).reshape(-1, 4)
+        if kind == TRIANGLE_LIST and 3 * len(colors) == len(points):
+            colors = colors.repeat(3, axis=0)
+        if len(colors) not in (0, len(points)):
+            text = f"it has {len(colors)} colours for {len(points)} points: its own is used"
+            self._report(incoming, row, text)
+            colors = colors[:0]
+        if not (np.abs(points) <= LARGEST).all():
+            self._report(incoming, row, "its points are not finite: not drawn")
+            points = points[:0]
+        most = len(points) - len(points) % 3 if kind == TRIANGLE_LIST else len(points)
+        if incoming.types[row] == ARROW:
+            most = 2
+        if len(points) < KINDS[kind].least:
+            most = 0
+        colors = colors[:most] if len(colors) == len(points) else colors[:0]
+        return Part(points[:most], colors, incoming.types[row] == LINE_LIST, message.text)
+
+    # --- what is wrong ----------------------------------------------------------------------------
+
+    def _check(self, incoming: Incoming, kinds: NDArray[np.int64]) -> None:
+        """Report what RViz warns of."""
+        add = incoming.actions == ADD
+        known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
+        self._report(incoming, ~known, "its action is unknown")
+        self._report(incoming, add & (np.array(incoming.frames) == ""), "it names no frame")
+        for kind in set(kinds[add].tolist()):
+            rows = add & (kinds == kind)
+            how = KINDS.get(kind)
+            if how is None:
+                if kind != _NOT_DRAWN:
+                    self._report(incoming, rows, f"its type {kind} is unknown: not drawn")
+                continue
+            flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
+            self._report(incoming, rows & flat, "its scale is zero")
+            if how.least == 0 and kind != MESH:
+                clear = incoming.colors[:, 3] == 0
+                self._report(incoming, rows & clear, "it is transparent: color.a is 0")
+            few = incoming.points < how.least
+            self._report(incoming, rows & few, f"it has less than {how.least} points: not drawn")
+        for row in np.flatnonzero(add & (kinds == TRIANGLE_LIST)).tolist():
+            if incoming.messages[row].texture_resource:
+                self._report(incoming, row, "its texture is not drawn")
+
+    def _report(self, incoming: Incoming, which: Any, text: str) -> None:
+        """Keep what is wrong with a row, or with the first of a mask."""
+        if isinstance(which, np.ndarray):
+            [*rows] = np.flatnonzero(which)[:1]
+        else:
+            rows = [which]
+        for row in rows:
+            space = printable(shortened(incoming.spaces[row]))
+            self.problems.setdefault(text, f'id {incoming.ids[row]} of "{space}": {text}')
+
+    # --- time -------------------------------------------------------------------------------------
+
+    def _expire(self, until_ns: int) -> None:
+        """Remove the markers whose lifetimes are over, each at its time."""
+        while True:
+            first = min((layer.first_end for layer in self._layers.values()), default=_NEVER)
+            if first > until_ns or first == _NEVER:
+                return
+            at = min(until_ns, first + _TOGETHER_NS)
+            for layer in self._layers.values():
+                if layer.first_end <= at and layer.batch is not None:
+                    kept = np.flatnonzero(layer.batch.ends > at)
+                    stays = set(kept.tolist())
+                    for slot, marker in enumerate(layer.ids):
+                        if slot not in stays:
+                            self._where.pop(marker, None)
+                    layer.set([layer.ids[slot] for slot in kept], layer.batch.at(kept))
+                    self._changed[layer.entity] = layer
+            self._plan = None
+            self._log(first)
+
+    def _log(self, stamp_ns: int) -> None:
+        """Log the layers that have changed, and forget those that are empty."""
+        changed, self._changed = self._changed, {}
+        self._stamp_ns = stamp_ns
+        for layer in changed.values():
+            layer.log(stamp_ns, hidden=layer.space in self.look.hidden_namespaces)
+        if not all(layer.ids for layer in changed.values()):
+            self._layers = {key: layer for key, layer in self._layers.items() if layer.ids}
+            self._plan = None
+
+    def _repeat(self) -> None:
+        """Log the layers whole again that have not been for long."""
+        now = time.monotonic()
+        for layer in self._layers.values():
+            if now - layer.whole_at > REPEAT_AFTER:
+                self._changed[layer.entity] = layer
+        self._log(self._stamp_ns)
+
+
+def _frame(marker: Any) -> str:
+    return str(marker.header.frame_id.lstrip("/"))
+
+
+def _all_of(space: str, *known: Mapping[MarkerId, object]) -> list[MarkerId]:
+    """Return the markers of a namespace; of all if it is "", as in RViz."""
+    return [marker for each in known for marker in each if space in ("", marker[0])]
+
+
+def _variants(incoming: Incoming, kinds: NDArray[np.int64]) -> dict[int, object]:
+    """Return, by row, what only markers have in common that can lie on one entity."""
+    found: dict[int, object] = {}
+    for row in np.flatnonzero((kinds == MESH) | (kinds == TRIANGLE_LIST)).tolist():
+        message = incoming.messages[row]
+        colors = incoming.colors[row : row + 1]
+        if kinds[row] == MESH:
+            own = bool(message.mesh_use_embedded_materials)
+            uri = message.mesh_resource
+            found[row] = MeshVariant(uri, None if own else int(rgba(colors)[0]))
+        else:
+            given = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
+            found[row] = int(rgba(given)[0]) & 255
+    return found
+
+
+class MarkerDisplay(MessageDisplay[MarkerLook]):
+    """Draws markers."""
+
+    key = "marker"
+    Look = MarkerLook
+    draws = MarkerDrawing
+    message_types = ("visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray")
+    live = False
+
+    def make(self, name: str, settings: Any, color: Color) -> MarkerDrawing:
+        """Return the drawing of a topic."""
+        drawing = MarkerDrawing(self.context, topic_entity(self.key, name), settings, color)
+        drawing.in_arrays = self._offered[name] == self.message_types[1]
+        return drawing
+
+    def flush(self) -> None:
+        """Log all that has come: a marker waits for its own frame only."""
+        for item in self.items.values():
+            item.flush()
+
+    def warnings(self) -> list[str]:
+        """Return what is wrong with markers, and which frames are waited for."""
+        wrong = [
+            f'{self.noun} "{topic}": {text}'
+            for topic, item in self.items.items()
+            if isinstance(item, MarkerDrawing)
+            for text in item.problems.values()
+        ]
+        return [*super().warnings(), *wrong]

@@ -1,0 +1,313 @@
+"""How each type of marker is drawn: columns of Rerun's archetypes for many markers at once.
+
+All of one type lie on one entity, as arrays. What Rerun has no counterpart for is drawn alike:
+points are round, heads of arrows have the size that fits their shaft, and letters have the same
+size on the screen, wherever they are.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, one_row, ready
+from onebot_bringup.viewer.shapes import load_shape
+from onebot_description.description.meshes import locate_mesh
+from onebot_description.description.packages import Resources
+from onebot_description.model.quaternions import rotate
+
+Floats = NDArray[np.float64]
+# A column, or what makes one of numbers and these numbers.
+Piece: TypeAlias = "ReadyColumn | tuple[ColumnMaker, NDArray[Any]]"
+
+ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST, CUBE_LIST, SPHERE_LIST = range(8)
+POINTS, TEXT, MESH, TRIANGLE_LIST, ARROW_STRIP = range(8, 13)
+
+
+class Part(NamedTuple):
+    """What a marker has beside pose, scale and colour."""
+
+    points: Floats  # (N, 3) metres, in the marker's own frame
+    colors: Floats  # (N, 4), or (0, 4) where all are of the marker's colour
+    pairs: bool  # its points are the ends of lines that are not connected
+    text: str
+
+
+class Instances(NamedTuple):
+    """Shapes, a row each."""
+
+    poses: Floats  # (N, 7) metres and x y z w
+    scales: Floats  # (N, 3)
+    colors: Floats  # (N, 4), 0 to 1
+
+
+class Batch(NamedTuple):
+    """Markers of one type, a row each."""
+
+    poses: Floats
+    scales: Floats
+    colors: Floats
+    ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
+    parts: NDArray[np.object_]  # a Part of those that have points or text, else None
+
+    def at(self, rows: NDArray[np.intp]) -> "Batch":
+        """Return some of them."""
+        poses, scales, colors, ends, parts = self
+        return Batch(poses[rows], scales[rows], colors[rows], ends[rows], parts[rows])
+
+    def joined(self, other: "Batch") -> "Batch":
+        """Return these and others."""
+        pairs: Any = zip(self, other, strict=True)
+        return Batch(*map(np.concatenate, pairs))
+
+    @property
+    def instances(self) -> Instances:
+        """Each marker as one shape."""
+        return Instances(self.poses, self.scales, self.colors)
+
+    @property
+    def counts(self) -> NDArray[np.intp]:
+        """Points of each."""
+        return np.array([len(part.points) for part in self.parts], np.intp)
+
+    def vertices(self, *, scaled: bool = False) -> Instances:
+        """Return each point of each marker as one shape, where it lies; scaled with its marker."""
+        rows = np.repeat(np.arange(len(self.poses)), self.counts)
+        points = np.concatenate([part.points for part in self.parts])
+        turns, scales, colors = self.poses[rows, 3:], self.scales[rows], self.colors[rows]
+        places = rotate(turns, points * scales if scaled else points) + self.poses[rows, :3]
+        own = [
+            part.colors if len(part.colors) else np.full((len(part.points), 4), np.nan)
+            for part in self.parts
+        ]
+        colors = np.where(np.isnan(owned := np.concatenate(own)), colors, owned)
+        return Instances(np.hstack([places, turns]), scales, colors)
+
+
+def rgba(colors: Floats) -> NDArray[np.uint32]:
+    """Return (N, 4) numbers from 0 to 1 as Rerun's colours; the bytes are those on the screen."""
+    found = np.rint(np.clip(colors, 0.0, 1.0) * 255).astype(np.uint8)
+    return found.view(">u4").astype(np.uint32).ravel()
+
+
+def _ready(archetypes: Iterable[rr.AsComponents]) -> list[Piece]:
+    return [column for each in archetypes for column in one_row(each)]
+
+
+# --- shapes that are drawn as instances of one ----------------------------------------------------
+
+_POSES = rr.InstancePoses3D
+_TRANSLATIONS = ColumnMaker(_POSES.columns(translations=np.zeros((1, 3))))
+_QUATERNIONS = ColumnMaker(_POSES.columns(quaternions=np.zeros((1, 4))))
+_SCALES = ColumnMaker(_POSES.columns(scales=np.zeros((1, 3))))
+
+
+def _poses(found: Instances) -> list[Piece]:
+    places, turns = found.poses[:, :3], found.poses[:, 3:]
+    return [(_TRANSLATIONS, places), (_QUATERNIONS, turns), (_SCALES, found.scales)]
+
+
+class _Solid:
+    """Draws shapes that have the size of one metre, scaled."""
+
+    def __init__(self, archetype: Any, **sizes: Any) -> None:
+        unit = archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes)
+        self._unit = _ready([unit])
+        self._colors = ColumnMaker(archetype.columns(colors=[0]))
+
+    def __call__(self, found: Instances) -> list[Piece]:
+        return [*self._unit, *_poses(found), (self._colors, rgba(found.colors))]
+
+
+_cubes = _Solid(rr.Boxes3D, half_sizes=[[0.5] * 3])
+_spheres = _Solid(rr.Ellipsoids3D, half_sizes=[[0.5] * 3])
+_cylinders = _Solid(rr.Cylinders3D, lengths=[1.0], radii=[0.5])
+
+# --- arrows ---------------------------------------------------------------------------------------
+
+_ORIGINS = ColumnMaker(rr.Arrows3D.columns(origins=np.zeros((1, 3))))
+_VECTORS = ColumnMaker(rr.Arrows3D.columns(vectors=np.zeros((1, 3))))
+_SHAFTS = ColumnMaker(rr.Arrows3D.columns(radii=[0.0]))
+_ARROW_COLORS = ColumnMaker(rr.Arrows3D.columns(colors=[0]))
+
+
+def _arrows(starts: Floats, ways: Floats, widths: Floats, colors: Floats) -> list[Piece]:
+    shafts = (_SHAFTS, widths / 2)
+    return [(_ORIGINS, starts), (_VECTORS, ways), shafts, (_ARROW_COLORS, rgba(colors))]
+
+
+def _arrows_along_x(found: Instances) -> list[Piece]:
+    along = np.zeros((len(found.poses), 3))
+    along[:, 0] = found.scales[:, 0]
+    ways = rotate(found.poses[:, 3:], along)
+    return _arrows(found.poses[:, :3], ways, found.scales[:, 1], found.colors)
+
+
+def _arrows_of_points(batch: Batch) -> list[Piece]:
+    corners = batch.vertices()
+    begins = _segments(batch.counts)
+    places = corners.poses[:, :3]
+    ways = places[begins + 1] - places[begins]
+    return _arrows(places[begins], ways, corners.scales[begins, 0], corners.colors[begins])
+
+
+def _segments(counts: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The points, of all markers, after which one of the same marker follows."""
+    last = np.zeros(counts.sum(), bool)
+    last[np.cumsum(counts[counts > 0]) - 1] = True
+    return np.flatnonzero(~last)
+
+
+# --- lines ----------------------------------------------------------------------------------------
+
+[_STRIP_COLUMN] = ready(rr.LineStrips3D.columns(strips=[np.zeros((2, 3))]))
+_STRIP = _STRIP_COLUMN.as_arrow_array().type.value_type
+_WIDTHS = ColumnMaker(rr.LineStrips3D.columns(radii=[0.0]))
+_LINE_COLORS = ColumnMaker(rr.LineStrips3D.columns(colors=[0]))
+
+
+def _lines(batch: Batch) -> list[Piece]:
+    """Draw lines; a strip whose points have colours is cut up, since one has one colour."""
+    corners = batch.vertices()
+    points: list[NDArray[np.intp]] = []  # the numbers of those of each line
+    lengths: list[NDArray[np.intp]] = []
+    at = 0
+    for part in batch.parts:
+        count = len(part.points)
+        if part.pairs:
+            chosen, each = np.arange(at, at + count - count % 2), 2
+        elif len(part.colors):
+            chosen, each = np.repeat(np.arange(at, at + count), 2)[1:-1], 2
+        else:
+            chosen, each = np.arange(at, at + count), max(count, 1)
+        points.append(chosen)
+        lengths.append(np.full(len(chosen) // each, each))
+        at += count
+    chosen, counts = np.concatenate(points), np.concatenate(lengths)
+    if not len(chosen):
+        return []
+    ends = np.cumsum(counts)
+    first, final = chosen[ends - counts], chosen[ends - 1]
+    colors = (corners.colors[first] + corners.colors[final]) / 2
+    widths = corners.scales[first, 0] / 2
+    strips = _strips(corners.poses[chosen, :3], ends)
+    return [strips, (_WIDTHS, widths), (_LINE_COLORS, rgba(colors))]
+
+
+def _strips(points: Floats, ends: NDArray[np.intp]) -> ReadyColumn:
+    """A row of line strips, by their points and the number of points up to the end of each."""
+    offsets = pa.array([0, *ends.tolist()], pa.int32()).buffers()[1]
+    numbers = pa.array(points.astype(np.float32).ravel())
+    places = pa.Array.from_buffers(_STRIP.value_type, len(points), [None], children=[numbers])
+    array = pa.Array.from_buffers(_STRIP, len(ends), [None, offsets], children=[places])
+    row = pa.Array.from_buffers(
+        pa.list_(_STRIP), 1, [None, pa.array([0, len(ends)], pa.int32()).buffers()[1]],
+        children=[array],
+    )  # fmt: skip
+    return ReadyColumn(_STRIP_COLUMN.component_descriptor(), row)
+
+
+# --- the others -----------------------------------------------------------------------------------
+
+
+def _points(batch: Batch) -> list[Piece]:
+    found = batch.vertices()
+    return _ready(
+        [
+            rr.Points3D.from_fields(
+                positions=found.poses[:, :3],
+                radii=found.scales[:, 0] / 2,
+                colors=rgba(found.colors),
+            )
+        ]
+    )
+
+
+def _texts(batch: Batch) -> list[Piece]:
+    return _ready(
+        [
+            rr.Points3D.from_fields(
+                positions=batch.poses[:, :3],
+                radii=[0.0],
+                colors=rgba(batch.colors),
+                labels=[part.text for part in batch.parts],
+                show_labels=True,
+            )
+        ]
+    )
+
+
+def _triangles(batch: Batch) -> list[Piece]:
+    """Draw triangles; of one opacity, since Rerun ignores that of vertices."""
+    corners = batch.vertices(scaled=True)
+    opaque = corners.colors.copy()
+    opaque[:, 3] = 1.0
+    factor = (255, 255, 255, int(rgba(corners.colors[:1])[0]) & 255)
+    return _ready(
+        [
+            rr.Mesh3D.from_fields(
+                vertex_positions=corners.poses[:, :3],
+                triangle_indices=np.arange(len(opaque)).reshape(-1, 3),
+                vertex_colors=rgba(opaque),
+                albedo_factor=factor,
+            )
+        ]
+    )
+
+
+class MeshVariant(NamedTuple):
+    """What the meshes of one entity have in common."""
+
+    uri: str
+    color: int | None  # as Rerun has it; None for the file's own
+
+    def pieces(self) -> list[Piece]:
+        """Return the columns of the mesh itself.
+
+        Raises:
+            OneBotError: it cannot be read.
+        """
+        asset = load_shape(locate_mesh(Resources(None), self.uri))
+        color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF
+        return _ready(
+            [rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=color)]
+        )
+
+
+# --- all ------------------------------------------------------------------------------------------
+
+Draw = Callable[[Batch], list[Piece]]
+
+
+class Kind(NamedTuple):
+    """How a type of markers is drawn."""
+
+    name: str  # of its entity
+    draw: Draw
+    least: int = 0  # points; 0 where it is drawn without
+    of_scale: Sequence[int] = (0, 1, 2)  # what of its scale must not be zero
+
+    def pieces(self, batch: Batch) -> list[Piece]:
+        """Return the columns of markers; none where there is nothing to draw."""
+        return self.draw(batch) if not self.least or batch.counts.any() else []
+
+
+KINDS: Mapping[int, Kind] = {
+    ARROW: Kind("arrows", lambda batch: _arrows_along_x(batch.instances)),
+    CUBE: Kind("cubes", lambda batch: _cubes(batch.instances)),
+    SPHERE: Kind("spheres", lambda batch: _spheres(batch.instances)),
+    CYLINDER: Kind("cylinders", lambda batch: _cylinders(batch.instances)),
+    LINE_STRIP: Kind("lines", _lines, 2, (0,)),
+    LINE_LIST: Kind("lines", _lines, 2, (0,)),
+    CUBE_LIST: Kind("cube_lists", lambda batch: _cubes(batch.vertices()), 1),
+    SPHERE_LIST: Kind("sphere_lists", _points, 1),
+    POINTS: Kind("points", _points, 1, (0, 1)),
+    TEXT: Kind("texts", _texts, 0, (2,)),
+    MESH: Kind("meshes", lambda batch: _poses(batch.instances)),
+    TRIANGLE_LIST: Kind("triangles", _triangles, 3),
+    ARROW_STRIP: Kind("arrow_strips", _arrows_of_points, 2, (0,)),
+}
+"""The types of markers; an arrow with points is one of ARROW_STRIP, which RViz draws alike."""

@@ -1,0 +1,308 @@
+"""The steering page's tools: what becomes of clicks, and the requests of pages on real DDS."""
+
+import io
+import json
+import math
+from array import array
+from collections.abc import Iterator, Mapping
+from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Twist,
+)
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from PIL import Image
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    ParameterDescriptor,
+    ParameterValue,
+    SetParametersResult,
+)
+
+from onebot_bringup.introspection.parameter_values import parse_value, text_of
+from onebot_bringup.steering.ground import Grid
+from onebot_bringup.steering.protocol import ProtocolError
+from onebot_bringup.steering.tool_requests import parse_values, shown_topics
+from onebot_bringup.steering.tools import Click, message_of, parse_click
+from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_bringup.steering_support import address_of, steering
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.support import PATIENCE, wait_for
+
+CLICK = {"tool": "goal", "frame": "map", "x": 1.5, "y": -2, "yaw": math.pi / 2}
+
+
+@pytest.mark.parametrize(
+    "changes, problem",
+    [
+        ({"tool": "measure"}, "tool must be one of goal, estimate, point"),
+        ({"tool": ["goal"]}, "tool must be one of"),
+        ({"frame": ""}, "frame must be the name of a frame"),
+        ({"frame": 201 * "f"}, "frame must be"),
+        ({"frame": None}, "frame must be"),
+        ({"x": "1"}, "x must be a number"),
+        ({"yaw": 1e999}, "yaw must be a finite number|not valid JSON"),
+        ({"z": 0.0}, "tool, frame, x, y and yaw, no others"),
+    ],
+)
+def test_a_click_that_is_none_is_refused(changes: dict[str, Any], problem: str) -> None:
+    assert parse_click(json.dumps(CLICK)) == Click("goal", "map", 1.5, -2.0, math.pi / 2)
+    with pytest.raises(ProtocolError, match=problem):
+        parse_click(json.dumps({**CLICK, **changes}))
+
+
+def test_clicks_become_the_messages_of_rviz() -> None:
+    """In type, frame, stamp, pose and covariance."""
+    stamp = Time(sec=5)
+    goal = message_of(Click("goal", "map", 1.0, 2.0, math.pi / 2), stamp)
+    assert isinstance(goal, PoseStamped)
+    assert (goal.header.frame_id, goal.header.stamp) == ("map", stamp)
+    assert (goal.pose.position.x, goal.pose.position.y, goal.pose.position.z) == (1.0, 2.0, 0.0)
+    turn = goal.pose.orientation
+    assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((0.0, 0.0, 0.5**0.5, 0.5**0.5))
+
+    estimate = message_of(Click("estimate", "map", 1.0, 2.0, math.pi / 2), stamp)
+    assert isinstance(estimate, PoseWithCovarianceStamped)
+    assert estimate.pose.pose == goal.pose and estimate.header == goal.header
+    wanted = {0: 0.25, 7: 0.25, 35: math.radians(15.0) ** 2}
+    assert dict(enumerate(estimate.pose.covariance)) == pytest.approx(
+        {index: wanted.get(index, 0.0) for index in range(36)}
+    )
+
+    point = message_of(Click("point", "odom", 1.0, 2.0, 0.0), stamp)
+    assert isinstance(point, PointStamped) and point.header.frame_id == "odom"
+    assert (point.point.x, point.point.y, point.point.z) == (1.0, 2.0, 0.0)
+
+
+def grid(width: int, height: int, cells: list[int]) -> OccupancyGrid:
+    message = OccupancyGrid(data=array("b", cells))
+    message.header.frame_id = "map"
+    message.info.width, message.info.height, message.info.resolution = width, height, 0.5
+    return message
+
+
+def test_the_picture_of_a_map() -> None:
+    """A pixel a cell, the first row at the bottom; what is unknown, or no probability, is clear."""
+    shown = Grid(grid(3, 2, [0, 50, 100, -1, 0, 101]))
+    assert shown.is_whole
+    pixels = np.asarray(Image.open(io.BytesIO(shown.picture())))
+    assert pixels[1].tolist() == [[255, 255], [128, 255], [0, 255]]
+    assert pixels[0, :, 1].tolist() == [0, 255, 0]
+
+
+@pytest.mark.parametrize("message", [OccupancyGrid(), grid(2, 2, [0]), grid(0, 0, [])])
+def test_a_map_that_is_none_is_not_shown(message: OccupancyGrid) -> None:
+    assert not Grid(message).is_whole
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"type": 1, "bool_value": True},
+        {"type": 2, "integer_value": -3},
+        {"type": 3, "double_value": 1e-05},
+        {"type": 3, "double_value": math.inf},
+        {"type": 4, "string_value": ""},
+        {"type": 4, "string_value": "true"},
+        {"type": 4, "string_value": "'quoted'"},
+        {"type": 4, "string_value": "two\nlines: 1"},
+        {"type": 5, "byte_array_value": [b"\x00", b"\xff"]},
+        {"type": 6, "bool_array_value": [True, False]},
+        {"type": 7, "integer_array_value": []},
+        {"type": 8, "double_array_value": [0.5, 2.0]},
+        {"type": 9, "string_array_value": ["a b", "1"]},
+    ],
+)
+def test_values_as_text_are_read_as_they_were(fields: dict[str, Any]) -> None:
+    value = ParameterValue(**fields)
+    field, kind, read = parse_value(text_of(value), value.type)
+    assert ParameterValue(type=kind, **{field: read}) == value
+    assert text_of(ParameterValue()) == ""
+
+
+@pytest.mark.parametrize(
+    "text, problem",
+    [
+        ("[]", "must be a JSON object"),
+        ('{"node": "/a"}', "node and values, no others"),
+        ('{"node": 1, "values": {}}', "node must be"),
+        ('{"node": "/a", "values": {"x": 1}}', "a text in YAML"),
+        ('{"node": "/a", "values": []}', "a text in YAML"),
+        (json.dumps({"node": "/a", "values": {"x": 20_000 * "x"}}), "at most"),
+    ],
+)
+def test_a_request_to_set_parameters_that_is_none_is_refused(text: str, problem: str) -> None:
+    assert parse_values('{"node": "/a", "values": {"x": "1"}}') == ("/a", {"x": "1"})
+    with pytest.raises(ProtocolError, match=problem):
+        parse_values(text)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"shown": 1}', '{"shown": [{"topic": "/a"}]}'])
+def test_what_is_no_list_of_displays_shows_none(text: str) -> None:
+    assert shown_topics(text) == []
+
+
+# --- a node, and what a page requests ----------------------------------------------------------
+
+
+class Requests:
+    """What a page requests of a server."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address.rstrip("/")
+
+    def raw(self, path: str, body: Any = None, **headers: str) -> tuple[int, bytes]:
+        data = None if body is None else json.dumps(body).encode()
+        request = Request(f"{self.address}/tools/{path}", data, headers)
+        try:
+            with urlopen(request, timeout=PATIENCE) as answer:
+                return answer.status, answer.read()
+        except HTTPError as error:
+            return error.code, error.read()
+
+    def __call__(self, path: str, body: Any = None) -> Mapping[str, Any]:
+        """The response, or the error in it."""
+        found: Mapping[str, Any] = json.loads(self.raw(path, body)[1])
+        return found
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator[Peer]:
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
+def be_localised(peer: Peer) -> Any:
+    """Publish a map, with the frames map -> odom, and odometry: 1 m ahead, in a map turned left.
+
+    Returns:
+        Publishes all but the map again.
+    """
+    shift = TransformStamped(child_frame_id="odom")
+    shift.header.frame_id = "map"
+    shift.transform.translation.x = 10.0
+    shift.transform.rotation.z = shift.transform.rotation.w = 0.5**0.5
+    odometry = Odometry(child_frame_id="base_link")
+    odometry.header.frame_id = "odom"
+    odometry.pose.pose.position.x = 1.0
+    transforms = peer.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+    transforms.publish(TFMessage(transforms=[shift]))
+    peer.node.create_publisher(OccupancyGrid, "/map", LATCHED).publish(grid(2, 1, [0, 100]))
+    moved = peer.node.create_publisher(Odometry, "/odom", 10)
+    return lambda: moved.publish(odometry)
+
+
+def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:
+    """The frame is the map's; messages go to the robot that is steered; strangers are refused."""
+    goals = peer.hear(PoseStamped, "/robot1/goal_pose")
+    peer.hear(Twist, "/robot1/cmd_vel")
+    move = be_localised(peer)
+    with steering(topic="/robot1/cmd_vel") as node:
+        request = Requests(address_of(node))
+
+        def localised() -> Mapping[str, Any] | None:
+            move()
+            found = request("ground")
+            return found if found["map"] and found["robot"] and found["frame"] == "map" else None
+
+        ground = wait_for(localised, "the robot on the map")
+        assert ground is not None and ground["base"] == "base_link"
+        assert ground["robot"] == pytest.approx({"x": 10.0, "y": 1.0, "yaw": math.pi / 2})
+        shown = {name: ground["map"][name] for name in ("x", "y", "yaw", "width", "height")}
+        assert shown == {"x": 0.0, "y": 0.0, "yaw": 0.0, "width": 1.0, "height": 0.5}
+        assert request("ground?frame=odom")["robot"] == {"x": 1.0, "y": 0.0, "yaw": 0.0}
+        assert request("ground?frame=nowhere")["robot"] is None
+        status, picture = request.raw("map.png")
+        assert status == 200 and Image.open(io.BytesIO(picture)).size == (2, 1)
+
+        assert request("click", CLICK) == {"topic": "/robot1/goal_pose", "subscribers": 1}
+        wait_for(lambda: goals, "the goal")
+        assert goals[-1].header.frame_id == "map" and goals[-1].pose.position.x == 1.5
+        assert abs(goals[-1].header.stamp.sec - peer.node.get_clock().now().nanoseconds / 1e9) < 60
+        assert request("click", {**CLICK, "tool": "point"}) == {
+            "topic": "/robot1/clicked_point",
+            "subscribers": 0,
+        }
+        count = len(goals)
+        assert request.raw("click", {**CLICK, "x": None})[0] == 400
+        assert request.raw("click", CLICK, Origin="http://evil.example")[0] == 403
+        assert request.raw("click", CLICK, Host="evil.example")[0] == 403
+        request("ground")
+        assert len(goals) == count
+
+
+def test_a_page_sees_and_sets_the_parameters_of_a_node(peer: Peer) -> None:
+    """Those that can be set, with their ranges; and why the node refuses a value."""
+    fine = FloatingPointRange(from_value=0.0, to_value=2.0)
+    declare = peer.node.declare_parameter
+    declare("speed", 0.5, ParameterDescriptor(description="m/s", floating_point_range=[fine]))
+    declare("fixed", 1, ParameterDescriptor(read_only=True))
+    declare("long", 2000 * "x")
+    declare("lights", False)
+
+    def check(parameters: Any) -> SetParametersResult:
+        refused = any(one.name == "lights" for one in parameters)
+        return SetParametersResult(successful=not refused, reason="no lights" * refused)
+
+    peer.node.add_on_set_parameters_callback(check)
+    with steering() as node:
+        request = Requests(address_of(node))
+        wait_for(lambda: "/peer" in request("nodes")["nodes"], "the peer")
+        assert request("nodes")["viewer"] == ""
+        rows = {row["name"]: row for row in request("parameters?node=/peer")["parameters"]}
+        assert rows["speed"] == {
+            "name": "speed",
+            "type": "double",
+            "value": "0.5",
+            "description": "m/s",
+            "rule": "",
+            "read_only": False,
+            "range": [0.0, 2.0],
+        }
+        assert rows["fixed"]["read_only"] and "long" not in rows
+        values = {"speed": "1", "lights": "true"}
+        found = request("parameters", {"node": "/peer", "values": values})
+        assert found == {"refused": {"lights": "no lights"}}
+        assert peer.node.get_parameter("speed").value == 1.0
+        found = request("parameters", {"node": "/peer", "values": {"speed": "3.0"}})
+        assert "speed" in found["refused"]["speed"]
+        assert "no node" in request("parameters?node=/nobody")["error"]
+        assert request.raw("parameters", {}, Origin="http://evil.example")[0] == 403
+
+
+@pytest.mark.slow
+def test_a_page_sets_what_the_viewer_shows(peer: Peer) -> None:
+    """Its displays, by the list that it publishes, and its camera."""
+    peer.node.create_publisher(Path, "/plan", 10)
+    arguments = ros_args(grpc_port=0, web_port=0, open_browser="false")
+    with NodeProcess("onebot_bringup.viewer.rerun_viewer", *arguments), steering() as node:
+        request = Requests(address_of(node))
+
+        def visible() -> list[bool]:
+            return [one["visible"] for one in request("nodes")["shown"] if one["topic"] == "/plan"]
+
+        wait_for(lambda: visible() == [True], "the path among the displays")
+        viewer = request("nodes")["viewer"]
+        assert viewer == "/rerun_viewer"
+        for hidden, values in (
+            (True, {"hidden": '["/plan"]', "shown": "[]"}),
+            (False, {"hidden": "[]", "shown": '["/plan"]'}),
+        ):
+            assert request("parameters", {"node": viewer, "values": values}) == {"refused": {}}
+            wait_for(lambda hidden=hidden: visible() == [not hidden], "the check box")
+        for eye in ("[0.0, -0.03, 3.0]", "[]"):
+            values = {"camera.eye": eye, "camera.target": eye, "camera.follow": ""}
+            assert request("parameters", {"node": viewer, "values": values}) == {"refused": {}}
+            rows = request(f"parameters?node={viewer}")["parameters"]
+            found = {row["name"]: row["value"] for row in rows}
+            assert [found[name] for name in values] == [eye, eye, ""]
+        assert {"fixed_frame", "frame_prefix", "robots"} <= found.keys(), "the page reads them"

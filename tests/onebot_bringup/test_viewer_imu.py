@@ -1,0 +1,102 @@
+"""Inertial sensors: the arrows in the file."""
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import Imu
+
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.wire.messages import TfArrays, time_message
+from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.viewer_support import START_NS, show, take, take_tf
+
+ENTITY, TOPIC = "/imu/imu", "/imu"
+LEFT = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))  # a quarter of a turn about z
+
+
+def imu(rotation=(0.0, 0.0, 0.0, 1.0), acceleration=(0.0, 0.0, 9.8), frame="tip", at=0) -> Imu:
+    """A message with a covariance of zeros: nothing is known of it."""
+    message = Imu()
+    message.header.frame_id, message.header.stamp = frame, time_message(START_NS + at)
+    turn, force = message.orientation, message.linear_acceleration
+    turn.x, turn.y, turn.z, turn.w = map(float, rotation)
+    force.x, force.y, force.z = map(float, acceleration)
+    return message
+
+
+def arrows(file):
+    """The arrows of each row, (N, 3)."""
+    rows = column(file, ENTITY, "Arrows3D:vectors")
+    return [np.array(row).reshape(-1, 3) for row in rows]
+
+
+def test_axes_and_acceleration(tmp_path):
+    """At the sensor's frame, the acceleration in the axes that were measured."""
+    file, said = show(tmp_path, "", (TOPIC, imu(LEFT, (2.0, 0.0, 10.0))))
+    assert said == []
+    [found] = arrows(file)
+    wanted = [(0, 0.3, 0), (-0.3, 0, 0), (0, 0, 0.3), (0, 0.1, 0.5)]
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
+    assert column(file, ENTITY, "CoordinateFrame:frame") == [["tip"]]
+    [colors] = column(file, ENTITY, "Arrows3D:colors")
+    assert colors[3] == 0xFFB020FF and len(set(colors)) == 4
+
+
+def test_the_orientation_is_that_in_the_fixed_frame(tmp_path):
+    """The sensor's frame has turned by as much: in it, there is no turn left."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    view = RobotView(recording.stream, parse_view("fixed_frame: odom"))
+    rotation = np.array([LEFT])
+    take_tf(view, TfArrays(["odom"], ["tip"], np.array([START_NS]), np.ones((1, 3)), rotation))
+    view.offer({TOPIC: "sensor_msgs/msg/Imu"})
+    take(view, TOPIC, imu(LEFT))
+    view.tick(START_NS)
+    view.finish()
+    recording.close()
+    [found] = arrows(tmp_path / "x.rrd")
+    np.testing.assert_allclose(found[:3], 0.3 * np.eye(3), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("settings", "unmeasured", "count"),
+    [
+        ("axes: false", "", 1),
+        ("acceleration: false", "", 3),
+        ("axes: true", "orientation", 1),
+        ("axes: true", "linear_acceleration", 3),
+    ],
+)
+def test_what_is_not_measured_or_wanted_is_not_drawn(settings, unmeasured, count, tmp_path):
+    """A covariance that begins with -1 says so."""
+    message = imu((0, 0, 0, 0) if unmeasured == "orientation" else LEFT)
+    if unmeasured:
+        getattr(message, f"{unmeasured}_covariance")[0] = -1.0
+    file, said = show(tmp_path, f"imu: {{{settings}}}", (TOPIC, message))
+    [found] = arrows(file)
+    assert (len(found), said) == (count, [])
+
+
+def test_few_of_many_messages_are_drawn(tmp_path):
+    """Of 400 a second some 20; also where the time is set back."""
+    sent = [imu(at=number * 2_500_000) for number in (*range(400), *range(100))]
+    file, _ = show(tmp_path, "", *((TOPIC, each) for each in sent))
+    times = np.array(column(file, ENTITY, "ros_time"), "datetime64[ns]").astype(np.int64)
+    assert (np.diff(times[:20]) == 45_000_000).all()
+    assert 25 <= len(times) <= 30 and times[-1] < times[15]
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        (imu((0, 0, 0, 0)), "its orientation [0.0, 0.0, 0.0, 0.0] is no quaternion"),
+        (imu((np.nan, 0, 0, 1)), "is no quaternion"),
+        (imu((np.inf, 0, 0, 1)), "is no quaternion"),
+        (imu(acceleration=(np.nan, 0, 0)), "its acceleration is not finite"),
+    ],
+)
+def test_bad_messages_are_reported(message, said, tmp_path):
+    """And cost nothing of the others."""
+    file, [warning] = show(tmp_path, "", (TOPIC, message), (TOPIC, imu()))
+    assert warning.startswith('imu "/imu": ') and said in warning
+    assert len(arrows(file)) == 1

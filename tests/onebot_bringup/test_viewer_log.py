@@ -1,0 +1,85 @@
+"""What nodes log: lines of text at their times, where somebody asks for them."""
+
+import pytest
+from rcl_interfaces.msg import Log
+from rclpy.serialization import serialize_message
+
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.display import LayoutPart
+from onebot_bringup.viewer.displays.log import LogDisplay, LogView
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.wire.messages import time_message
+from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, show, take
+
+[LOG] = LogDisplay.message_types
+
+
+def line(level, text, node="planner") -> Log:
+    """A line; of level 20 for "info"."""
+    return Log(stamp=time_message(START_NS), level=level, name=node, msg=text)
+
+
+def test_lines_have_their_level_node_and_time(tmp_path):
+    """A level between two is the lower; of what is below the least nothing is shown."""
+    lines = [line(level, f"at {level}") for level in (10, 20, 30, 35, 40, 50)]
+    view = "log: {visible: true, level: info}"
+    file, said = show(tmp_path, view, *(("/rosout", each) for each in lines))
+    assert said == []
+    texts = [f"[planner] at {level}" for level in (20, 30, 35, 40, 50)]
+    assert column(file, "/log/rosout", "TextLog:text") == [[text] for text in texts]
+    levels = ["INFO", "WARN", "WARN", "ERROR", "CRITICAL"]
+    assert column(file, "/log/rosout", "TextLog:level") == [[level] for level in levels]
+    [chunk] = {
+        chunk.to_record_batch()["ros_time"][0].value for chunk in chunks(file, "/log/rosout")
+    }
+    assert chunk == START_NS, "their stamps, not when they came"
+
+
+def test_a_line_of_a_megabyte_is_cut(tmp_path):
+    """It is a line all the same."""
+    file, _ = show(tmp_path, "log: {visible: true}", ("/rosout", line(40, "x" * 1_000_000)))
+    [[text]] = column(file, "/log/rosout", "TextLog:text")
+    assert 1000 < len(text) < 10_000
+
+
+@pytest.mark.parametrize(
+    ("view", "views"),
+    [
+        ("", ()),
+        ("shown: [/rosout]", (LogView("log/rosout", "/rosout"),)),
+        ("log: {visible: true}", (LogView("log/rosout", "/rosout"),)),
+        ("log: {topics: {/rosout: {visible: true}}}", (LogView("log/rosout", "/rosout"),)),
+    ],
+)
+def test_its_view_is_below_the_robot_if_it_is_asked_for(tmp_path, view, views):
+    """Every system has /rosout: not by itself."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    shown = RobotView(recording.stream, parse_view(view))
+    shown.offer({"/rosout": LOG})
+    assert [each.visible for each in shown.offered] == [bool(views)]
+    [display] = [each for each in shown._of_all if isinstance(each, LogDisplay)]  # noqa: SLF001
+    assert display.layout() == LayoutPart(wide=views)
+    for each in views:
+        assert each.view().class_identifier == "TextLog"
+        assert each.below("left") == LogView("left/log/rosout", "/rosout")
+    recording.close()
+
+
+def test_bad_messages_are_reported(tmp_path):
+    """And the others shown."""
+    bad = []
+    recording = open_recording(save=tmp_path / "x.rrd")
+    shown = RobotView(
+        recording.stream, parse_view("shown: [/rosout]"), report=lambda *args: bad.append(args)
+    )
+    describe(shown, ARM)
+    shown.offer({"/rosout": LOG})
+    shown.take("/rosout", LOG, bytes(serialize_message(line(20, "a")))[:-20], START_NS)
+    take(shown, "/rosout", line(20, "b"))
+    shown.tick(START_NS)
+    shown.finish()
+    recording.close()
+    assert [topic for topic, _ in bad] == ["/rosout"]
+    assert column(tmp_path / "x.rrd", "/log/rosout", "TextLog:text") == [["[planner] b"]]

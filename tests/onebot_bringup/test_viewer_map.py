@@ -1,0 +1,265 @@
+"""Occupancy grids: their cells, place and colours, updates, and what is bad."""
+
+import struct
+
+import numpy as np
+import pytest
+import rerun as rr
+from nav_msgs.msg import OccupancyGrid
+
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.map import UPDATE
+from onebot_bringup.viewer.pictures import render
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.wire.messages import time_message
+from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    START_NS,
+    describe,
+    show,
+    take,
+    take_tf,
+    transforms,
+)
+from tests.support_rendering import center, pixels, require_renderer
+
+MAP = "nav_msgs/msg/OccupancyGrid"
+SECOND = 10**9
+
+
+def grid(cells, *, resolution=0.5, x=0.0, frame="base", stamp_ns=START_NS) -> OccupancyGrid:
+    """A map of these cells, the row of the lowest y first."""
+    cells = np.array(cells, np.int8)
+    message = OccupancyGrid(data=cells.ravel().tolist())
+    message.header.frame_id, message.header.stamp = frame, time_message(stamp_ns)
+    message.info.height, message.info.width = cells.shape
+    message.info.resolution, message.info.origin.position.x = resolution, x
+    message.info.origin.orientation.w = 1.0
+    return message
+
+
+def update(x, y, cells, stamp_ns, cut=0) -> bytes:
+    """An OccupancyGridUpdate, which need not be installed."""
+    cells = np.array(cells, np.int8)
+    header = struct.pack("<iiI4s", *divmod(stamp_ns, SECOND), 4, b"map\0")
+    body = struct.pack("<iiIII", x, y, *cells.shape[::-1], cells.size - cut)
+    return b"\0\1\0\0" + header + body + cells.tobytes()[: cells.size - cut]
+
+
+class Shown:
+    """A view with one map topic."""
+
+    def __init__(self, folder, view="", topic="/map"):
+        self._file, self._topic = folder / "x.rrd", topic
+        self._recording = open_recording(save=self._file)
+        self.view = RobotView(self._recording.stream, parse_view(view))
+        describe(self.view, ARM)
+        take_tf(self.view, transforms("base", "tip", 0.5))
+        assert self.view.offer({topic: MAP}) == []
+        self.now, self.warnings = START_NS, []
+
+    def take(self, message: OccupancyGrid) -> None:
+        take(self.view, self._topic, message, self.now)
+
+    def update(self, *arguments, **options) -> None:
+        data = update(*arguments, self.now, **options)
+        self.view.take(f"{self._topic}_updates", UPDATE.name, data, self.now)
+
+    def tick(self) -> None:
+        self.warnings += self.view.tick(self.now)
+        self.now += SECOND
+
+    def cells(self) -> list:
+        """The cells of each row, the lowest y first; None for none."""
+        self.view.finish()
+        self._recording.close()
+        data = column(self._file, f"/map{self._topic}", "GridMap:data")
+        forms = column(self._file, f"/map{self._topic}", "GridMap:format")
+        return [
+            np.flipud(np.array(blob[0], np.uint8).view(np.int8).reshape(form[0]["height"], -1))
+            for blob, form in zip(filter(None, data), filter(None, forms), strict=True)
+        ]
+
+
+def test_a_map_is_where_its_origin_is(tmp_path):
+    """Its cells by rows, the upper one first; turned, and in its frame at its time."""
+    message = grid([[0, 100, -1], [1, 2, 3]], x=2.0, frame="tip")
+    turn = message.info.origin.orientation
+    turn.z, turn.w = 2.0, 2.0  # of any length
+    file, warnings = show(tmp_path, "map: {alpha: 0.5}", ("/map", message))
+    assert warnings == []
+    [[data]] = column(file, "/map/map", "GridMap:data")
+    assert data == [1, 2, 3, 0, 100, 255]
+    [[form]] = column(file, "/map/map", "GridMap:format")
+    assert (form["width"], form["height"]) == (3, 2)
+    assert column(file, "/map/map", "GridMap:cell_size") == [[0.5]]
+    assert column(file, "/map/map", "GridMap:translation") == [[[2.0, 0.0, 0.0]]]
+    [[quaternion]] = column(file, "/map/map", "GridMap:quaternion")
+    assert quaternion == pytest.approx([0.0, 0.0, 0.5**0.5, 0.5**0.5])
+    assert column(file, "/map/map", "GridMap:opacity") == [[0.5]]
+    assert column(file, "/map/map", "CoordinateFrame:frame") == [["tip"]]
+    [time] = column(file, "/map/map", "ros_time")
+    assert np.datetime64(time, "ns").astype(int) == START_NS
+
+
+@pytest.mark.parametrize(
+    ("topic", "settings", "colormap", "layer"),
+    [
+        ("/map", "{}", "RvizMap", 0),
+        ("/local_costmap/costmap", "{}", "RvizCostmap", 1),
+        ("/map", "{color_scheme: raw}", "Grayscale", 0),
+        ("/costmap", "{color_scheme: map, draw_behind: true}", "RvizMap", -1),
+    ],
+)
+def test_colours_are_rviz_s(tmp_path, topic, settings, colormap, layer):
+    """A costmap is seen above the map that it is of."""
+    file, _ = show(tmp_path, f"map: {settings}", (topic, grid([[0]])))
+    expected = rr.components.Colormap[colormap].value
+    assert column(file, f"/map{topic}", "GridMap:colormap") == [[expected]]
+    assert column(file, f"/map{topic}", "GridMap:draw_order") == [[layer]]
+
+
+def test_updates_change_the_map(tmp_path):
+    """Each after the one before; of those that come together only the last is logged."""
+    shown = Shown(tmp_path)
+    shown.update(0, 0, [[9]])  # of no map yet
+    shown.tick()
+    shown.take(grid(np.zeros((3, 4))))
+    shown.tick()
+    shown.update(1, 2, [[5, 6]])
+    shown.tick()
+    shown.update(0, 0, [[7], [8]])
+    shown.update(3, 0, [[9]])
+    shown.tick()
+    shown.take(grid([[1, 1]], stamp_ns=shown.now))
+    shown.update(0, 0, [[2]])
+    shown.tick()
+    first, second, third, fourth, fifth = shown.cells()
+    assert not first.any()
+    np.testing.assert_array_equal(second, [[0] * 4, [0] * 4, [0, 5, 6, 0]])
+    np.testing.assert_array_equal(third, [[7, 0, 0, 9], [8, 0, 0, 0], [0, 5, 6, 0]])
+    np.testing.assert_array_equal(fourth, [[1, 1]])
+    np.testing.assert_array_equal(fifth, [[2, 1]])
+    assert shown.warnings == []
+
+
+def test_an_update_of_an_older_map_is_ignored(tmp_path):
+    """It came with the new map, from a queue of its own."""
+    shown = Shown(tmp_path)
+    shown.take(grid([[1, 1]]))
+    shown.update(0, 0, [[2]])
+    shown.take(grid([[3]], stamp_ns=START_NS + 5))
+    shown.tick()
+    assert [cells.tolist() for cells in shown.cells()] == [[[1, 1]], [[3]]]
+
+
+@pytest.mark.parametrize(
+    ("place", "cells", "cut"),
+    [
+        ((-1, 0), [[1]], 0),
+        ((0, 3), [[1]], 0),
+        ((3, 0), [[1, 1]], 0),
+        ((2**31 - 1, 2**31 - 1), [[1, 1]], 0),
+        ((0, 0), [[1, 1]], 1),
+    ],
+)
+def test_bad_updates_are_refused(tmp_path, place, cells, cut):
+    """Outside of the map, or with too few cells; the map stays, and others come through."""
+    shown = Shown(tmp_path)
+    shown.take(grid(np.zeros((3, 4))))
+    shown.tick()
+    shown.update(*place, cells, cut=cut)
+    shown.tick()
+    shown.update(0, 0, [[1]])
+    shown.tick()
+    assert [cells.sum() for cells in shown.cells()] == [0, 1]
+    [warning] = shown.warnings
+    assert warning.startswith('map "/map": an update ')
+
+
+def _bad(**changes) -> OccupancyGrid:
+    message = grid([[0, 0]])
+    for name, value in changes.items():
+        setattr(message.info, name, value)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        (_bad(width=3), "2 cells"),
+        (_bad(width=2**31, height=2**31), "2 cells"),
+        (_bad(resolution=0.0), "resolution is 0 m"),
+        (_bad(resolution=float("nan")), "not finite"),
+        (grid([[0]], x=float("inf")), "not finite"),
+    ],
+)
+def test_bad_maps_are_refused(tmp_path, message, said):
+    """And said; the one before stays."""
+    file, [warning] = show(tmp_path, "", ("/map", grid([[7]])), ("/map", message))
+    assert column(file, "/map/map", "GridMap:data") == [[[7]]]
+    assert said in warning
+
+
+def test_an_empty_map_clears(tmp_path):
+    """Its resolution may be anything; another map is shown again."""
+    empty = _bad(width=0, resolution=0.0)
+    empty.data = []
+    empty.header.stamp = time_message(START_NS + 1)
+    shown = Shown(tmp_path)
+    for message in (grid([[7]]), empty, grid([[8]], stamp_ns=START_NS + 2)):
+        shown.take(message)
+        shown.tick()
+    assert [cells.tolist() for cells in shown.cells()] == [[[7]], [[8]]]
+    assert column(tmp_path / "x.rrd", "/map/map", "Clear:is_recursive") == [[False]]
+
+
+def test_another_colour_scheme_keeps_the_map(tmp_path):
+    """With its updates, and those that come later."""
+    shown = Shown(tmp_path)
+    shown.take(grid([[1, 1]]))
+    shown.tick()
+    shown.update(0, 0, [[2]])
+    shown.tick()
+    shown.view.set_view(parse_view("map: {color_scheme: costmap}"))
+    shown.tick()
+    shown.update(1, 0, [[3]])
+    shown.tick()
+    assert [cells.tolist() for cells in shown.cells()] == [[[1, 1]], [[2, 1]], [[2, 1]], [[2, 3]]]
+
+
+def test_updates_are_subscribed_with_their_map(tmp_path):
+    """Once they are published."""
+    shown = Shown(tmp_path)
+    assert shown.view.topics["/map_updates"].optional
+    shown.view.set_view(parse_view("hidden: [/map]"))
+    assert not {"/map", "/map_updates"} & set(shown.view.topics)
+    shown.cells()
+
+
+def test_the_picture_has_the_map(tmp_path):
+    """The occupied cells where they are, seen from above with x to the right and y up."""
+    require_renderer()
+    cells = np.zeros((4, 4))
+    cells[0, 1:] = 100
+    cells[3, 3] = -1
+    view = """
+fixed_frame: base
+axes: {visible: false}
+grid: {visible: false}
+background: [200, 0, 200]
+camera: {eye: [1.0, -1.0, 5.0], target: [1.0, 1.0, 0.0]}
+joint_plot: {positions: false, velocities: false}
+map: {alpha: 1.0}
+"""
+    file, warnings = show(tmp_path, view, ("/map", grid(cells)))
+    assert warnings == []
+    render(file, tmp_path / "x.png", 600, 600)
+    image = pixels(tmp_path / "x.png")
+    x, y = center(image.max(axis=2) < 5)
+    assert x == pytest.approx(0.5, abs=0.05) and y > 0.6
+    unknown = (0x70, 0x89, 0x86)  # RViz's colour of it
+    x, y = center(np.abs(image - unknown).max(axis=2) < 5)
+    assert x > 0.6 and y < 0.4

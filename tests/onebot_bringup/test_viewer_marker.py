@@ -1,0 +1,590 @@
+"""Markers: what Rerun shows of each type, of actions, of lifetimes and of frames."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Point
+from rclpy.serialization import serialize_message
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.displays.marker import MarkerDisplay
+from onebot_bringup.viewer.pictures import headless_viewer, render
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
+from onebot_description.wire.messages import time_message
+from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    START_NS,
+    box,
+    describe,
+    take,
+    take_tf,
+    transforms,
+)
+from tests.support_rendering import center, colored, pixels, require_renderer
+
+ONE, ARRAY = MarkerDisplay.message_types
+SECOND = 10**9
+SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0)]
+RED, GREEN, HALF_BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.5)
+
+
+def marker(kind=Marker.CUBE, number=0, at=(0.0, 0.0, 0.0), frame="base", **fields) -> Marker:
+    """A marker of half a metre, red; ``points`` and ``colors`` as tuples."""
+    message = Marker(type=kind, id=number)
+    message.header.frame_id, message.header.stamp = frame, time_message(START_NS)
+    message.pose.position.x, message.pose.position.y, message.pose.position.z = map(float, at)
+    message.pose.orientation.w = 1.0
+    for name, value in ({"scale": (0.5, 0.5, 0.5), "color": RED} | fields).items():
+        if name == "points":
+            message.points = [Point(x=x, y=y, z=z) for x, y, z in value]
+        elif name == "colors":
+            message.colors = [ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in value]
+        elif name == "turn":
+            turn = message.pose.orientation
+            turn.x, turn.y, turn.z, turn.w = value
+        elif name == "scale":
+            message.scale.x, message.scale.y, message.scale.z = value
+        elif name == "color":
+            color = message.color
+            color.r, color.g, color.b, color.a = value
+        elif name == "lifetime":
+            message.lifetime.sec, message.lifetime.nanosec = divmod(int(value * SECOND), SECOND)
+        else:
+            setattr(message, name, value)
+    return message
+
+
+class Shown:
+    """A view with a robot and the topics /marks (arrays) and /mark, and its file."""
+
+    def __init__(self, tmp_path, view="", robot=True, **options):
+        self.file = tmp_path / "x.rrd"
+        self.bad: list = []
+        self._recording = open_recording(save=self.file)
+        options.setdefault("report", lambda *args: self.bad.append(args))
+        self.view = RobotView(self._recording.stream, parse_view(view), **options)
+        if robot:
+            describe(self.view, ARM)
+            take_tf(self.view, transforms("base", "tip", 0.5))
+        self.view.offer({"/marks": ARRAY, "/mark": ONE})
+
+    def send(self, *markers, at=START_NS):
+        """Publish an array, and return what the user is told."""
+        take(self.view, "/marks", MarkerArray(markers=list(markers)), at)
+        return self.view.tick(at)
+
+    def end(self):
+        """The file, complete."""
+        self.view.finish()
+        self._recording.close()
+        return self.file
+
+
+def rows(file, layer, name, topic="marks"):
+    """All rows of a column of a layer."""
+    return column(file, f"/marker/{topic}/{layer}", name)
+
+
+def times(file, layer, topic="marks"):
+    """Nanoseconds after the start, of each row of a layer."""
+    return [
+        at - START_NS
+        for chunk in chunks(file, f"/marker/{topic}/{layer}")
+        for at in stamps(chunk.to_record_batch())
+    ]
+
+
+def stamps(batch):
+    """Nanoseconds of each row."""
+    return batch.column("ros_time").cast("int64").to_pylist()
+
+
+def flat(value):
+    """All numbers of a row."""
+    return np.array(value, float).ravel().tolist()
+
+
+def test_cubes_of_a_namespace_are_one_row(tmp_path):
+    """Where they are, how large, and in their colours, in their frame."""
+    shown = Shown(tmp_path)
+    half = np.sqrt(0.5)
+    first = marker(ns="a", at=(1, 2, 3), scale=(1.0, 2.0, 3.0), turn=(0.0, 0.0, half, half))
+    assert shown.send(first, marker(number=1, ns="a", color=HALF_BLUE), marker(ns="b")) == []
+    file = shown.end()
+    assert flat(rows(file, "a/cubes", "InstancePoses3D:translations")) == [1, 2, 3, 0, 0, 0]
+    turns = flat(rows(file, "a/cubes", "InstancePoses3D:quaternions"))
+    np.testing.assert_allclose(turns, [0, 0, half, half, 0, 0, 0, 1], atol=1e-6)
+    assert flat(rows(file, "a/cubes", "InstancePoses3D:scales")) == [1, 2, 3, 0.5, 0.5, 0.5]
+    assert flat(rows(file, "a/cubes", "Boxes3D:half_sizes")) == [0.5] * 3
+    assert rows(file, "a/cubes", "Boxes3D:colors") == [[0xFF0000FF, 0x0000FF80]]
+    assert rows(file, "a/cubes", "CoordinateFrame:frame") == [["base"]]
+    assert times(file, "a/cubes") == [0]
+    assert len(rows(file, "b/cubes", "Boxes3D:colors")[0]) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "layer", "expected"),
+    [
+        (Marker.SPHERE, {}, "spheres", {"Ellipsoids3D:colors": [0xFF0000FF]}),
+        (
+            Marker.CYLINDER,
+            {},
+            "cylinders",
+            {"Cylinders3D:radii": [0.5], "Cylinders3D:lengths": [1]},
+        ),
+        (
+            Marker.ARROW,
+            {"scale": (2.0, 0.2, 0.2), "turn": (0.0, 0.0, 1.0, 0.0)},
+            "arrows",
+            {
+                "Arrows3D:vectors": [-2, 0, 0],
+                "Arrows3D:origins": [1, 0, 0],
+                "Arrows3D:radii": [0.1],
+            },
+        ),
+        (
+            Marker.ARROW,
+            {"points": SQUARE[1:], "scale": (0.2, 0.4, 0.0)},
+            "arrow_strips",
+            {"Arrows3D:vectors": [0, 1, 0], "Arrows3D:origins": [2, 0, 0], "Arrows3D:radii": [0.1]},
+        ),
+        (
+            Marker.ARROW_STRIP,
+            {"points": SQUARE},
+            "arrow_strips",
+            {"Arrows3D:vectors": [1, 0, 0, 0, 1, 0], "Arrows3D:origins": [1, 0, 0, 2, 0, 0]},
+        ),
+        (
+            Marker.LINE_STRIP,
+            {"points": SQUARE, "scale": (0.1, 0.0, 0.0)},
+            "lines",
+            {"LineStrips3D:strips": [1, 0, 0, 2, 0, 0, 2, 1, 0], "LineStrips3D:radii": [0.05]},
+        ),
+        (
+            Marker.LINE_STRIP,
+            {"points": SQUARE, "colors": [RED, GREEN, GREEN]},
+            "lines",
+            {
+                "LineStrips3D:strips": [1, 0, 0, 2, 0, 0, 2, 0, 0, 2, 1, 0],
+                "LineStrips3D:colors": [0x808000FF, 0x00FF00FF],
+            },
+        ),
+        (
+            Marker.LINE_LIST,
+            {"points": SQUARE, "turn": (0.0, 0.0, 1.0, 0.0)},
+            "lines",
+            {"LineStrips3D:strips": [1, 0, 0, 0, 0, 0], "LineStrips3D:colors": [0xFF0000FF]},
+        ),
+        (
+            Marker.CUBE_LIST,
+            {"points": SQUARE[1:], "colors": [RED, GREEN]},
+            "cube_lists",
+            {
+                "InstancePoses3D:translations": [2, 0, 0, 2, 1, 0],
+                "InstancePoses3D:scales": [0.5] * 6,
+                "Boxes3D:colors": [0xFF0000FF, 0x00FF00FF],
+            },
+        ),
+        (
+            Marker.SPHERE_LIST,
+            {"points": SQUARE[1:], "color": GREEN},
+            "sphere_lists",
+            {"Points3D:positions": [2, 0, 0, 2, 1, 0], "Points3D:radii": [0.25] * 2},
+        ),
+        (
+            Marker.POINTS,
+            {"points": SQUARE[1:], "scale": (0.5, 0.5, 0.0), "colors": [RED, HALF_BLUE]},
+            "points",
+            {"Points3D:radii": [0.25] * 2, "Points3D:colors": [0xFF0000FF, 0x0000FF80]},
+        ),
+        (
+            Marker.TEXT_VIEW_FACING,
+            {"text": "dock", "scale": (0.0, 0.0, 0.3)},
+            "texts",
+            {"Points3D:positions": [1, 0, 0], "Points3D:colors": [0xFF0000FF]},
+        ),
+        (
+            Marker.TRIANGLE_LIST,
+            {"points": [*SQUARE, *SQUARE], "colors": [RED, HALF_BLUE], "scale": (2.0, 1.0, 1.0)},
+            "triangles",
+            {
+                "Mesh3D:vertex_positions": [1, 0, 0, 3, 0, 0, 3, 1, 0] * 2,
+                "Mesh3D:vertex_colors": [0xFF0000FF] * 3 + [0x0000FFFF] * 3,
+            },
+        ),
+        (
+            Marker.TRIANGLE_LIST,
+            {"points": SQUARE, "color": HALF_BLUE},
+            "triangles",
+            {"Mesh3D:vertex_colors": [0x0000FFFF] * 3, "Mesh3D:albedo_factor": [0xFFFFFF80]},
+        ),
+    ],
+)
+def test_each_type_is_drawn(tmp_path, kind, fields, layer, expected):
+    """At its pose, one metre ahead, with its points, colours and scale."""
+    shown = Shown(tmp_path)
+    assert shown.send(marker(kind, at=(1, 0, 0), **fields)) == []
+    file = shown.end()
+    for name, numbers in expected.items():
+        [row] = rows(file, layer, name)
+        found = np.concatenate([flat(each) for each in row]) if "strips" in name else flat(row)
+        np.testing.assert_allclose(found, numbers, atol=1e-6, err_msg=name)
+    if kind == Marker.TEXT_VIEW_FACING:
+        assert rows(file, layer, "Points3D:labels") == [["dock"]]
+
+
+def test_lists_of_several_markers_lie_on_one_entity(tmp_path):
+    """Each with its own pose and colour, those without points too."""
+    shown = Shown(tmp_path)
+    strip = marker(Marker.LINE_STRIP, 1, points=SQUARE, at=(0, 0, 1))
+    pairs = marker(Marker.LINE_LIST, 2, points=[*SQUARE, *SQUARE[:1]], color=GREEN)
+    shown.send(marker(Marker.LINE_STRIP, 0, points=[]), strip, pairs)
+    shown.send(*(marker(Marker.POINTS, k, points=SQUARE[:k], at=(k, 0, 0)) for k in range(3)))
+    file = shown.end()
+    [lines] = rows(file, "lines", "LineStrips3D:strips")
+    assert [len(line) for line in lines] == [3, 2, 2]
+    assert [line[0][2] for line in lines] == [1, 0, 0]
+    colors = rows(file, "lines", "LineStrips3D:colors")
+    assert colors == [[0xFF0000FF, 0x00FF00FF, 0x00FF00FF]]
+    places = rows(file, "points", "Points3D:positions")
+    assert flat(places) == [1, 0, 0, 2, 0, 0, 3, 0, 0]
+
+
+def test_a_mesh_is_loaded_once_for_all_of_a_colour(tmp_path):
+    """In the marker's colour, or its own if the marker says so; one that is not there is said."""
+    box().export(tmp_path / "box.stl")
+    uri = f"file://{tmp_path / 'box.stl'}"
+    shown = Shown(tmp_path)
+    meshes = [marker(Marker.MESH_RESOURCE, k, at=(k, 0, 0), mesh_resource=uri) for k in range(3)]
+    meshes[2].color.g = 1.0
+    own = marker(Marker.MESH_RESOURCE, 3, mesh_resource=uri, mesh_use_embedded_materials=True)
+    gone = marker(Marker.MESH_RESOURCE, 4, mesh_resource=f"{uri}.dae")
+    [said] = shown.send(*meshes, own, gone)
+    assert said.startswith('marker "/marks": id 4 of "":') and "box.stl.dae" in said
+    meshes[0].pose.position.y = 1.0
+    shown.send(*meshes, own, gone, at=START_NS + 1)
+    file = shown.end()
+    first, second = rows(file, "meshes", "InstancePoses3D:translations")
+    assert (flat(first), flat(second)) == ([0, 0, 0, 1, 0, 0], [0, 1, 0, 1, 0, 0])
+    assert sum(bool(blob) for blob in rows(file, "meshes", "Asset3D:blob")) == 1
+    factors = [flat(rows(file, f"meshes{n}", "Asset3D:albedo_factor")) for n in ("", "_2", "_3")]
+    assert factors == [[0xFF0000FF], [0xFFFF00FF], [0xFFFFFFFF]]
+
+
+def test_what_has_not_changed_is_not_logged_again(tmp_path):
+    """The same markers again cost no row; moved ones a row of their places."""
+    shown = Shown(tmp_path)
+    for at in range(3):
+        shown.send(*(marker(number=k, at=(k, 0, 0)) for k in range(5)), at=START_NS + at)
+    shown.send(*(marker(number=k, at=(k, 1, 0)) for k in range(5)), at=START_NS + 3)
+    shown.send(marker(number=2, at=(2, 2, 0)), at=START_NS + 4)
+    file = shown.end()
+    assert times(file, "cubes") == [0, 3, 4]
+    assert len(list(filter(None, rows(file, "cubes", "Boxes3D:colors")))) == 1
+    last = rows(file, "cubes", "InstancePoses3D:translations")[-1]
+    assert [place[1] for place in last] == [1, 1, 2, 1, 1]
+
+
+def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
+    """A server with a memory limit drops the oldest data."""
+    monkeypatch.setattr("onebot_bringup.viewer.displays.marker.REPEAT_AFTER", -1.0)
+    shown = Shown(tmp_path)
+    shown.send(marker())
+    for tick in range(3):
+        shown.view.tick(START_NS + tick * SECOND)
+    file = shown.end()
+    assert len(rows(file, "cubes", "Boxes3D:colors")) >= 4
+    assert set(times(file, "cubes")) == {0}
+
+
+def test_markers_are_deleted(tmp_path):
+    """One, those of a namespace, and all."""
+    shown = Shown(tmp_path)
+    everything = [marker(number=k, ns=space) for space in "ab" for k in range(3)]
+    shown.send(*everything)
+    shown.send(marker(number=1, ns="a", action=Marker.DELETE), at=START_NS + 1)
+    shown.send(marker(ns="a", action=Marker.DELETEALL), at=START_NS + 2)
+    shown.send(*everything, at=START_NS + 3)
+    shown.send(marker(action=Marker.DELETEALL), marker(number=7, ns="b"), at=START_NS + 4)
+    file = shown.end()
+    counts = [len(row or ()) for row in rows(file, "a/cubes", "InstancePoses3D:translations")]
+    assert (counts, times(file, "a/cubes")) == ([3, 2, 3], [0, 1, 2, 3, 4])
+    cleared = rows(file, "a/cubes", "Clear:is_recursive")
+    assert cleared == [[False], [False]]
+    counts = [len(row or ()) for row in rows(file, "b/cubes", "InstancePoses3D:translations")]
+    assert counts == [3, 1]
+
+
+def _cleared(file, layer, topic="marks"):
+    """When a layer was emptied, seconds after the start."""
+    return [
+        (at - START_NS) / SECOND
+        for chunk in chunks(file, f"/marker/{topic}/{layer}")
+        if "Clear:is_recursive" in chunk.to_record_batch().schema.names
+        for at in stamps(chunk.to_record_batch())
+    ]
+
+
+def test_a_marker_disappears_when_its_lifetime_is_over(tmp_path):
+    """At that time, also if nothing more comes; one that comes again in time stays."""
+    shown = Shown(tmp_path)
+    shown.send(
+        marker(lifetime=1.0), marker(Marker.SPHERE, 1, lifetime=0.25), marker(Marker.ARROW, 2)
+    )
+    shown.view.tick(START_NS + SECOND // 2)
+    shown.send(marker(lifetime=1.0), at=START_NS + SECOND * 3 // 4)
+    shown.view.tick(START_NS + 5 * SECOND)
+    file = shown.end()
+    assert _cleared(file, "cubes") == [1.75]
+    assert _cleared(file, "spheres") == [0.25]
+    assert _cleared(file, "arrows") == []
+
+
+def test_a_lifetime_begins_when_a_latched_marker_comes(tmp_path):
+    """As in RViz: what is minutes old is seen for its lifetime, then cleared at its own time."""
+    shown = Shown(tmp_path)
+    now = START_NS + 60 * SECOND
+    take(shown.view, "/mark", marker(lifetime=2.0), now)
+    shown.view.tick(now)
+    assert not shown.view.tick(now + SECOND)
+    layers = shown.view._of_all  # noqa: SLF001
+    [drawing] = [d.items["/mark"] for d in layers if isinstance(d, MarkerDisplay)]
+    assert drawing._where  # noqa: SLF001
+    shown.view.tick(now + 3 * SECOND)
+    assert not drawing._where  # noqa: SLF001
+    assert _cleared(shown.end(), "cubes", "mark") == [2.0]
+
+
+def test_single_markers_that_come_together_are_one_row(tmp_path):
+    """But not states of the same marker, which are rows of their own."""
+    shown = Shown(tmp_path)
+    for number in range(50):
+        take(shown.view, "/mark", marker(number=number, at=(number, 0, 0)))
+    moved = marker(number=3, at=(0, 1, 0))
+    moved.header.stamp = time_message(START_NS + SECOND)
+    take(shown.view, "/mark", moved, START_NS + SECOND)
+    shown.view.tick(START_NS + SECOND)
+    file = shown.end()
+    first, second = rows(file, "cubes", "InstancePoses3D:translations", "mark")
+    assert (len(first), first[3][1], second[3][1]) == (50, 0, 1)
+    assert times(file, "cubes", "mark") == [0, SECOND]
+
+
+def test_a_marker_moves_with_its_frame_only_if_it_is_locked(tmp_path):
+    """Else it stays where it was in the fixed frame."""
+    shown = Shown(tmp_path, "fixed_frame: base")
+    free, locked = marker(frame="tip", at=(0, 1, 0)), marker(number=1, frame="/tip")
+    locked.frame_locked = True
+    shown.send(free, locked)
+    for at, y in ((1, 0.7), (2, 0.9)):
+        take_tf(shown.view, transforms("base", "tip", y, START_NS + at))
+        shown.send(*[free] * (at == 2), locked, at=START_NS + at)
+    file = shown.end()
+    assert rows(file, "cubes", "CoordinateFrame:frame") == [["base"]]
+    places = rows(file, "cubes", "InstancePoses3D:translations")
+    np.testing.assert_allclose(flat(places), [0, 1.5, 0, 0, 1.9, 0], atol=1e-6)
+    assert rows(file, "cubes_2", "CoordinateFrame:frame") == [["tip"]]
+    assert flat(rows(file, "cubes_2", "InstancePoses3D:translations")) == [0, 0, 0]
+
+
+def test_a_marker_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):
+    """The others do not; one that is deleted meanwhile does not come."""
+    now = [0.0]
+    shown = Shown(tmp_path, clock=lambda: now[0])
+    far = [marker(number=k, frame="map") for k in (1, 2)]
+    assert shown.send(*far, marker(number=0)) == []
+    shown.send(marker(number=2, action=Marker.DELETE))
+    now[0] = 4.0
+    [said] = shown.view.tick(START_NS)
+    assert 'marker "/marks" is in the frame "map"' in said
+    take_tf(shown.view, transforms("map", "base", 0.0), static=True)
+    shown.view.tick(START_NS + SECOND)
+    file = shown.end()
+    drawn = [rows(file, name, "CoordinateFrame:frame") for name in ("cubes", "cubes_2")]
+    assert drawn == [[["base"]], [["map"]]]
+
+
+def test_without_a_robot_the_markers_frame_is_the_fixed_one(tmp_path):
+    """Nothing else names one."""
+    shown = Shown(tmp_path, robot=False)
+    shown.send(marker(frame="map"))
+    shown.view.tick(START_NS + 1)
+    assert shown.view.fixed_frame == "map"
+    assert rows(shown.end(), "cubes", "CoordinateFrame:frame") == [["map"]]
+
+
+def test_namespaces_may_be_hidden(tmp_path):
+    """By the view, as RViz's check boxes do."""
+    shown = Shown(tmp_path, "marker: {topics: {/marks: {hidden_namespaces: [noise]}}}")
+    shown.send(marker(ns="noise"), marker(ns="goals"))
+    shown.view.set_view(parse_view("marker: {hidden_namespaces: [goals]}"))
+    file = shown.end()
+    drawn = {
+        space: len(list(filter(None, rows(file, f"{space}/cubes", "Boxes3D:colors"))))
+        for space in ("noise", "goals")
+    }
+    assert drawn == {"noise": 1, "goals": 1}
+    assert chunks(file, "/marker/marks")[-1].to_record_batch()["Clear:is_recursive"][0].as_py()
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "drawn", "said"),
+    [
+        (Marker.CUBE, {"at": (np.nan, 0, 0)}, 0, "not finite: not drawn"),
+        (Marker.CUBE, {"scale": (1e300, 1.0, 1.0)}, 0, "not finite: not drawn"),
+        (Marker.CUBE, {"scale": (0.0, 1.0, 1.0)}, 1, "its scale is zero"),
+        (Marker.CUBE, {"turn": (0.0, 0.0, 0.0, 0.0)}, 1, "its quaternion is zero"),
+        (Marker.CUBE, {"turn": (0.0, 0.0, 0.0, 2.0)}, 1, "is not of unit length"),
+        (Marker.CUBE, {"color": (1.0, 1.0, 1.0, 0.0)}, 1, "it is transparent"),
+        (Marker.CUBE, {"frame": ""}, 0, "it names no frame"),
+        (Marker.CUBE, {"action": 9}, 0, "its action is unknown"),
+        (99, {}, 0, "its type 99 is unknown"),
+        (Marker.POINTS, {"points": []}, 0, "less than 1 points: not drawn"),
+        (Marker.POINTS, {"points": [(np.inf, 0.0, 0.0)]}, 0, "its points are not finite"),
+        (Marker.POINTS, {"points": SQUARE, "colors": [RED]}, 1, "1 colours for 3 points"),
+        (Marker.TRIANGLE_LIST, {"points": SQUARE, "texture_resource": "x"}, 1, "its texture"),
+        (Marker.MESH_RESOURCE, {"mesh_resource": "package://no/x.stl"}, 0, "no"),
+        (Marker.MESH_RESOURCE, {"mesh_resource": ""}, 0, "mesh"),
+    ],
+)
+def test_what_is_wrong_is_said_once(tmp_path, kind, fields, drawn, said):
+    """With the first marker that has it; the others are drawn."""
+    shown = Shown(tmp_path)
+    wrong = [marker(kind, k, **{"ns": "w"} | fields) for k in (4, 5)]
+    [sentence] = shown.send(*wrong, marker(Marker.SPHERE, ns="good"))
+    assert sentence.startswith('marker "/marks": id 4 of "w": ') and said in sentence
+    assert shown.send(*wrong) == []
+    file = shown.end()
+    [turn] = rows(file, "good/spheres", "InstancePoses3D:quaternions")
+    assert turn == [[0, 0, 0, 1]]
+    layers = ("cubes", "points", "triangles", "meshes")
+    assert sum(bool(chunks(file, f"/marker/marks/w/{name}")) for name in layers) == drawn
+    for turns in rows(file, "w/cubes", "InstancePoses3D:quaternions"):
+        np.testing.assert_allclose(turns, [[0, 0, 0, 1]] * 2)
+
+
+def test_bad_messages_are_reported(tmp_path):
+    """And cost nothing of the others."""
+    shown = Shown(tmp_path)
+    whole = bytes(serialize_message(MarkerArray(markers=[marker()])))
+    for data in (b"", whole[:-9], b"\0\1\0\0\xff\xff\xff\xff"):
+        shown.view.take("/marks", ARRAY, data, START_NS)
+    shown.send()
+    shown.send(marker())
+    assert [topic for topic, _ in shown.bad] == ["/marks"] * 3
+    assert len(rows(shown.end(), "cubes", "Boxes3D:colors")) == 1
+
+
+def _model(state, markers):
+    """What RViz has after an array: type and x by namespace and number."""
+    for each in markers:
+        if each.action == Marker.DELETEALL:
+            gone = [key for key in state if each.ns in ("", key[0])]
+        else:
+            gone = [(each.ns, each.id)]
+        for key in gone:
+            state.pop(key, None)
+        if each.action == Marker.ADD:
+            state[each.ns, each.id] = each.type, each.pose.position.x
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_any_sequence_of_arrays_ends_as_in_rviz(tmp_path, seed):
+    """Of many adds, changes of type and deletions: the last rows have what a simple model has."""
+    random = np.random.default_rng(seed)
+    shown, state = Shown(tmp_path), {}
+    kinds = (Marker.CUBE, Marker.SPHERE, Marker.TEXT_VIEW_FACING)
+    for step in range(60):
+        if step % 3 or step == 0:
+            markers = [
+                marker(
+                    int(random.choice(kinds)),
+                    int(random.integers(4)),
+                    (step + k / 16, 0, 0),
+                    ns=str(random.choice(["a", "b"])),
+                    action=int(
+                        random.choice([0, 0, 0, 0, 2, 3], p=[0.2, 0.2, 0.2, 0.2, 0.15, 0.05])
+                    ),
+                    text="t",
+                )
+                for k in range(random.integers(1, 8))
+            ]
+        _model(state, markers)
+        shown.send(*markers, at=START_NS + step)
+    file = shown.end()
+    found = {}
+    for space in "ab":
+        for kind, layer, name in (
+            (Marker.CUBE, "cubes", "InstancePoses3D:translations"),
+            (Marker.SPHERE, "spheres", "InstancePoses3D:translations"),
+            (Marker.TEXT_VIEW_FACING, "texts", "Points3D:positions"),
+        ):
+            entity = f"/marker/marks/{space}/{layer}"
+            events = []
+            for chunk in chunks(file, entity):
+                batch = chunk.to_record_batch()
+                names = batch.schema.names
+                for at, row in enumerate(stamps(batch)):
+                    if (
+                        "Clear:is_recursive" in names
+                        and batch.column("Clear:is_recursive")[at].as_py()
+                    ):
+                        events.append((row, []))
+                    if name in names and batch.column(name)[at].as_py() is not None:
+                        events.append((row, batch.column(name)[at].as_py()))
+            last = max(events, default=(0, []), key=lambda event: event[0])[1]
+            found[space, kind] = sorted(place[0] for place in last)
+    expected = {key: [] for key in found}
+    for (space, _), (kind, x) in state.items():
+        expected[space, kind].append(x)
+    assert found == {key: sorted(values) for key, values in expected.items()}
+
+
+PICTURE = """
+fixed_frame: base
+axes: {visible: false}
+grid: {visible: false}
+camera: {eye: [0.0, -7.0, 5.0], target: [0.0, 0.5, 0.0]}
+joint_plot: {positions: false, velocities: false}
+"""
+
+
+def test_the_picture_has_the_markers(tmp_path):
+    """All types, each in its colour and place, and without an error."""
+    require_renderer()
+    box().export(tmp_path / "box.stl")
+    mesh = f"file://{tmp_path / 'box.stl'}"
+    line = [(0.0, 0.0, 0.0), (0.3, 0.5, 0.0), (0.6, 0.0, 0.0)]
+    colors = [RED, GREEN, (1.0, 1.0, 0.0, 1.0)]
+    size = {"scale": (0.6, 0.6, 0.6)}
+    thin = {"scale": (0.08, 0.15, 0.2)}
+    every = [
+        marker(Marker.CUBE, 0, (-3, 2, 0), color=GREEN, **size),
+        marker(Marker.SPHERE, 1, (-2, 2, 0), color=HALF_BLUE, **size),
+        marker(Marker.CYLINDER, 2, (-1, 2, 0), color=(1.0, 0.0, 1.0, 1.0), scale=(0.6, 0.2, 0.6)),
+        marker(Marker.ARROW, 3, (0, 2, 0), scale=(0.8, 0.1, 0.1)),
+        marker(Marker.ARROW, 4, (1, 2, 0), points=line[:2], **thin),
+        marker(Marker.ARROW_STRIP, 5, (2, 2, 0), points=line, **thin),
+        marker(Marker.LINE_STRIP, 6, (-3, -1, 0), points=line, colors=colors, **thin),
+        marker(Marker.LINE_LIST, 7, (-2, -1, 0), points=line[:2], **thin),
+        marker(Marker.CUBE_LIST, 8, (-1, -1, 0), points=line, colors=colors, scale=(0.2, 0.2, 0.2)),
+        marker(Marker.SPHERE_LIST, 9, (0, -1, 0), points=line, scale=(0.2, 0.2, 0.2)),
+        marker(Marker.POINTS, 10, (1, -1, 0), points=line, colors=colors, scale=(0.1, 0.1, 0.0)),
+        marker(Marker.TEXT_VIEW_FACING, 11, (2, -1, 0), text="dock", color=GREEN, **size),
+        marker(Marker.TRIANGLE_LIST, 12, (3, -1, 0), points=line, colors=colors, scale=(1.0,) * 3),
+        marker(Marker.MESH_RESOURCE, 13, (3, 2, 0), mesh_resource=mesh, scale=(0.5, 1.0, 2.0)),
+    ]
+    shown = Shown(tmp_path, PICTURE)
+    assert shown.send(*every) == []
+    file = shown.end()
+    with headless_viewer(str(file), 900, 600) as client:
+        assert [view.reports for view in client.get_state().views] == [[]]
+    render(file, tmp_path / "x.png", 900, 600)
+    picture = pixels(tmp_path / "x.png")
+    assert center(colored(picture, (255, 0, 255)))[0] == pytest.approx(0.44, abs=0.05)
+    assert colored(picture, (0, 255, 0)).sum() > 800
+    red = colored(picture, (255, 0, 0))
+    assert red[:300, 550:].sum() > 500  # the mesh
