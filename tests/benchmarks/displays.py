@@ -16,6 +16,7 @@ import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
 # isort: split
 import numpy as np
 import rerun as rr
+from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
@@ -134,6 +135,27 @@ def image_columns(arrays: Arrays) -> Any:
     return rr.Image.columns(buffer=[arrays["Image:buffer"]], format=[form])
 
 
+def occupancy_grid(number: int) -> tuple[OccupancyGrid, Arrays]:
+    """A map of 1000 x 1000 cells."""
+    cells = np.random.default_rng(number).integers(-1, 101, (1000, 1000), np.int8)
+    message = OccupancyGrid(data=cells.ravel().tolist())
+    message.info.width, message.info.height, message.info.resolution = 1000, 1000, 0.05
+    message.header.frame_id = _FRAME
+    return message, {"GridMap:data": np.flipud(cells).view(np.uint8).ravel()}
+
+
+def map_columns(arrays: Arrays) -> Any:
+    """The cells, and where they lie."""
+    form = rr.components.ImageFormat(1000, 1000, color_model="L", channel_datatype="U8")
+    return rr.GridMap.columns(
+        data=[arrays["GridMap:data"]],
+        format=[form],
+        cell_size=[0.05],
+        translation=[(0.0, 0.0, 0.0)],
+        quaternion=[(0.0, 0.0, 0.0, 1.0)],
+    )
+
+
 def markers(number: int) -> tuple[MarkerArray, Arrays]:
     """1000 cubes of any sizes and colours, which move and turn."""
     noise, look = np.random.default_rng(number), np.random.default_rng(0)
@@ -196,6 +218,14 @@ CASES = (
         "sensor_msgs/msg/Image",
         image,
         image_columns,
+    ),
+    Case(
+        "OccupancyGrid, 1000x1000",
+        5.0,
+        "/map/map",
+        "nav_msgs/msg/OccupancyGrid",
+        occupancy_grid,
+        map_columns,
     ),
     Case(
         "MarkerArray, 1000 cubes",
