@@ -16,13 +16,17 @@ import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
 # isort: split
 import numpy as np
 import rerun as rr
+from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
+from std_msgs.msg import String
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
-from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_description.wire.messages import transforms_message
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import batches
 from tests.benchmarks.registry import Options
@@ -189,12 +193,18 @@ class Viewer:
     """Receives raw messages and logs them as the viewer's node does."""
 
     def __init__(self, case: Case, messages: Messages, file: Path) -> None:
-        """Show the topic, in a recording that is written to ``file``."""
+        """Show the topic and a robot, in a recording that is written to ``file``."""
         self._case, self._messages = case, messages
         self._per_tick = max(1, round(case.hertz / _TICKS))
         self.recording: Recording = open_recording(save=file)
         self._view = RobotView(self.recording.stream)
         self._view.offer({case.topic: case.type})
+        urdf = String(data='<robot name="robot"><link name="odom"/></robot>')
+        described = bytes(serialize_message(urdf))
+        self._view.take("robot_description", DESCRIPTION.name, described, _START_NS)
+        place = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+        data = bytes(serialize_message(transforms_message(Time(), ["odom"], [_FRAME], place)))
+        self._view.take("/tf_static", TF.name, data, _START_NS)
 
     def prepare(self, first: int, count: int) -> list[tuple[int, bytes]]:
         """Return messages, and when each comes."""

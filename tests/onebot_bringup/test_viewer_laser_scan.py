@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import LaserScan
 
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message, transforms_message
 from tests.onebot_bringup.drive_support import chunks, column
-from tests.onebot_bringup.viewer_support import START_NS, show, transforms
+from tests.onebot_bringup.viewer_support import START_NS, show, take, take_tf, transforms
 
 NAN, INF = float("nan"), float("inf")
 ENTITY = "/laser_scan/scan"
@@ -44,10 +47,31 @@ def test_ranges_are_points_in_the_sensor_s_frame(tmp_path):
     np.testing.assert_allclose(first, [(0, -1, 0), (2, 0, 0), (0, 3, 0)], atol=1e-6)
     np.testing.assert_allclose(second, [(0, -4, 0)], atol=1e-6)
     assert colors(file) == [[ORANGE], [ORANGE]]
-    assert column(file, ENTITY, "CoordinateFrame:frame") == [["tip"]]
+    assert column(file, ENTITY, "CoordinateFrame:frame") == [["laser_scan/scan"]]
+    assert column(file, f"/placed{ENTITY}", "Transform3D:child_frame") == [["laser_scan/scan"]] * 2
+    assert column(file, f"/placed{ENTITY}", "Transform3D:parent_frame") == [["base"]] * 2
+    assert column(file, f"/placed{ENTITY}", "Transform3D:translation") == [[[0.0, 0.5, 0.0]]] * 2
     assert column(file, ENTITY, "Points3D:radii") == [[-1.5]]
     times = np.array(column(file, ENTITY, "ros_time"), "datetime64[ns]").astype(np.int64)
     np.testing.assert_array_equal(times, [START_NS, START_NS + 7000])
+
+
+def test_points_stay_where_they_were_measured(tmp_path):
+    """By the transform at the time of the message, whatever comes before it is logged."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    view = RobotView(recording.stream, parse_view("fixed_frame: odom"))
+    view.offer({"/scan": "sensor_msgs/msg/LaserScan"})
+    for second in range(3):
+        at = START_NS + second * 10**9
+        take_tf(view, transforms("odom", "base", second * 2.0, at))
+        take_tf(view, transforms("base", "tip", 1.0, at))
+    take(view, "/scan", scan(at=500_000_000))
+    view.finish()
+    recording.close()
+    [[place]] = column(tmp_path / "x.rrd", f"/placed{ENTITY}", "Transform3D:translation")
+    assert place == pytest.approx([0.0, 2.0, 0.0])
+    times = column(tmp_path / "x.rrd", f"/placed{ENTITY}", "ros_time")
+    assert np.array(times, "datetime64[ns]").astype(np.int64) == START_NS + 500_000_000
 
 
 def test_ranges_that_are_none_are_left_out(tmp_path):

@@ -151,6 +151,8 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
+        if not self.items:  # as most displays, most of the time
+            return _NOTHING
         parts = [drawing.layout() for drawing in self.items.values()]
         return LayoutPart(
             views=tuple(view for part in parts for view in part.views),
@@ -162,6 +164,8 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
     def warnings(self) -> list[str]:
         """Return which topics wait for a transform, and what cannot be drawn."""
+        if not self.items:
+            return []
         bad = [
             f'{self.noun} "{name}": {drawing.problem}'
             for name, drawing in self.items.items()
@@ -170,6 +174,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         return [*super().warnings(), *bad]
 
 
+_NOTHING = LayoutPart()
 _MOST_FRAMES = 99  # with entities of their own
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
 
