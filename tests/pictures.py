@@ -1,7 +1,7 @@
 """Makes the READMEs' pictures again, with the commands that anyone has.
 
-``python tests/pictures.py [onebot] [mrm] [steering] [--into FOLDER]``: all if none is named. They
-go where the READMEs show them, or beside one another into FOLDER, to be looked at first.
+``python tests/pictures.py [onebot] [mrm] [steering] [gallery] [--into FOLDER]``: all if none is
+named. They go where the READMEs show them, or beside one another into FOLDER, to be looked at.
 """
 
 import argparse
@@ -22,6 +22,7 @@ PLACES = {
     "onebot": CHECKOUT / "onebot_bringup/images/onebot.png",
     "mrm": CHECKOUT / "mrm_description/images/mrm.png",
     "steering": CHECKOUT / "onebot_bringup/images/steering.png",
+    "gallery": CHECKOUT / "onebot_bringup/images/gallery.png",
 }
 # What OneBot is told for its picture: m/s, rad/s and s, an S that shows all there is to see.
 DRIVE = ((0.2, 0.5, 6.0), (0.35, -0.5, 6.0), (0.25, 0.45, 6.0))
@@ -32,6 +33,7 @@ _MODULES = {
     "onebot": "onebot_bringup.cli.main",
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
     "mrm_bringup": "mrm_description.launch.mrm_bringup",
+    "sensing": "tests.sensing",
 }
 
 
@@ -73,6 +75,22 @@ def make_mrm(picture: Path, folder: Path) -> None:
     with running("mrm_bringup", "viewer:=none", f"save:={rrd}", ready="showing"):
         time.sleep(17.0)
     run("onebot", "snapshot", str(picture), str(rrd), "--dashboard")
+
+
+def make_gallery(picture: Path, folder: Path) -> None:
+    """OneBot with what sensors in a maze measure, as the viewer shows it by itself.
+
+    The maze itself is not drawn: it would hide what is measured of it.
+    """
+    rrd = folder / "gallery.rrd"
+    with running("onebot_bringup", "viewer:=none", f"save:={rrd}", ready="driving robot"):
+        with (
+            running("sensing", "maze", ready="sensing"),
+            running("onebot", *driving(0.15, 0.05), ready="#1"),
+        ):
+            time.sleep(5.0)
+    camera = ("--camera", "-0.9,-1.1,1.5:1.0,0.45,-0.1")
+    run("onebot", "snapshot", str(picture), str(rrd), "--dashboard", *camera)
 
 
 def make_steering(picture: Path, folder: Path) -> None:
@@ -176,6 +194,7 @@ _MAKERS: dict[str, Callable[[Path, Path], None]] = {
     "onebot": make_onebot,
     "mrm": make_mrm,
     "steering": make_steering,
+    "gallery": make_gallery,
 }
 
 

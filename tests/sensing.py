@@ -1,7 +1,7 @@
 """Sensors of OneBot in a world, for the READMEs' picture: a scan, a cloud, a map, a plan, markers.
 
-``python -m tests.sensing WORLD``, beside ``onebot_bringup world:=WORLD``: a node that follows the
-odometry in a PyBullet of its own, and publishes five times a second what sensors would measure.
+``python -m tests.sensing WORLD``, beside ``onebot_bringup``: a node that follows the
+robot in a PyBullet of its own, and publishes five times a second what sensors would measure.
 """
 
 import sys
@@ -82,23 +82,24 @@ class Surroundings:
 
 
 class Sensors(Node):
-    """Publishes what the sensors of the robot measure, where its odometry says that it is."""
+    """Publishes what the sensors of the robot measure, where it truly is."""
 
     def __init__(self, world: str) -> None:
         """Publish the map once, the rest from now on."""
         super().__init__("sensors")
         self._around = Surroundings(world)
         self._odometry: Odometry | None = None
-        self.create_subscription(Odometry, "velocity_controller/odom", self._take, 10)
-        self._publishers = {
+        self.create_subscription(Odometry, "velocity_controller/ground_truth", self._take, 10)
+        self._outputs = {
             topic: self.create_publisher(kind, topic, LATCHED if topic == "map" else 10)
             for topic, kind in (
                 ("scan", LaserScan), ("points", PointCloud2), ("camera/image_raw", Image),
                 ("map", OccupancyGrid), ("plan", Path), ("markers", MarkerArray),
             )
         }  # fmt: skip
-        self._publishers["map"].publish(self._map())
+        self._outputs["map"].publish(self._map())
         self.create_timer(PERIOD, self._measure)
+        self.get_logger().info(f"sensing the world {world}")
 
     def _take(self, odometry: Odometry) -> None:
         self._odometry = odometry
@@ -110,17 +111,17 @@ class Sensors(Node):
         place = np.array([pose.position.x, pose.position.y, 0.06])
         yaw = 2 * np.arctan2(pose.orientation.z, pose.orientation.w)
         own = Header(stamp=header.stamp, frame_id="base_link")
-        self._publishers["scan"].publish(self._scan(own, place, yaw))
-        self._publishers["points"].publish(self._cloud(own, place, yaw))
+        self._outputs["scan"].publish(self._scan(own, place, yaw))
+        self._outputs["points"].publish(self._cloud(own, place, yaw))
         ahead = np.array([np.cos(yaw), np.sin(yaw), -0.15])
         picture = self._around.picture(place + 0.1 * ahead + (0, 0, CAMERA_HEIGHT), ahead)
         image = Image(
             header=own, width=WIDTH, height=HEIGHT, encoding="rgb8", step=3 * WIDTH,
             data=picture.tobytes(),
         )  # fmt: skip
-        self._publishers["camera/image_raw"].publish(image)
-        self._publishers["plan"].publish(self._plan(header))
-        self._publishers["markers"].publish(self._markers(header))
+        self._outputs["camera/image_raw"].publish(image)
+        self._outputs["plan"].publish(self._plan(header))
+        self._outputs["markers"].publish(self._markers(header))
 
     def _scan(self, header: Header, place: Floats, yaw: float) -> LaserScan:
         angles = np.linspace(-np.pi, np.pi, RAYS, endpoint=False)
@@ -143,7 +144,7 @@ class Sensors(Node):
         start = np.array([0.1, 0.0, CAMERA_HEIGHT])
         distances = self._around.distances(place + turn @ start, local @ turn.T)
         seen = np.isfinite(distances)
-        points = (start + local * distances[:, None])[seen].astype("<f4")
+        points = (start + local[seen] * distances[seen, None]).astype("<f4")
         rows = np.concatenate([points, points[:, 2:]], axis=1)
         fields = [
             PointField(name=name, offset=4 * at, datatype=PointField.FLOAT32, count=1)

@@ -23,6 +23,7 @@ _DESCRIPTION_NAME, _JOINTS_NAME = "robot_description", "joint_states"
 _TF_NAMES = ("/tf", "/tf_static")
 _FIRST = 1000  # messages of /tf in which every robot has turned up
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
+_MOST_WAITING = 64_000_000  # bytes of messages that Rerun has not written; it has no limit itself
 _SETTLE = 10.0  # s after its end, for what is shown only once nothing better came
 _REPORT_EVERY = 2.0  # s
 
@@ -90,7 +91,7 @@ def log_bag(
     for warning in bag.warnings:
         warn(warning)
     warned = len(bag.warnings)
-    player = _Player(bag, warn)
+    player = _Player(bag, stream, warn)
     robot_view = RobotView(
         stream,
         config,
@@ -128,8 +129,9 @@ def _with_messages(bag: Bag, names: "RobotTopics", namespace: str) -> dict[str, 
 class _Player:
     """Plays a bag into a view whose clock is the bag's."""
 
-    def __init__(self, bag: Bag, warn: Log) -> None:
+    def __init__(self, bag: Bag, stream: rr.RecordingStream, warn: Log) -> None:
         self._bag = bag
+        self._stream = stream
         self._warn = warn
         self._bad: dict[str, int] = {}  # messages by topic
         self.now_ns = bag.start_ns
@@ -143,16 +145,20 @@ class _Player:
     def play(self, view: RobotView, progress: Log) -> Shown:
         """Show all of the bag; ``progress`` is called if it takes over two seconds."""
         bag = self._bag
-        count, start, last_tick = 0, None, 0
+        count, start, last_tick, waiting = 0, None, 0, 0
         next_report = time.monotonic() + _REPORT_EVERY
         for message in bag.messages([t for t, kind in bag.topics.items() if view.wants(t, kind)]):
             self.now_ns = max(self.now_ns, message.time)
             start = message.time if start is None else start
             view.take(message.topic, message.type, message.data, message.time)
             count += 1
-            if self.now_ns - last_tick >= _TICK:
+            waiting += len(message.data)
+            if self.now_ns - last_tick >= _TICK or waiting >= _MOST_WAITING:
                 last_tick = self.now_ns
                 self._tick(view)
+                if waiting >= _MOST_WAITING:
+                    waiting = 0
+                    self._stream.flush()
                 if time.monotonic() >= next_report:
                     next_report = time.monotonic() + _REPORT_EVERY
                     part = f" of {bag.count}" if bag.count else ""

@@ -32,7 +32,10 @@ _MAP = "map"  # the name of the topic, and of the frame
 _TF = "tf2_msgs/msg/TFMessage"
 _GRID = "nav_msgs/msg/OccupancyGrid"
 _DEPTH = 100
-_UNUSED = 10.0  # s without a request until it unsubscribes
+_KNOWN = np.arange(256) <= 100  # by the cell's byte, a share of 100; all else is unknown
+_SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
+_ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
+_UNUSED = 3.0  # s without a request until it unsubscribes
 
 
 @dataclass(frozen=True)
@@ -47,17 +50,16 @@ class Grid:
         """Whether it has as many cells as it says."""
         info = self.message.info
         cells = info.width * info.height
-        return bool(0 < cells == len(self.message.data) and info.resolution > 0.0)
+        return bool(0 < cells == len(self.message.data) and 0.0 < info.resolution < math.inf)
 
     def picture(self) -> bytes:
         """Return it as PNG, a pixel a cell: free is white, occupied black, unknown transparent."""
         info = self.message.info
-        cells = np.frombuffer(self.message.data, np.int8).reshape(info.height, info.width)[::-1]
-        known = (cells >= 0) & (cells <= 100)
-        shade = 255 - np.where(known, cells, 0).astype(np.uint16) * 255 // 100
-        pixels = np.dstack([shade, known * 255]).astype(np.uint8)
+        cells = np.frombuffer(self.message.data, np.uint8).reshape(info.height, info.width)
+        picture = Image.fromarray(cells[::-1], "P")
+        picture.putpalette(_SHADES.repeat(3).tolist())
         file = io.BytesIO()
-        Image.fromarray(pixels, "LA").save(file, "PNG", compress_level=1)
+        picture.save(file, "PNG", compress_level=1, transparency=_ALPHA)
         return file.getvalue()
 
 

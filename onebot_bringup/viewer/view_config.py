@@ -36,6 +36,7 @@ Example (every key may be left out)::
     pose_with_covariance: {covariance: true, sigma: 3.0}
     point_stamped: {radius: 0.2, history_length: 10}
     polygon: {color: [25, 255, 0]}
+    trajectory: {alpha: 0.4}
     laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
     point_cloud2: {color_transformer: Intensity, channel_name: ring}
     image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # of 16 or 32 bits

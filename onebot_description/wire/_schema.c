@@ -9,7 +9,7 @@
 #include <string.h>
 
 #define EXPORT __attribute__((visibility("default")))
-enum { BODY_AT = 4, PHASES = 8, KNOWN = 64, HASHED = 16 };
+enum { BODY_AT = 4, PHASES = 8, PARTS = 64, KNOWN = 64, HASHED = 16 };
 
 typedef struct _object PyObject;
 extern PyObject _Py_NoneStruct;
@@ -102,6 +102,52 @@ static uint64_t read_sequence(const struct message *message, uint64_t at,
   return at;
 }
 
+/* Return how many of `count` structs after the one from byte `from` to `to`, which is read, have
+ * sequences as long as its own, and so all fields at the same distance. */
+static uint64_t count_alike(const struct message *message, const struct operation *operation,
+                            const struct operation *end, uint64_t from, uint64_t to,
+                            uint64_t count) {
+  struct {
+    uint64_t at, size;
+    bool booleans;
+  } parts[PARTS]; /* its lengths, and what else needs a check */
+  const uint64_t span = to - from;
+  uint32_t known = 0;
+  if (span % PHASES) return 0;
+  for (uint64_t at = from; operation < end; operation++) {
+    uint32_t length = operation->count;
+    if (known + 2 > PARTS) return 0;
+    if (operation->kind != NUMBERS && !length) {
+      at = find(message, at, sizeof length, 1);
+      memcpy(&length, message->data + at, sizeof length);
+      parts[known].at = at;
+      parts[known].size = sizeof length;
+      parts[known++].booleans = false;
+      at += sizeof length;
+      if (!length) continue;
+    }
+    if (operation->kind == STRUCTS) return 0;
+    at = find(message, at, operation->size, length);
+    if (operation->booleans) {
+      parts[known].at = at;
+      parts[known].size = length;
+      parts[known++].booleans = true;
+    }
+    at += (uint64_t)operation->size * length;
+  }
+  for (uint64_t more = 0; more < count; more++) {
+    const uint64_t moved = (more + 1) * span;
+    if (message->size - to < moved) return more;
+    for (uint32_t i = 0; i < known; i++) {
+      const unsigned char *part = message->data + parts[i].at;
+      if (parts[i].booleans ? !are_booleans(part + moved, parts[i].size)
+                            : memcmp(part + moved, part, sizeof(uint32_t)))
+        return more;
+    }
+  }
+  return count;
+}
+
 /* Read `count` structs from byte `at` on, each into a row unless `row` is NULL. Return where they
  * end, 0 if they are not there. */
 static uint64_t read_structs(const struct message *message, uint64_t at, uint32_t number,
@@ -116,13 +162,21 @@ static uint64_t read_structs(const struct message *message, uint64_t at, uint32_
   const struct operation *first =
       (const struct operation *)(message->block + program->operations_at);
   const struct operation *end = first + program->operations;
+  bool mostly_alike = !row;
   for (uint64_t item = 0; item < count; item++) {
+    const uint64_t from = at;
     for (const struct operation *operation = first; operation < end; operation++) {
       at = operation->kind == NUMBERS ? read_numbers(message, at, operation, row)
                                       : read_sequence(message, at, operation, row);
       if (!at) return 0;
     }
     if (row) row += program->row_size;
+    if (mostly_alike) {
+      const uint64_t more = count_alike(message, first, end, from, at, count - item - 1);
+      at += more * (at - from);
+      item += more;
+      mostly_alike = more || !item; /* the first one may have another padding */
+    }
   }
   return at;
 }

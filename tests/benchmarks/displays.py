@@ -17,10 +17,12 @@ import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
 import numpy as np
 import rerun as rr
 from builtin_interfaces.msg import Time
+from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
 from std_msgs.msg import String
+from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
@@ -52,14 +54,16 @@ class Case(NamedTuple):
     hertz: float
     entity: str  # to which the viewer logs them
     type: str
-    # Returns a message, whose first field is a header, and what is drawn of it, by a number.
+    # Returns a message, and what is drawn of it, by a number.
     sample: Callable[[int], tuple[Any, Arrays]]
     columns: Callable[[Arrays], Any]  # of ``send_columns``
+    stamped: bool = True  # its first field is a header
+    part: str = ""  # of the entity, below that of its topic
 
     @property
     def topic(self) -> str:
         """On which the messages come."""
-        return "/" + self.entity.strip("/").partition("/")[2]
+        return "/" + self.entity.strip("/").removesuffix(self.part).partition("/")[2].rstrip("/")
 
 
 # --- what is drawn --------------------------------------------------------------------------------
@@ -135,6 +139,65 @@ def image_columns(arrays: Arrays) -> Any:
     return rr.Image.columns(buffer=[arrays["Image:buffer"]], format=[form])
 
 
+def occupancy_grid(number: int) -> tuple[OccupancyGrid, Arrays]:
+    """A map of 1000 x 1000 cells."""
+    cells = np.random.default_rng(number).integers(-1, 101, (1000, 1000), np.int8)
+    message = OccupancyGrid(data=cells.ravel().tolist())
+    message.info.width, message.info.height, message.info.resolution = 1000, 1000, 0.05
+    message.header.frame_id = _FRAME
+    return message, {"GridMap:data": np.flipud(cells).view(np.uint8).ravel()}
+
+
+def map_columns(arrays: Arrays) -> Any:
+    """The cells, and where they lie."""
+    form = rr.components.ImageFormat(1000, 1000, color_model="L", channel_datatype="U8")
+    return rr.GridMap.columns(
+        data=[arrays["GridMap:data"]],
+        format=[form],
+        cell_size=[0.05],
+        translation=[(0.0, 0.0, 0.0)],
+        quaternion=[(0.0, 0.0, 0.0, 1.0)],
+    )
+
+
+def markers(number: int) -> tuple[MarkerArray, Arrays]:
+    """1000 cubes of any sizes and colours, which move and turn."""
+    noise, look = np.random.default_rng(number), np.random.default_rng(0)
+    places, turns = noise.normal(size=(1000, 3)), noise.normal(size=(1000, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    scales, colors = look.uniform(0.1, 1.0, (1000, 3)), look.integers(0, 256, (1000, 4))
+    rows = zip(places, turns, scales, colors, strict=True)
+    message = MarkerArray()
+    for index, (place, turn, scale, color) in enumerate(rows):
+        marker = Marker(ns="boxes", id=index, type=Marker.CUBE)
+        marker.header.frame_id = _FRAME
+        for part, names, values in (
+            (marker.pose.position, "xyz", place),
+            (marker.pose.orientation, "xyzw", turn),
+            (marker.scale, "xyz", scale),
+            (marker.color, "rgba", color / 255),
+        ):
+            for name, value in zip(names, values.tolist(), strict=True):
+                setattr(part, name, value)
+        message.markers.append(marker)
+    return message, {
+        "InstancePoses3D:translations": places.astype(np.float32),
+        "InstancePoses3D:quaternions": turns.astype(np.float32),
+        "InstancePoses3D:scales": scales.astype(np.float32),
+        "Boxes3D:colors": colors.astype("u1").view(">u4").astype("u4").ravel(),
+    }
+
+
+def marker_columns(arrays: Arrays) -> Any:
+    """Poses, sizes and colours of one row."""
+    translations, quaternions, scales, colors = arrays.values()
+    poses = rr.InstancePoses3D.columns(
+        translations=translations, quaternions=quaternions, scales=scales
+    )
+    boxes = rr.Boxes3D.columns(colors=colors)
+    return [*poses.partition([len(colors)]), *boxes.partition([len(colors)])]
+
+
 CASES = (
     Case(
         "LaserScan, 1000 rays",
@@ -160,6 +223,24 @@ CASES = (
         image,
         image_columns,
     ),
+    Case(
+        "OccupancyGrid, 1000x1000",
+        5.0,
+        "/map/map",
+        "nav_msgs/msg/OccupancyGrid",
+        occupancy_grid,
+        map_columns,
+    ),
+    Case(
+        "MarkerArray, 1000 cubes",
+        20.0,
+        "/marker/boxes/boxes/cubes",
+        "visualization_msgs/msg/MarkerArray",
+        markers,
+        marker_columns,
+        stamped=False,
+        part="/boxes/cubes",
+    ),
 )
 
 
@@ -174,14 +255,16 @@ class Messages:
         samples = [case.sample(number) for number in range(_VARIANTS)]
         self.arrays = [arrays for _, arrays in samples]
         self._raw = [bytearray(serialize_message(message)) for message, _ in samples]
+        self._stamped = case.stamped
         self._period = round(1e9 / case.hertz)
         self.in_a_round = min(200, max(10, _BYTES // len(self._raw[0])))
 
     def raw(self, number: int) -> bytes:
         """Return a message as it comes."""
         data = self._raw[number % _VARIANTS]
-        stamp = divmod(self.stamp(number), 10**9)
-        data[_STAMP] = np.array(stamp, "<u4").tobytes()
+        if self._stamped:
+            stamp = divmod(self.stamp(number), 10**9)
+            data[_STAMP] = np.array(stamp, "<u4").tobytes()
         return bytes(data)
 
     def stamp(self, number: int) -> int:
@@ -331,11 +414,15 @@ def check(case: Case, messages: Messages, count: int, file: Path, name: str) -> 
 
 
 def _rows(file: Path, entity: str, columns: Arrays) -> Iterator[tuple[int, Arrays]]:
-    """Yield the time of each row of an entity, and what is in some of its columns."""
+    """Yield the time of each row of an entity, and what some of its columns are from then on."""
+    known: dict[str, NDArray[Any]] = {}
     for batch in batches(file, entity):
         stamps = batch.column(TIMELINE).cast("int64").to_numpy()
         for row, stamp_ns in enumerate(stamps.tolist()):
-            yield stamp_ns, {name: _numbers(batch.column(name)[row].values) for name in columns}
+            for name in set(columns).intersection(batch.schema.names):
+                if batch.column(name)[row].values is not None:
+                    known[name] = _numbers(batch.column(name)[row].values)
+            yield stamp_ns, known
 
 
 def _numbers(array: Any) -> NDArray[Any]:

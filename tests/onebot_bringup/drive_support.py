@@ -21,11 +21,19 @@ def odometry(x, y=0.0, z=0.0, *, frame="odom", speed=0.0, turn=0.0, stamp_ns=STA
 
 def chunks(path: Path, entity: str) -> list:
     """The chunks of ``entity`` in a file, the static ones first."""
+    found = [chunk for chunk in _stream(path) if str(chunk.entity_path) == entity]
+    return sorted(found, key=lambda chunk: not chunk.is_static)
+
+
+def entities(path: Path) -> set[str]:
+    """The entities in a file of which something is logged at a time."""
+    return {str(chunk.entity_path) for chunk in _stream(path) if not chunk.is_static}
+
+
+def _stream(path: Path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a recording without a footer is our choice
-        reader = rc.RrdReader(str(path))
-    found = [chunk for chunk in reader.stream() if str(chunk.entity_path) == entity]
-    return sorted(found, key=lambda chunk: not chunk.is_static)
+        return rc.RrdReader(str(path)).stream()
 
 
 def column(path: Path, entity: str, name: str) -> list:

@@ -2,21 +2,36 @@
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, TransformStamped
-from nav_msgs.msg import Path
+import rerun.blueprint as rrb
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import (
+    Point32,
+    PointStamped,
+    PolygonStamped,
+    Pose,
+    PoseArray,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    TransformStamped,
+)
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
+from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores
+from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud2, PointField, Range
 from std_msgs.msg import String
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
+from onebot_bringup.bags import replay
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.replay import log_bag
 from onebot_bringup.cli.main import main
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.drive_support import chunks, column
+from tests.onebot_bringup.drive_support import chunks, column, entities
 from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
 from tests.onebot_bringup.viewer_support import ARM
 
@@ -50,16 +65,28 @@ class Replayed:
         self.warnings, self.printed, blueprints = [], [], []
         self.file = folder.parent / "replayed.rrd"
         recording = open_recording(None, self.file)
-        recording.stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        stream = recording.stream
+        stream.send_blueprint = lambda item, **_: blueprints.append(item)
+        self.flushes = 0
+        flush = stream.flush
+
+        def counted(**options):
+            self.flushes += 1
+            flush(**options)
+
+        stream.flush = counted
         self.shown = log_bag(
             Bag(folder),
-            recording.stream,
+            stream,
             warn=self.warnings.append,
             progress=self.printed.append,
             **options,
         )
         recording.close()
-        properties = blueprints[-1].root_container.contents[0].properties
+        parts = [blueprints[-1].root_container]
+        while not isinstance(parts[0], rrb.Spatial3DView):
+            parts = [*getattr(parts[0], "contents", []), *parts[1:]]
+        properties = parts[0].properties
         (self.fixed_frame,) = (
             properties["SpatialInformation"].target_frame.as_arrow_array().to_pylist()
         )
@@ -103,6 +130,84 @@ def test_distros_and_storages(tmp_path, distro, plugin, compression):
     assert replayed.ends("/plan") == [1 + step for step in range(10)]
     assert column(replayed.file, "/path/plan", "CoordinateFrame:frame") == [["base_link"]]
     assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+
+
+LEVEL = Quaternion(w=1.0)
+
+
+def navigating_robot():
+    """A message of each topic that a robot with Nav2 has: the topic, its display and the frame."""
+    pose, with_covariance = Pose(orientation=LEVEL), PoseWithCovarianceStamped()
+    with_covariance.pose.pose.orientation = LEVEL
+    odometry = Odometry(child_frame_id="base_link")
+    odometry.pose.pose.orientation = LEVEL
+    points = np.arange(12, dtype=np.float32).tobytes()
+    fields = [
+        PointField(name=name, offset=4 * number, datatype=PointField.FLOAT32, count=1)
+        for number, name in enumerate("xyz")
+    ]
+    cloud = PointCloud2(
+        height=1, width=4, fields=fields, point_step=12, row_step=48, data=points, is_dense=True
+    )
+    marker = Marker(type=Marker.SPHERE, pose=pose)
+    marker.header.frame_id = "map"
+    marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
+    ground = MapMetaData(resolution=0.5, width=2, height=2, origin=pose)
+    corners = [Point32(x=1.0), Point32(y=1.0), Point32()]
+    footprint = PolygonStamped()
+    footprint.polygon.points = corners
+    camera = CameraInfo(width=4, height=2, k=[2.0, 0.0, 2.0, 0.0, 2.0, 1.0, 0.0, 0.0, 1.0])
+    scan = LaserScan(
+        angle_max=1.0, angle_increment=0.5, range_min=0.1, range_max=9.0, ranges=[1.0, 2.0, 3.0]
+    )
+    return [
+        ("/scan", "laser_scan", "lidar", scan),
+        ("/velodyne_points", "point_cloud2", "lidar", cloud),
+        ("/camera/image_raw", "image", "camera", Image(
+            height=2, width=4, encoding="mono8", step=4, data=bytes(8)
+        )),
+        ("/camera/camera_info", "camera_info", "camera", camera),
+        ("/imu/data", "imu", "base_link", Imu(orientation=LEVEL)),
+        ("/sonar", "range", "base_link", Range(
+            field_of_view=0.3, min_range=0.1, max_range=4.0, range=1.0
+        )),
+        ("/map", "map", "map", OccupancyGrid(info=ground, data=[0, 100, -1, 50])),
+        ("/odometry/filtered", "odometry", "odom", odometry),
+        ("/plan", "path", "map", path(0, 2)),
+        ("/goal_pose", "pose", "map", PoseStamped(pose=pose)),
+        ("/particles", "pose_array", "map", PoseArray(poses=[pose, pose])),
+        ("/amcl_pose", "pose_with_covariance", "map", with_covariance),
+        ("/clicked_point", "point_stamped", "map", PointStamped()),
+        ("/footprint", "polygon", "base_link", footprint),
+        ("/waypoints", "marker", "map", MarkerArray(markers=[marker])),
+        ("/rosout", "log", "", Log(level=20, name="amcl", msg="localized")),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("stamps_from", [None, 5.0])
+def test_a_robot_that_navigates(tmp_path, stamps_from):
+    """Every display shows its topics of a recording, in simulated time too, without a warning."""
+    messages = navigating_robot()
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_JAZZY, StoragePlugin.MCAP) as robot:
+        for parent, child in (("map", "odom"), ("base_link", "lidar"), ("base_link", "camera")):
+            robot.write("/tf_static", transform(parent, child))
+        for step in range(4):
+            stamp = None if stamps_from is None else stamps_from + step
+            moved = transform("odom", "base_link", step, step)
+            if stamp is not None:
+                moved.transforms[0].header.stamp = Time(sec=int(stamp))
+            robot.write("/tf", moved, step)
+            for topic, _, frame, message in messages:
+                robot.write(topic, message, step, stamp=stamp, frame=frame)
+    view = tmp_path / "view.yaml"
+    view.write_text("shown: [/rosout]\n")
+    replayed = Replayed(tmp_path / "bag", view=view)
+    assert replayed.fixed_frame == "map"
+    assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
+    assert replayed.shown.messages == 3 + 4 + 4 * len(messages)
+    logged = entities(replayed.file)
+    for topic, key, _, _ in messages:
+        assert any(entity.startswith(f"/{key}{topic}") for entity in logged), (topic, logged)
 
 
 @pytest.mark.parametrize(
@@ -239,6 +344,16 @@ def test_markers_are_placed_by_the_transforms_of_their_time(tmp_path):
     replayed = Replayed(tmp_path / "bag")
     centers = column(replayed.file, "/marker/detections/cubes", "InstancePoses3D:translations")
     np.testing.assert_allclose([x for x, _, _ in centers[-1]], np.arange(10), atol=1e-4)
+
+
+def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
+    """Else all of a large recording is in memory, where it is read faster than it is written."""
+    monkeypatch.setattr(replay, "_MOST_WAITING", 100_000)
+    with OtherRobot(tmp_path / "bag") as robot:
+        for step in range(20):
+            image = Image(height=100, width=300, encoding="rgb8", step=900, data=bytes(90_000))
+            robot.write("/image", image, step / 100, frame="camera")
+    assert Replayed(tmp_path / "bag").flushes == 10
 
 
 def test_transforms_below_a_namespace(tmp_path):

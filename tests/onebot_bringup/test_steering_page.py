@@ -346,6 +346,7 @@ def test_other_computers_need_a_token(ros_domain):
         local = f"http://127.0.0.1:{urlsplit(address).port}"
         for base in (address, local):
             assert _status(base, "/")[0] == _status(base, "/static/page.js")[0] == 403
+            assert _status(base, "/tools/nodes")[0] == 403
             assert _status(base, "/?token=wrong") == (
                 403,
                 "The token is missing or wrong: open the whole address that was printed.\n",

@@ -83,10 +83,10 @@ def test_clicks_become_the_messages_of_rviz() -> None:
     assert (point.point.x, point.point.y, point.point.z) == (1.0, 2.0, 0.0)
 
 
-def grid(width: int, height: int, cells: list[int]) -> OccupancyGrid:
+def grid(width: int, height: int, cells: list[int], resolution: float = 0.5) -> OccupancyGrid:
     message = OccupancyGrid(data=array("b", cells))
     message.header.frame_id = "map"
-    message.info.width, message.info.height, message.info.resolution = width, height, 0.5
+    message.info.width, message.info.height, message.info.resolution = width, height, resolution
     return message
 
 
@@ -94,12 +94,21 @@ def test_the_picture_of_a_map() -> None:
     """A pixel a cell, the first row at the bottom; what is unknown, or no probability, is clear."""
     shown = Grid(grid(3, 2, [0, 50, 100, -1, 0, 101]))
     assert shown.is_whole
-    pixels = np.asarray(Image.open(io.BytesIO(shown.picture())))
+    pixels = np.asarray(Image.open(io.BytesIO(shown.picture())).convert("LA"))
     assert pixels[1].tolist() == [[255, 255], [128, 255], [0, 255]]
     assert pixels[0, :, 1].tolist() == [0, 255, 0]
 
 
-@pytest.mark.parametrize("message", [OccupancyGrid(), grid(2, 2, [0]), grid(0, 0, [])])
+@pytest.mark.parametrize(
+    "message",
+    [
+        OccupancyGrid(),
+        grid(2, 2, [0]),
+        grid(0, 0, []),
+        grid(1, 1, [0], 0.0),
+        grid(1, 1, [0], math.inf),
+    ],
+)
 def test_a_map_that_is_none_is_not_shown(message: OccupancyGrid) -> None:
     assert not Grid(message).is_whole
 
@@ -208,6 +217,7 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:
     move = be_localised(peer)
     with steering(topic="/robot1/cmd_vel") as node:
         request = Requests(address_of(node))
+        assert peer.node.count_subscribers("/map") == 0
 
         def localised() -> Mapping[str, Any] | None:
             move()
@@ -236,7 +246,7 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:
         assert request.raw("click", {**CLICK, "x": None})[0] == 400
         assert request.raw("click", CLICK, Origin="http://evil.example")[0] == 403
         assert request.raw("click", CLICK, Host="evil.example")[0] == 403
-        request("ground")
+        wait_for(lambda: peer.node.count_subscribers("/map") == 0, "the end of what nobody sees")
         assert len(goals) == count
 
 

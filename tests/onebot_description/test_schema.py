@@ -254,6 +254,70 @@ def test_padding_is_that_of_rosbags(inner, count):
                 assert row[name] == getattr(expected, name)
 
 
+MIXED = """
+test/A[] many
+uint32 after
+================================================================================
+MSG: test/A
+uint8 number
+string name
+bool flag
+float64[] values
+float64 last
+bool[] flags
+"""
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_structs_of_equal_and_of_other_lengths(seed):
+    """Runs of equal ones are read faster, what comes after them all the same."""
+    chance = random.Random(seed)
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(MIXED, "test/msg/Mixed"))
+    kinds = store.types
+    many: list[Any] = []
+    for _ in range(6):
+        name, values = "x" * chance.randrange(9), chance.randrange(3)
+        flags = [chance.random() < 0.5 for _ in range(chance.randrange(3))]
+        many += [
+            kinds["test/msg/A"](
+                number=number,
+                name=name,
+                flag=chance.random() < 0.5,
+                values=np.arange(values, dtype=float),
+                last=chance.random(),
+                flags=np.array(flags, bool),
+            )
+            for number in range(chance.randrange(6))
+        ]
+    message = kinds["test/msg/Mixed"](many=many, after=4_000_000_001)
+    data = bytes(store.serialize_cdr(message, "test/msg/Mixed"))
+    schema = Schema.of("test/msg/Mixed", MIXED)
+    ours = schema.read(data)
+    assert ours.after == 4_000_000_001
+    for row, expected in zip(ours.many, many, strict=True):
+        assert (row.number, row.name, row.last) == (expected.number, expected.name, expected.last)
+        assert (row.flag, row["values"].tolist()) == (expected.flag, expected.values.tolist())
+        assert row.flags.tolist() == expected.flags.tolist()
+    for size in range(len(data)):
+        with pytest.raises(WireError):
+            schema.read(data[:size])
+
+
+def test_a_bool_of_the_last_of_equal_structs_is_checked():
+    """As that of the first."""
+    definition = "test/A[] many\n===\nMSG: test/A\nfloat64 value\nstring name\nbool[3] flags"
+    schema = Schema.of("test/msg/Alike", definition)
+    one = struct.pack("<dI5s3?4x", 1.0, 5, b"name\0", True, False, True)
+    data = ENCAPSULATION + struct.pack("<I4x", 9) + 9 * one
+    assert schema.read(data).many.flags.all(axis=1).tolist() == [False] * 9
+    flags = [place for place in range(len(data)) if data[place : place + 3] == b"\1\0\1"]
+    assert len(flags) == 9
+    for place in flags:
+        with pytest.raises(WireError, match="bool"):
+            schema.read(data[: place + 1] + b"\2" + data[place + 2 :])
+
+
 EMPTY = "structure_needs_at_least_one_member"
 
 
@@ -299,6 +363,7 @@ def read_all(view: Any) -> None:
 
 FUZZED = (
     MarkerArray(markers=[Marker(ns="a", points=[Point()] * 3, text="b"), Marker(), Marker()]),
+    MarkerArray(markers=[Marker(ns="a", text="b")] * 5),
     path_of("map", "odom"),
     PointCloud2(fields=[PointField(name="x")] * 3, data=bytes(40)),
 )

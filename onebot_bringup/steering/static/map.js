@@ -1,7 +1,7 @@
 /**
  * The ground from above, as RViz's top-down view: x to the right, y up; the robot and the map.
  * A drag moves it, the wheel or two fingers zoom; while a tool is chosen, a press is a place on the
- * ground, a drag from there its heading, and the release publishes both.
+ * ground, a drag from there its heading, and the release publishes both; so does a place by numbers.
  */
 
 import { get, toolAddress } from "./requests.js";
@@ -24,6 +24,7 @@ export class GroundMap {
     this.placed = placed;
     this.status = pane.querySelector("[role=status]");
     this.drawing = pane.querySelector("svg");
+    this.typed = pane.querySelector(".typed");
     this.parts = {};
     for (const part of this.drawing.children) this.parts[part.getAttribute("class")] = part;
     this.ground = { frame: "", robot: null, map: null };
@@ -40,7 +41,12 @@ export class GroundMap {
     on("pointercancel", (event) => this.cancel(event));
     on("wheel", (event) => this.roll(event));
     const zoom = (factor) => this.zoom(factor, this.middle);
-    const buttons = { closer: () => zoom(ZOOM), farther: () => zoom(1 / ZOOM), center: () => this.follow() };
+    const buttons = {
+      closer: () => zoom(ZOOM),
+      farther: () => zoom(1 / ZOOM),
+      center: () => this.follow(),
+      publish: () => this.publishTyped(),
+    };
     for (const [name, act] of Object.entries(buttons)) {
       pane.querySelector(`[name=${name}]`).addEventListener("click", act);
     }
@@ -64,6 +70,8 @@ export class GroundMap {
     this.tool = tool;
     this.place = null;
     this.drawing.classList.toggle("aims", tool !== "");
+    this.typed.hidden = tool === "";
+    this.input("yaw").parentElement.hidden = tool === "point";
     this.draw();
   }
 
@@ -159,9 +167,24 @@ export class GroundMap {
   release(event) {
     const place = this.pointers.size === 1 ? this.place : null;
     this.cancel(event);
-    if (!place) return;
+    if (place) this.publish(place);
+  }
+
+  publish(place) {
     if (this.ground.frame) this.placed(this.tool, { frame: this.ground.frame, ...place });
     else this.say("Nothing is published: neither odometry nor transforms say which frame this is.");
+  }
+
+  input(name) {
+    return this.typed.querySelector(`[name=${name}]`);
+  }
+
+  publishTyped() {
+    const [x, y, turn] = ["x", "y", "yaw"].map((name) =>
+      Number(this.input(name).value.replace(",", ".")),
+    );
+    if ([x, y, turn].every(Number.isFinite)) this.publish({ x, y, yaw: (turn * Math.PI) / 180 });
+    else this.say("Write numbers, such as 0.5.");
   }
 
   cancel(event) {

@@ -46,7 +46,7 @@ export class Tools {
   choose(tool) {
     if (tool) this.open(true);
     this.map.choose(tool);
-    if (tool) this.map.say(tool === "point" ? "Press the point." : "Press the place, and drag to where it faces.");
+    if (tool) this.map.say(tool === "point" ? "Press, or write:" : "Press and drag, or write:");
     this.show();
   }
 

@@ -28,6 +28,7 @@ from onebot_bringup.viewer.displays.range import RangeDisplay
 from onebot_bringup.viewer.displays.speeds import SpeedsDisplay
 from onebot_bringup.viewer.displays.tf import TfDisplay
 from onebot_bringup.viewer.displays.trail import TrailDisplay
+from onebot_bringup.viewer.displays.trajectory import TrajectoryDisplay
 
 # In the order in which they log: transforms first, since the others wait for theirs.
 DISPLAYS: tuple[type[Display[Any]], ...] = (
@@ -46,6 +47,7 @@ DISPLAYS: tuple[type[Display[Any]], ...] = (
     PoseWithCovarianceDisplay,
     PointStampedDisplay,
     PolygonDisplay,
+    TrajectoryDisplay,
     LaserScanDisplay,
     PointCloud2Display,
     ImageDisplay,

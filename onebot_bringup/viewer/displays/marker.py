@@ -53,6 +53,7 @@ _UNIT = 0.01  # that the square of a quaternion's length may be off
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
 _MOST_WAITING = 10_000  # markers, while no transform leads to their frames
 
+Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
 
 
@@ -68,13 +69,13 @@ class Incoming(NamedTuple):
 
     spaces: list[str]
     frames: list[str]
-    ids: NDArray[np.int64]
-    types: NDArray[np.int64]
-    actions: NDArray[np.int64]
-    locked: NDArray[np.int64]
-    lifetimes: NDArray[np.int64]  # nanoseconds
-    points: NDArray[np.int64]  # how many
-    poses: Floats  # (N, 7) metres and x y z w
+    ids: Integers
+    types: Integers
+    actions: Integers
+    locked: Integers
+    lifetimes: Integers  # nanoseconds
+    points: Integers  # how many
+    poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
     colors: Floats  # (N, 4), 0 to 1
     messages: Sequence[Any]
@@ -82,19 +83,19 @@ class Incoming(NamedTuple):
     @classmethod
     def of_array(cls, markers: Any) -> "Incoming":
         """Take the markers of a MarkerArray, a table."""
-        seconds, rest = markers.lifetime.sec.astype(np.int64), markers.lifetime.nanosec
+        lifetimes = markers.lifetime
         return cls(
             markers.ns,
             markers.header.frame_id,
-            markers.id.astype(np.int64),
-            markers.type.astype(np.int64),
-            markers.action.astype(np.int64),
-            markers.frame_locked.astype(np.int64),
-            seconds * 1_000_000_000 + rest,
-            markers.points.counts.astype(np.int64),
-            markers.pose.array().astype(np.float64),
-            markers.scale.array().astype(np.float64),
-            markers.color.array().astype(np.float64),
+            markers.id,
+            markers.type,
+            markers.action,
+            markers.frame_locked,
+            lifetimes.sec * np.int64(1_000_000_000) + lifetimes.nanosec,
+            markers.points.counts,
+            markers.pose.array().copy(),  # in one piece, since all that follows takes less then
+            markers.scale.array().copy(),
+            markers.color.array().copy(),
             markers,
         )
 
@@ -189,7 +190,9 @@ class Layer:
 
 def _is_same(piece: Piece, before: Piece) -> bool:
     if isinstance(piece, tuple) and isinstance(before, tuple):
-        return np.array_equal(piece[1], before[1])
+        numbers, known = piece[1], before[1]
+        # What moves mostly moves from the first one on.
+        return np.array_equal(numbers[:1], known[:1]) and np.array_equal(numbers, known)
     return piece is before
 
 
@@ -248,6 +251,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         self._stamp_ns = 0  # of the last row
         self._lag_ns = _NEVER  # from the stamp of a message to when it came, the least
         self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # for a transform to their frames
+        self._fixed = ""  # the fixed frame
         self._tree: tuple[object, ...] = ()  # in which they were looked for last
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
@@ -263,11 +267,12 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def flush(self) -> None:
         """Log what has come, and remove what is no longer to be seen."""
+        self._fixed = self.context.fixed_frame
         for stamp_ns, incoming in self._incoming():
             self._lag_ns = min(self._lag_ns, self.context.now_ns() - stamp_ns)
             self._expire(stamp_ns)
             self._take(stamp_ns, incoming)
-        tree = self.context.frames.version, self.context.fixed_frame
+        tree = self.context.frames.version, self._fixed
         if self._waiting and tree != self._tree:
             waiting, self._waiting = [*self._waiting.values()], {}
             self._take(waiting[-1][0], Incoming.of_single([message for _, message in waiting]))
@@ -329,25 +334,27 @@ class MarkerDrawing(Drawing[MarkerLook]):
             self._changed[change.layer.entity] = change.layer
         self._log(stamp_ns)
 
-    def _kinds(self, incoming: Incoming) -> NDArray[np.int64]:
+    def _kinds(self, incoming: Incoming) -> Integers:
         """Return the type of each marker, as KINDS has it; report those that cannot be drawn."""
-        arrows = (incoming.types == ARROW) & (incoming.points > 0)
-        kinds = np.where(arrows, ARROW_STRIP, incoming.types)
+        kinds = incoming.types
+        arrows = kinds == ARROW
+        if arrows.any():
+            kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
         numbers = (incoming.poses, incoming.scales, incoming.colors)
-        if not all(np.abs(each).max() <= LARGEST for each in numbers):
+        if not all(float(np.vdot(each, each)) <= LARGEST**2 for each in numbers):  # or it is NaN
             sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
-            kinds[~sound] = _NOT_DRAWN
+            kinds = np.where(sound, kinds, _NOT_DRAWN)
             drawn = incoming.actions == ADD
             self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
-    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: NDArray[np.int64]) -> Plan:
+    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> Plan:
         """Return what becomes of the markers; the plan of the message before if it is alike."""
-        fixed, version = self.context.fixed_frame, self.context.frames.version
+        fixed, version = self._fixed, self.context.frames.version
         variants = _variants(incoming, kinds)
-        numbers = np.stack([incoming.ids, incoming.actions, kinds, incoming.locked]).tobytes()
-        names = incoming.spaces, incoming.frames
-        signature = (*names, numbers, variants, fixed, version)
+        columns = incoming.ids, incoming.actions, kinds, incoming.locked
+        numbers = [column.tobytes() for column in columns]
+        signature = (incoming.spaces, incoming.frames, numbers, variants, fixed, version)
         if self._plan is not None and self._plan.signature == signature:
             return self._plan
         self._check(incoming, kinds)
@@ -387,7 +394,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
                 self._waiting[marker] = stamp_ns, incoming.messages[row]
             return None
         self._waiting.pop(marker, None)
-        home = frame if incoming.locked[row] else self.context.fixed_frame
+        home = frame if incoming.locked[row] else self._fixed
         key = LayerKey(space, KINDS[kind].name, home, variant)
         if key not in self._layers:
             try:
@@ -431,7 +438,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         self,
         stamp_ns: int,
         incoming: Incoming,
-        kinds: NDArray[np.int64],
+        kinds: Integers,
         moved: Mapping[str, list[int]],
     ) -> Batch:
         """Return the markers as they are drawn."""
@@ -440,15 +447,15 @@ class MarkerDrawing(Drawing[MarkerLook]):
         if (np.abs(lengths - 1.0) > _UNIT).any():
             self._make_unit(incoming, lengths)
         for frame, rows in moved.items():
-            pose = self.context.frames.pose(frame, self.context.fixed_frame, stamp_ns)
+            pose = self.context.frames.pose(frame, self._fixed, stamp_ns)
             assert pose is not None
             turn = from_rpy(to_rpy(pose[:3, :3]))
             poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
             poses[rows, 3:] = multiply(turn, poses[rows, 3:])
-        limited = incoming.lifetimes > 0
-        ends = np.where(limited, stamp_ns + incoming.lifetimes, _NEVER)
+        ends = np.where(incoming.lifetimes > 0, stamp_ns + incoming.lifetimes, _NEVER)
         parts = np.full(len(poses), None)
-        for row in np.flatnonzero((kinds >= LINE_STRIP) & (incoming.actions == ADD)).tolist():
+        with_parts = np.flatnonzero(kinds >= LINE_STRIP)
+        for row in with_parts[incoming.actions[with_parts] == ADD].tolist():
             if kinds[row] in KINDS and kinds[row] != MESH:
                 parts[row] = self._part(incoming, row, int(kinds[row]))
         return Batch(poses, incoming.scales, incoming.colors, ends, parts)
@@ -487,7 +494,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     # --- what is wrong ----------------------------------------------------------------------------
 
-    def _check(self, incoming: Incoming, kinds: NDArray[np.int64]) -> None:
+    def _check(self, incoming: Incoming, kinds: Integers) -> None:
         """Report what RViz warns of."""
         add = incoming.actions == ADD
         known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
@@ -570,10 +577,12 @@ def _all_of(space: str, *known: Mapping[MarkerId, object]) -> list[MarkerId]:
     return [marker for each in known for marker in each if space in ("", marker[0])]
 
 
-def _variants(incoming: Incoming, kinds: NDArray[np.int64]) -> dict[int, object]:
+def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
     """Return, by row, what only markers have in common that can lie on one entity."""
     found: dict[int, object] = {}
-    for row in np.flatnonzero((kinds == MESH) | (kinds == TRIANGLE_LIST)).tolist():
+    for row in np.flatnonzero(kinds >= MESH).tolist():
+        if kinds[row] not in (MESH, TRIANGLE_LIST):
+            continue
         message = incoming.messages[row]
         colors = incoming.colors[row : row + 1]
         if kinds[row] == MESH:
