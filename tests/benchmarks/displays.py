@@ -42,7 +42,7 @@ _GOAL = 1.5
 _ROUNDING = 1e-5  # of numbers of 32 bits
 _VARIANTS = 4  # messages that differ
 _BYTES = 20_000_000  # that a round logs, about
-_FRAME = "sensor"
+_FIXED, _FRAME = "odom", "sensor"  # frames
 
 Arrays = Mapping[str, NDArray[Any]]  # what is to be in the file, by Rerun's names
 
@@ -144,7 +144,7 @@ def occupancy_grid(number: int) -> tuple[OccupancyGrid, Arrays]:
     cells = np.random.default_rng(number).integers(-1, 101, (1000, 1000), np.int8)
     message = OccupancyGrid(data=cells.ravel().tolist())
     message.info.width, message.info.height, message.info.resolution = 1000, 1000, 0.05
-    message.header.frame_id = _FRAME
+    message.header.frame_id = _FIXED
     return message, {"GridMap:data": np.flipud(cells).view(np.uint8).ravel()}
 
 
@@ -170,7 +170,7 @@ def markers(number: int) -> tuple[MarkerArray, Arrays]:
     message = MarkerArray()
     for index, (place, turn, scale, color) in enumerate(rows):
         marker = Marker(ns="boxes", id=index, type=Marker.CUBE)
-        marker.header.frame_id = _FRAME
+        marker.header.frame_id = _FIXED
         for part, names, values in (
             (marker.pose.position, "xyz", place),
             (marker.pose.orientation, "xyzw", turn),
@@ -282,11 +282,11 @@ class Viewer:
         self.recording: Recording = open_recording(save=file)
         self._view = RobotView(self.recording.stream)
         self._view.offer({case.topic: case.type})
-        urdf = String(data='<robot name="robot"><link name="odom"/></robot>')
+        urdf = String(data=f'<robot name="robot"><link name="{_FIXED}"/></robot>')
         described = bytes(serialize_message(urdf))
         self._view.take("robot_description", DESCRIPTION.name, described, _START_NS)
         place = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
-        data = bytes(serialize_message(transforms_message(Time(), ["odom"], [_FRAME], place)))
+        data = bytes(serialize_message(transforms_message(Time(), [_FIXED], [_FRAME], place)))
         self._view.take("/tf_static", TF.name, data, _START_NS)
 
     def prepare(self, first: int, count: int) -> list[tuple[int, bytes]]:
