@@ -40,6 +40,7 @@ _DAMAGE = (
 _CDR = "cdr"
 _MSG = "ros2msg"  # the encoding of definitions that are .msg text, not IDL
 _MOST = 1 << 30  # bytes of a record: more is taken to be damage
+_LOGGED = b"\2\2"  # in the header of a SQLite file: it is written by way of a log
 _FOOTER = struct.Struct("<QQI8s")  # start of the summary and of its offsets, checksum, magic
 _CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to here
 # SQLite takes values of any type in any column.
@@ -459,7 +460,12 @@ def _read_sqlite(
 
 def _connect(path: Path) -> sqlite3.Connection:
     # Read-only, or a file that is missing would be made.
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+    options = "mode=ro"
+    with suppress(OSError), path.open("rb") as file:
+        # A log beside it would be made, too, where one can be: Foxy's files have one while written.
+        if file.read(20)[-2:] == _LOGGED and not Path(f"{path}-wal").exists():
+            options += "&immutable=1"
+    return sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True)
 
 
 class _Format(NamedTuple):

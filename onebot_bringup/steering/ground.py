@@ -36,6 +36,7 @@ _KNOWN = np.arange(256) <= 100  # by the cell's byte, a share of 100; all else i
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
 _UNUSED = 3.0  # s without a request until it unsubscribes
+_SETTLING = 0.8  # s for the first transforms to come
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class Ground:
         self._node, self._odometry = node, odometry
         self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
         self._transforms = TransformBuffer()
-        self._used = -math.inf
+        self._used = self._since = -math.inf  # the last request, and the first one of its row
         self.grid: Grid | None = None
 
     def update(self, namespace: str) -> None:
@@ -128,10 +129,17 @@ class Ground:
     def fields(self, frame: str = "") -> dict[str, Any]:
         """Return what a page shows: poses and sizes in m and rad, None where they are not known.
 
+        It is empty at first: without the transforms, the frame would be another one.
+
         Args:
             frame: to have it in; "" for the map's, see above.
         """
-        self._used = time.monotonic()
+        now = time.monotonic()
+        if now > self._used + _UNUSED:
+            self._since = now
+        self._used = now
+        if now < self._since + _SETTLING:
+            return {}
         odometry = self._odometry.sample
         frame = frame or self._frame(odometry)
         robot = None

@@ -133,8 +133,12 @@ class ToolRequests:
         router.add_post("/tools/parameters", self._set_parameters)
 
     async def _ground(self, request: web.Request) -> web.Response:
-        frame = request.query.get("frame", "")
-        return await self._respond(lambda: self._node.ground(frame))
+        thread, frame = self._thread, request.query.get("frame", "")
+
+        def look() -> Mapping[str, Any]:
+            return thread.call(lambda: self._node.ground(frame))
+
+        return await _json(lambda: thread.spin(look, _TIMEOUT))
 
     async def _map(self, request: web.Request) -> web.Response:
         draw = await asyncio.to_thread(self._thread.call, self._node.map_picture)
@@ -143,7 +147,7 @@ class ToolRequests:
         return web.Response(body=await asyncio.to_thread(draw), content_type="image/png")
 
     async def _nodes(self, request: web.Request) -> web.Response:
-        return await self._respond(self._node.nodes)
+        return await _json(partial(self._thread.call, self._node.nodes))
 
     async def _click(self, request: web.Request) -> web.Response:
         text = await request.text()
@@ -156,10 +160,6 @@ class ToolRequests:
             return {"topic": topic, "subscribers": subscribers}
 
         return await _json(publish)
-
-    async def _respond(self, action: Callable[[], Mapping[str, Any]]) -> web.Response:
-        """Respond with what ``action`` returns in the node's thread."""
-        return await _json(partial(self._thread.call, action))
 
     async def _parameters(self, request: web.Request) -> web.Response:
         node = request.query.get("node", "")

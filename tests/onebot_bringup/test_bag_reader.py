@@ -151,6 +151,20 @@ def test_recordings_of_older_distros(tmp_path):
     assert words_of(bag) == [cdr(f"word {index}") for index in range(20)]
 
 
+def test_nothing_is_left_beside_a_file(tmp_path):
+    """Foxy's SQLite files are in WAL mode: to read one, SQLite would make files of its own."""
+    foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
+    change(tmp_path / "bag", "PRAGMA journal_mode = WAL")
+    before = set((tmp_path / "bag").iterdir())
+    assert len(words_of(Bag(tmp_path / "bag"))) == 20
+    assert set((tmp_path / "bag").iterdir()) == before
+    (path,) = (tmp_path / "bag").glob("*.db3")
+    with closing(sqlite3.connect(path)) as database:  # it is still being written
+        database.execute("DELETE FROM messages WHERE id > 5")
+        database.commit()
+        assert len(words_of(Bag(tmp_path / "bag"))) == 5
+
+
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.FILE])
 def test_is_not_read_into_memory(tmp_path, plugin, mode):

@@ -29,7 +29,8 @@ from rcl_interfaces.msg import (
 )
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
-from onebot_bringup.steering.ground import Grid
+from onebot_bringup.steering.ground import Grid, Ground
+from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
 from onebot_bringup.steering.tool_requests import parse_values, shown_topics
 from onebot_bringup.steering.tools import Click, message_of, parse_click
@@ -208,6 +209,14 @@ def be_localised(peer: Peer) -> Any:
     peer.node.create_publisher(OccupancyGrid, "/map", LATCHED).publish(grid(2, 1, [0, 100]))
     moved = peer.node.create_publisher(Odometry, "/odom", 10)
     return lambda: moved.publish(odometry)
+
+
+def test_the_ground_is_shown_when_transforms_had_time_to_come(peer: Peer) -> None:
+    """Before, a click would be in another frame than a moment later."""
+    ground = Ground(peer.node, OdometryTopic(peer.node, ""))
+    assert ground.fields() == {}
+    found = wait_for(ground.fields, "the ground")
+    assert found == {"frame": "", "base": "", "robot": None, "map": None}
 
 
 def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:

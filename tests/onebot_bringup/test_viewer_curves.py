@@ -205,6 +205,7 @@ curves: {lines: {ax: {topic: /imu, field: linear_acceleration.x, color: [0, 255,
 """
 
 
+@pytest.mark.slow
 def test_the_picture_has_the_curve_and_the_log(tmp_path):
     """Beside the robot and below it, without an error."""
     require_renderer()

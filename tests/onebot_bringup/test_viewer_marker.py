@@ -552,6 +552,7 @@ joint_plot: {positions: false, velocities: false}
 """
 
 
+@pytest.mark.slow
 def test_the_picture_has_the_markers(tmp_path):
     """All types, each in its colour and place, and without an error."""
     require_renderer()

@@ -79,7 +79,9 @@ export class Tools {
       const { parameters } = await get("parameters", { node: viewer });
       const known = Object.fromEntries(parameters.map(({ name, value }) => [name, value]));
       const { base, robot } = await get("ground", { frame: known.fixed_frame });
-      const values = cameras[name](robot ?? { x: 0, y: 0 }, linkOf(base, known));
+      // Several robots are not in the frame of the view's file, but in the one above them.
+      const place = robot ?? (await get("ground")).robot ?? { x: 0, y: 0 };
+      const values = cameras[name](place, linkOf(base, known));
       const { refused } = await post("parameters", { node: viewer, values });
       for (const reason of Object.values(refused)) throw new Error(reason);
     } catch (error) {

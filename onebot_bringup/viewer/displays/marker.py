@@ -51,7 +51,7 @@ _NEVER = np.iinfo(np.int64).max  # the end of no lifetime
 _NOT_DRAWN = -1  # the type of a marker that is left out
 _UNIT = 0.01  # that the square of a quaternion's length may be off
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
-_MOST_WAITING = 10_000  # markers, while no transform leads to their frames
+_MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
 Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number

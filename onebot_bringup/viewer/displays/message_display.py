@@ -151,8 +151,8 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
     def layout(self) -> LayoutPart:
         """Return what its drawings add: what is in the robots' view needs nothing."""
-        if not self.items:  # as most displays, most of the time
-            return _NOTHING
+        if not self.items:  # as of most displays; it is called with every tick
+            return _NO_PART
         parts = [drawing.layout() for drawing in self.items.values()]
         return LayoutPart(
             views=tuple(view for part in parts for view in part.views),
@@ -174,7 +174,7 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
         return [*super().warnings(), *bad]
 
 
-_NOTHING = LayoutPart()
+_NO_PART = LayoutPart()
 _MOST_FRAMES = 99  # with entities of their own
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
 
