@@ -117,8 +117,9 @@ class PointsDrawing(Drawing[PointsLook]):
         if self._in_frame != self.frame and (pose := self.pose()) is not None:
             if self._transformed:
                 matrix = pose.T.astype(np.float32)
-                positions = positions @ matrix[:3, :3]
-                positions += matrix[3, :3]
+                with np.errstate(over="ignore", invalid="ignore"):
+                    positions = positions @ matrix[:3, :3]
+                    positions += matrix[3, :3]
             else:
                 self._place(pose)
         return [_POSITIONS.row(positions), _COLORS.row(colors)]
