@@ -416,7 +416,7 @@ class RobotView:
             if shown.robot is not None:
                 return shown.resolution.fixed_frame(shown.robot, self._wanted_frame)
         wanted = self._view.fixed_frame
-        if wanted in self.frames.names or wanted in self._message_frames:
+        if wanted and (wanted in self.frames.names or wanted in self._message_frames):
             return wanted
         return self._frame_without_robot or wanted
 

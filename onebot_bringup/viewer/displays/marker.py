@@ -198,8 +198,8 @@ def _is_same(piece: Piece, before: Piece) -> bool:
 
 def _column(piece: Piece) -> Any:
     if isinstance(piece, tuple):
-        maker, numbers = piece
-        return maker.row(numbers)
+        make, numbers = piece
+        return make(numbers)
     return piece
 
 
@@ -444,7 +444,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         """Return the markers as they are drawn."""
         poses = incoming.poses
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
-        if (np.abs(lengths - 1.0) > _UNIT).any():
+        if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
             self._make_unit(incoming, lengths)
         for frame, rows in moved.items():
             pose = self.context.frames.pose(frame, self._fixed, stamp_ns)
@@ -452,11 +452,14 @@ class MarkerDrawing(Drawing[MarkerLook]):
             turn = from_rpy(to_rpy(pose[:3, :3]))
             poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
             poses[rows, 3:] = multiply(turn, poses[rows, 3:])
-        ends = np.where(incoming.lifetimes > 0, stamp_ns + incoming.lifetimes, _NEVER)
+        ends = np.full(len(poses), _NEVER)
+        if incoming.lifetimes.any():
+            limited = incoming.lifetimes > 0
+            ends[limited] = stamp_ns + incoming.lifetimes[limited]
         parts = np.full(len(poses), None)
-        with_parts = np.flatnonzero(kinds >= LINE_STRIP)
-        for row in with_parts[incoming.actions[with_parts] == ADD].tolist():
-            if kinds[row] in KINDS and kinds[row] != MESH:
+        for row in np.flatnonzero(kinds >= LINE_STRIP).tolist():
+            added = incoming.actions[row] == ADD
+            if added and kinds[row] in KINDS and kinds[row] != MESH:
                 parts[row] = self._part(incoming, row, int(kinds[row]))
         return Batch(poses, incoming.scales, incoming.colors, ends, parts)
 

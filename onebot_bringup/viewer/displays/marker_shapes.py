@@ -20,8 +20,8 @@ from onebot_description.description.packages import Resources
 from onebot_description.model.quaternions import rotate
 
 Floats = NDArray[np.float64]
-# A column, or what makes one of numbers and these numbers.
-Piece: TypeAlias = "ReadyColumn | tuple[ColumnMaker, NDArray[Any]]"
+# A column, or what makes one of numbers, which is done only if they are others than before.
+Piece: TypeAlias = "ReadyColumn | tuple[Callable[[NDArray[Any]], ReadyColumn], NDArray[Any]]"
 
 ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST, CUBE_LIST, SPHERE_LIST = range(8)
 POINTS, TEXT, MESH, TRIANGLE_LIST, ARROW_STRIP = range(8, 13)
@@ -97,12 +97,17 @@ def _ready(archetypes: Iterable[rr.AsComponents]) -> list[Piece]:
     return [column for each in archetypes for column in one_row(each)]
 
 
+def _in_color(archetype: Any) -> Callable[[NDArray[Any]], ReadyColumn]:
+    maker = ColumnMaker(archetype.columns(colors=[0]))
+    return lambda colors: maker.row(rgba(colors))
+
+
 # --- shapes that are drawn as instances of one ----------------------------------------------------
 
 _POSES = rr.InstancePoses3D
-_TRANSLATIONS = ColumnMaker(_POSES.columns(translations=np.zeros((1, 3))))
-_QUATERNIONS = ColumnMaker(_POSES.columns(quaternions=np.zeros((1, 4))))
-_SCALES = ColumnMaker(_POSES.columns(scales=np.zeros((1, 3))))
+_TRANSLATIONS = ColumnMaker(_POSES.columns(translations=np.zeros((1, 3)))).row
+_QUATERNIONS = ColumnMaker(_POSES.columns(quaternions=np.zeros((1, 4)))).row
+_SCALES = ColumnMaker(_POSES.columns(scales=np.zeros((1, 3)))).row
 
 
 def _poses(found: Instances) -> list[Piece]:
@@ -116,10 +121,10 @@ class _Solid:
     def __init__(self, archetype: Any, **sizes: Any) -> None:
         unit = archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes)
         self._unit = _ready([unit])
-        self._colors = ColumnMaker(archetype.columns(colors=[0]))
+        self._colors = _in_color(archetype)
 
     def __call__(self, found: Instances) -> list[Piece]:
-        return [*self._unit, *_poses(found), (self._colors, rgba(found.colors))]
+        return [*self._unit, *_poses(found), (self._colors, found.colors)]
 
 
 _cubes = _Solid(rr.Boxes3D, half_sizes=[[0.5] * 3])
@@ -128,15 +133,15 @@ _cylinders = _Solid(rr.Cylinders3D, lengths=[1.0], radii=[0.5])
 
 # --- arrows ---------------------------------------------------------------------------------------
 
-_ORIGINS = ColumnMaker(rr.Arrows3D.columns(origins=np.zeros((1, 3))))
-_VECTORS = ColumnMaker(rr.Arrows3D.columns(vectors=np.zeros((1, 3))))
-_SHAFTS = ColumnMaker(rr.Arrows3D.columns(radii=[0.0]))
-_ARROW_COLORS = ColumnMaker(rr.Arrows3D.columns(colors=[0]))
+_ORIGINS = ColumnMaker(rr.Arrows3D.columns(origins=np.zeros((1, 3)))).row
+_VECTORS = ColumnMaker(rr.Arrows3D.columns(vectors=np.zeros((1, 3)))).row
+_SHAFTS = ColumnMaker(rr.Arrows3D.columns(radii=[0.0])).row
+_ARROW_COLORS = _in_color(rr.Arrows3D)
 
 
 def _arrows(starts: Floats, ways: Floats, widths: Floats, colors: Floats) -> list[Piece]:
     shafts = (_SHAFTS, widths / 2)
-    return [(_ORIGINS, starts), (_VECTORS, ways), shafts, (_ARROW_COLORS, rgba(colors))]
+    return [(_ORIGINS, starts), (_VECTORS, ways), shafts, (_ARROW_COLORS, colors)]
 
 
 def _arrows_along_x(found: Instances) -> list[Piece]:
@@ -165,8 +170,8 @@ def _segments(counts: NDArray[np.intp]) -> NDArray[np.intp]:
 
 [_STRIP_COLUMN] = ready(rr.LineStrips3D.columns(strips=[np.zeros((2, 3))]))
 _STRIP = _STRIP_COLUMN.as_arrow_array().type.value_type
-_WIDTHS = ColumnMaker(rr.LineStrips3D.columns(radii=[0.0]))
-_LINE_COLORS = ColumnMaker(rr.LineStrips3D.columns(colors=[0]))
+_WIDTHS = ColumnMaker(rr.LineStrips3D.columns(radii=[0.0])).row
+_LINE_COLORS = _in_color(rr.LineStrips3D)
 
 
 def _lines(batch: Batch) -> list[Piece]:
@@ -194,7 +199,7 @@ def _lines(batch: Batch) -> list[Piece]:
     colors = (corners.colors[first] + corners.colors[final]) / 2
     widths = corners.scales[first, 0] / 2
     strips = _strips(corners.poses[chosen, :3], ends)
-    return [strips, (_WIDTHS, widths), (_LINE_COLORS, rgba(colors))]
+    return [strips, (_WIDTHS, widths), (_LINE_COLORS, colors)]
 
 
 def _strips(points: Floats, ends: NDArray[np.intp]) -> ReadyColumn:
