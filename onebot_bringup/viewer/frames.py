@@ -1,5 +1,6 @@
 """The TF tree with the transforms of each frame, and the frame that a robot is shown in."""
 
+import math
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 
 from onebot_description.description import Description
 from onebot_description.errors import did_you_mean, listing
-from onebot_description.model.quaternions import to_matrix
 
 Floats = NDArray[np.float64]
 _MOST_BLOCKS = 512
@@ -232,11 +232,26 @@ class FrameTree:
             block, row = self._places[frame]
             latest = block.translations[row], block.rotations[row]
             translation, rotation = block.at(row, time_ns) if time_ns else latest
-            step = np.eye(4)
-            step[:3, :3] = to_matrix(np.asarray(rotation))
-            step[:3, 3] = translation
-            pose, frame = step @ pose, block.parents[row]
+            pose, frame = _matrix(translation, rotation) @ pose, block.parents[row]
         return pose
+
+
+def _matrix(translation: Floats, rotation: Floats) -> Floats:
+    """Return the (4, 4) matrix of one transform; a tenth of the time that arrays would take.
+
+    A rotation of no length is none.
+    """
+    (x, y, z, w), (at_x, at_y, at_z) = np.asarray(rotation).tolist(), translation.tolist()
+    length = math.hypot(x, y, z, w) or 1.0
+    x, y, z, w = x / length, y / length, z / length, w / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), at_x],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), at_y],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), at_z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
 
 
 class FrameResolution:

@@ -16,15 +16,19 @@ import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
 # isort: split
 import numpy as np
 import rerun as rr
+from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
+from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.columns import TIMELINE
 from onebot_bringup.viewer.display_server import Recording, open_recording
-from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_description.wire.messages import transforms_message
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import batches
 from tests.benchmarks.registry import Options
@@ -38,7 +42,7 @@ _GOAL = 1.5
 _ROUNDING = 1e-5  # of numbers of 32 bits
 _VARIANTS = 4  # messages that differ
 _BYTES = 20_000_000  # that a round logs, about
-_FRAME = "sensor"
+_FIXED, _FRAME = "odom", "sensor"  # frames
 
 Arrays = Mapping[str, NDArray[Any]]  # what is to be in the file, by Rerun's names
 
@@ -140,7 +144,7 @@ def occupancy_grid(number: int) -> tuple[OccupancyGrid, Arrays]:
     cells = np.random.default_rng(number).integers(-1, 101, (1000, 1000), np.int8)
     message = OccupancyGrid(data=cells.ravel().tolist())
     message.info.width, message.info.height, message.info.resolution = 1000, 1000, 0.05
-    message.header.frame_id = _FRAME
+    message.header.frame_id = _FIXED
     return message, {"GridMap:data": np.flipud(cells).view(np.uint8).ravel()}
 
 
@@ -166,7 +170,7 @@ def markers(number: int) -> tuple[MarkerArray, Arrays]:
     message = MarkerArray()
     for index, (place, turn, scale, color) in enumerate(rows):
         marker = Marker(ns="boxes", id=index, type=Marker.CUBE)
-        marker.header.frame_id = _FRAME
+        marker.header.frame_id = _FIXED
         for part, names, values in (
             (marker.pose.position, "xyz", place),
             (marker.pose.orientation, "xyzw", turn),
@@ -272,12 +276,18 @@ class Viewer:
     """Receives raw messages and logs them as the viewer's node does."""
 
     def __init__(self, case: Case, messages: Messages, file: Path) -> None:
-        """Show the topic, in a recording that is written to ``file``."""
+        """Show the topic and a robot, in a recording that is written to ``file``."""
         self._case, self._messages = case, messages
         self._per_tick = max(1, round(case.hertz / _TICKS))
         self.recording: Recording = open_recording(save=file)
         self._view = RobotView(self.recording.stream)
         self._view.offer({case.topic: case.type})
+        urdf = String(data=f'<robot name="robot"><link name="{_FIXED}"/></robot>')
+        described = bytes(serialize_message(urdf))
+        self._view.take("robot_description", DESCRIPTION.name, described, _START_NS)
+        place = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+        data = bytes(serialize_message(transforms_message(Time(), [_FIXED], [_FRAME], place)))
+        self._view.take("/tf_static", TF.name, data, _START_NS)
 
     def prepare(self, first: int, count: int) -> list[tuple[int, bytes]]:
         """Return messages, and when each comes."""

@@ -84,6 +84,11 @@ def test_what_a_recording_knows(tmp_path: Path) -> None:
     assert Bag(cut).counts == ours.counts and Bag(cut).end_ns == ours.end_ns
 
 
+def problems(command) -> list[str]:
+    """What a command has reported, but that discovery takes long, as it may on a busy machine."""
+    return [line for line in command.err.splitlines() if not line.startswith("looking for ")]
+
+
 def test_play(tmp_path: Path, ros_domain: int) -> None:
     """Each message in its time and order, latched ones for who comes later, and the clock.
 
@@ -105,7 +110,7 @@ def test_play(tmp_path: Path, ros_domain: int) -> None:
         stamps = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
         assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {SECOND // 25}
         assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
-    [warning] = command.err.splitlines()
+    [warning] = problems(command)
     assert warning.startswith('warning: /odd is not played: no message type "odd_msgs/msg/Odd"')
     assert f"playing {folder}: 1.8 s of 2 topics\n" in command.out
 
@@ -122,7 +127,7 @@ def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
             assert command.interrupt() == 0 and "Traceback" not in command.err
     expected = ["word 3", "word 4"] * 3
     assert [word.data for word in heard][:5] == expected[:5]
-    assert not command.err
+    assert not problems(command)
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import LaserScan
 
+from onebot_bringup.viewer.display_server import open_recording
+from onebot_bringup.viewer.robot_view import RobotView
+from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message, transforms_message
 from tests.onebot_bringup.drive_support import chunks, column
-from tests.onebot_bringup.viewer_support import START_NS, show, transforms
+from tests.onebot_bringup.viewer_support import START_NS, show, take, take_tf, transforms
 
 NAN, INF = float("nan"), float("inf")
 ENTITY = "/laser_scan/scan"
@@ -14,7 +17,7 @@ RED, MAGENTA = 0xFF0000FF, 0xFF00FFFF
 ORANGE = 0xFFB020FF  # the first of our colours
 
 
-def scan(ranges=(1.0, 2.0), frame="tip", at=0, **fields) -> LaserScan:
+def scan(ranges=(1.0, 2.0), frame="base", at=0, **fields) -> LaserScan:
     """A scan that begins to the right and turns left."""
     message = LaserScan(
         angle_min=-np.pi / 2, angle_increment=np.pi / 2, range_min=0.5, range_max=8.0, **fields
@@ -35,7 +38,7 @@ def colors(file, entity=ENTITY):
     return column(file, entity, "Points3D:colors")
 
 
-def test_ranges_are_points_in_the_sensor_s_frame(tmp_path):
+def test_ranges_are_points_around_the_sensor(tmp_path):
     """At its time, three pixels wide; the next scan takes their place."""
     sent = scan((1.0, 2.0, 3.0)), scan((4.0,), at=7000)
     file, said = show(tmp_path, "", *(("/scan", each) for each in sent))
@@ -44,10 +47,27 @@ def test_ranges_are_points_in_the_sensor_s_frame(tmp_path):
     np.testing.assert_allclose(first, [(0, -1, 0), (2, 0, 0), (0, 3, 0)], atol=1e-6)
     np.testing.assert_allclose(second, [(0, -4, 0)], atol=1e-6)
     assert colors(file) == [[ORANGE], [ORANGE]]
-    assert column(file, ENTITY, "CoordinateFrame:frame") == [["tip"]]
+    assert column(file, ENTITY, "CoordinateFrame:frame") == [["base"]]
     assert column(file, ENTITY, "Points3D:radii") == [[-1.5]]
     times = np.array(column(file, ENTITY, "ros_time"), "datetime64[ns]").astype(np.int64)
     np.testing.assert_array_equal(times, [START_NS, START_NS + 7000])
+
+
+def test_points_stay_where_they_were_measured(tmp_path):
+    """By the transform at the time of the message, whatever comes before it is logged."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    view = RobotView(recording.stream, parse_view("fixed_frame: odom"))
+    view.offer({"/scan": "sensor_msgs/msg/LaserScan"})
+    for second in range(3):
+        at = START_NS + second * 10**9
+        take_tf(view, transforms("odom", "base", second * 2.0, at))
+        take_tf(view, transforms("base", "tip", 1.0, at))
+    take(view, "/scan", scan(frame="tip", at=500_000_000))
+    view.finish()
+    recording.close()
+    file = tmp_path / "x.rrd"
+    np.testing.assert_allclose(points(file), [[(0, 1, 0), (2, 2, 0)]], atol=1e-6)
+    assert column(file, ENTITY, "CoordinateFrame:frame") == [["odom"]]
 
 
 def test_ranges_that_are_none_are_left_out(tmp_path):
@@ -97,7 +117,7 @@ def test_one_intensity_is_red_only_where_intensity_is_asked_for(tmp_path):
 def test_points_stay_for_the_decay_time(tmp_path):
     """In the fixed frame, since the sensor moves on."""
     view = "{fixed_frame: base, laser_scan: {decay_time: 2.0, size: 0.1}}"
-    file, said = show(tmp_path, view, ("/scan", scan((1.0,))))
+    file, said = show(tmp_path, view, ("/scan", scan((1.0,), "tip")))
     assert said == []
     np.testing.assert_allclose(points(file), [[(0, -0.5, 0)]], atol=1e-6)
     assert column(file, ENTITY, "CoordinateFrame:frame") == [["base"]]

@@ -68,7 +68,8 @@ def test_points_of_any_layout(kind, gap, height, padding, tmp_path):
     [found], _, said = shown(tmp_path, "", message)
     assert said == []
     np.testing.assert_array_equal(found, XYZ)
-    assert column(tmp_path / "x.rrd", ENTITY, "CoordinateFrame:frame") == [["tip"]]
+    placed = column(tmp_path / "x.rrd", f"/placed{ENTITY}", "Transform3D:translation")
+    assert placed == [[[0.0, 0.5, 0.0]]]
 
 
 def test_points_that_are_not_finite_are_left_out(tmp_path):

@@ -25,6 +25,7 @@ class LaserScanDrawing(PointsDrawing):
     """The scans of one topic."""
 
     order = (INTENSITY, FLAT)
+    few = True
     _directions: tuple[object, Floats32] = ((), np.empty((0, 2), np.float32))
 
     def points(self, message: Any) -> Points:

@@ -10,8 +10,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn
-from onebot_bringup.viewer.displays.display import LARGEST, LayoutPart
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready
+from onebot_bringup.viewer.displays.display import LARGEST, LayoutPart, below
 from onebot_bringup.viewer.displays.message_display import Drawing, Look
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting
 
@@ -23,6 +23,7 @@ _AXES = ("X", "Y", "Z")
 _OPAQUE = 0xFF
 _LARGEST_VALUE = 999_999.0  # of a channel, in its bounds: RViz's
 _ON_SCREEN = 3.0  # pixels
+PLACED_ENTITY = "placed"  # below which frames of our own are placed
 
 
 @dataclass(frozen=True)
@@ -62,10 +63,15 @@ _POSITIONS = ColumnMaker(rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)]))
 _COLORS = ColumnMaker(rr.Points3D.columns(colors=np.zeros(1, np.uint32)))
 
 
+_TRANSLATION = ColumnMaker(rr.Transform3D.columns(translation=[(0.0, 0.0, 0.0)]))
+_ROTATION = ColumnMaker(rr.Transform3D.columns(mat3x3=[np.eye(3)]))
+
+
 class PointsDrawing(Drawing[PointsLook]):
     """Draws the points of one topic."""
 
     order: ClassVar[Sequence[str]]  # of the transformers that auto takes
+    few: ClassVar[bool] = False  # points: to transform them costs less than to log where they are
 
     @abstractmethod
     def points(self, message: Any) -> Points:
@@ -85,8 +91,14 @@ class PointsDrawing(Drawing[PointsLook]):
         return LayoutPart(windows=((self.entity, seconds),) if seconds else ())
 
     def drawn_in(self) -> str:
-        """Points that stay do so in the fixed frame, wherever the sensor goes."""
-        return self.context.fixed_frame if self.look.decay_time else self.frame
+        """Points are where they were measured, wherever the sensor goes until the next message."""
+        fixed = self.context.fixed_frame
+        return fixed if self._transformed or self.frame == fixed else self.entity
+
+    @property
+    def _transformed(self) -> bool:
+        """Whether points are logged in the fixed frame; those that stay must be."""
+        return self.few or self.look.decay_time > 0.0
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
         """Return the points that are finite."""
@@ -102,8 +114,14 @@ class PointsDrawing(Drawing[PointsLook]):
                 break
         else:
             colors = self._flat()
-        if self.look.decay_time and (pose := self.pose()) is not None:
-            positions = positions @ pose[:3, :3].T + pose[:3, 3]
+        if self._in_frame != self.frame and (pose := self.pose()) is not None:
+            if self._transformed:
+                matrix = pose.T.astype(np.float32)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    positions = positions @ matrix[:3, :3]
+                    positions += matrix[3, :3]
+            else:
+                self._place(pose)
         return [_POSITIONS.row(positions), _COLORS.row(colors)]
 
     def _colors(
@@ -127,6 +145,12 @@ class PointsDrawing(Drawing[PointsLook]):
             None if look.autocompute_intensity_bounds else fixed,
             _table(look.use_rainbow, look.invert_rainbow, look.min_color, look.max_color),
         )
+
+    def _place(self, pose: NDArray[np.float64]) -> None:
+        """Log where the sensor was, at an entity that is never cleared: the points need it."""
+        places = _TRANSLATION.row(pose[:3, 3]), _ROTATION.row(pose[:3, :3].T)  # by columns
+        names = _frames(self.context.fixed_frame, self.entity)
+        self.context.log_row(below(PLACED_ENTITY, self.entity), self.stamp_ns, *places, *names)
 
     def _flat(self) -> Colors:
         red, green, blue = self.look.color or self.color
@@ -152,6 +176,11 @@ def _usable(positions: Floats32) -> NDArray[np.bool_] | None:
         return None
     within: NDArray[np.bool_] = np.abs(positions) <= LARGEST
     return within[:, 0] & within[:, 1] & within[:, 2]
+
+
+@lru_cache(maxsize=128)
+def _frames(parent: str, child: str) -> Sequence[ReadyColumn]:
+    return ready(rr.Transform3D.columns(parent_frame=[parent], child_frame=[child]))
 
 
 # --- colours ------------------------------------------------------------------------------------
