@@ -20,9 +20,10 @@ from std_msgs.msg import String
 from yarl import URL
 
 from onebot_bringup.bags.bag_recorder import BagRecorder
-from onebot_bringup.introspection.interfaces import message_class
+from onebot_bringup.introspection.interfaces import installed, message_class
 from onebot_bringup.introspection.message_text import Style, to_csv, to_yaml
 from onebot_bringup.steering.steering_page import SteeringPage
+from onebot_bringup.viewer.automatic import MESSAGE_DISPLAYS
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.velocity_controller import velocity_controllers
 from onebot_description.description import load_description, parse_description
@@ -167,19 +168,28 @@ def test_clock(start_node: Callable[..., Node]) -> None:
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """All displays, without a warning of numpy's in the node's output."""
+    types = sorted(MESSAGE_DISPLAYS.keys() & set(installed("msg")))
+    offered = {f"/any{number}": kind for number, kind in enumerate(types)}
     node = start_node(
         RerunViewer,
         viewer="none",
         save=tmp_path / "x.rrd",
         view="onebot_description/config/view.yaml",
+        shown=list(offered),
     )
     view = node._view
     description = message_class("std_msgs/msg/String")(data=load_description(ONEBOT).urdf)
     view.take("/robot_description", "std_msgs/msg/String", serialized(description), 1)
     node._tick()
     assert view.robot is not None
-    chosen = [(name, kind.name) for name, topic in view.topics.items() for kind in topic.types]
-    assert {kind for _, kind in chosen} >= {"nav_msgs/msg/Path", "nav_msgs/msg/Odometry"}
+    assert view.offer(offered) == []
+    chosen = [
+        (name, kind.name)
+        for name, topic in view.topics.items()
+        for kind in topic.types
+        if kind.name in installed("msg")
+    ]
+    assert {kind for _, kind in chosen} >= {*types, "tf2_msgs/msg/TFMessage"}
 
     @any_content
     @given(st.data())

@@ -126,6 +126,38 @@ def _one_row(batch: Any) -> ReadyColumn:
     return ReadyColumn(batch.component_descriptor(), rows)
 
 
+def joinable(
+    rows: Sequence[tuple[int, Sequence[ReadyColumn]]],
+) -> list[list[tuple[int, Sequence[ReadyColumn]]]]:
+    """Split rows that follow one another into those of the same columns, which are not large."""
+    found: list[list[tuple[int, Sequence[ReadyColumn]]]] = []
+    before = None
+    for row in rows:
+        kinds = [id(column.component_descriptor()) for column in row[1]]
+        if any(column.as_arrow_array().nbytes > _MANY for column in row[1]):
+            before = None
+        elif kinds == before:
+            found[-1].append(row)
+            continue
+        else:
+            before = kinds
+        found.append([row])
+    return found
+
+
+def joined(rows: Sequence[Sequence[ReadyColumn]]) -> Sequence[ReadyColumn]:
+    """Return rows of the same columns as columns of several rows."""
+    if len(rows) == 1:
+        return rows[0]
+    return [
+        ReadyColumn(
+            same[0].component_descriptor(),
+            pa.concat_arrays([column.as_arrow_array() for column in same]),
+        )
+        for same in zip(*rows, strict=True)
+    ]
+
+
 class StampColumn:
     """A column of times (``rr.TimeColumn`` is another)."""
 

@@ -205,8 +205,11 @@ class FrameTree:
             fixed: in which.
             time_ns: nanoseconds; 0 for the latest.
         """
-        if self.top(frame) != self.top(fixed):
+        top = self.top(fixed)
+        if self.top(frame) != top:
             return None
+        if fixed == top:
+            return self._from_top(frame, time_ns)
         ways = self._from_top(fixed, time_ns), self._from_top(frame, time_ns)
         pose: Floats = np.linalg.solve(*ways).astype(float)
         return pose

@@ -275,7 +275,7 @@ class RobotView:
 
     def _display_warnings(self) -> list[str]:
         late = [self._stamps.warning] if self._stamps.warning else []
-        for shown in self._displays:
+        for shown in self._active:
             late += shown.warnings()
         return late
 
@@ -301,7 +301,7 @@ class RobotView:
         warnings = self._update_robot()
         if now_ns is not None:
             self._now_ns = self._stamps.display_time(0, now_ns)
-        due = [shown for shown in self._displays if shown.is_due(now_ns)]
+        due = [shown for shown in self._active if shown.is_due(now_ns)]
         self._deliver(due)
         for shown in due:
             shown.flush()
@@ -362,6 +362,12 @@ class RobotView:
             if before is not None:
                 queue.messages, queue.times = before.empty()
         self._queues, self._topics = queues, topics
+        # There are many displays, most without a topic.
+        self._active = [
+            shown
+            for shown in self._displays
+            if not isinstance(shown.display, MessageDisplay) or shown.display.items
+        ]
         return problems
 
     def _wanted(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
@@ -541,7 +547,8 @@ class RobotView:
     def _lay_out(self, complete: bool) -> None:
         """Send the blueprint once all frames are known, or do not come."""
         if complete or self._clock() - self._changed >= _PATIENCE:
-            parts = [display.layout() for display in self._of_all]
+            active = {id(shown.display) for shown in self._active}
+            parts = [each.layout() for each in self._of_all if id(each) in active]
             for shown in (*self._robots, self._world):
                 parts += shown.layout(collision=self._view.collision)
             layout = Layout.of(self._view, parts, self.fixed_frame, complete, self._robots)

@@ -50,6 +50,7 @@ ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of no lifetime
 _NOT_DRAWN = -1  # the type of a marker that is left out
 _UNIT = 0.01  # that the square of a quaternion's length may be off
+_IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
 _MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
@@ -443,6 +444,8 @@ class MarkerDrawing(Drawing[MarkerLook]):
     ) -> Batch:
         """Return the markers as they are drawn."""
         poses = incoming.poses
+        if not (incoming.actions == ADD).all():
+            poses[incoming.actions != ADD] = _IDENTITY  # nobody has checked its numbers
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
         if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
             self._make_unit(incoming, lengths)

@@ -266,12 +266,14 @@ class Drawing(Generic[L]):
         frame = self.drawn_in()
         if self._in_frame != frame or not self._entities:
             self._move(frame)
+        rows = []
         for stamp_ns, message in self._pending:
             self.stamp_ns = stamp_ns
             try:
-                self.log(stamp_ns, *self.draw(message))
+                rows.append((stamp_ns, self.draw(message)))
             except ValueError as error:
                 self.problem = self.problem or str(error)
+        self.context.log_rows(self._entities[frame], [row for row in rows if row[1]])
         self._last = self._pending[-1]
         self._pending.clear()
 
