@@ -11,7 +11,7 @@ _ATTEMPTS = 5
 _ANSWER = _REPEAT * _ATTEMPTS  # s for a service to be discovered, and again for its response
 
 
-class Session(Protocol):
+class SpinningNode(Protocol):
     """A node, and how to wait for what it receives."""
 
     @property
@@ -28,7 +28,7 @@ class ParameterClient:
     All methods raise an OneBotError if the node does not answer.
     """
 
-    def __init__(self, session: Session, node: str) -> None:
+    def __init__(self, session: SpinningNode, node: str) -> None:
         """Call the node of this full name, as a client of ``session``."""
         self._session, self._node = session, node
 

@@ -40,7 +40,7 @@ _SETTLING = 0.8  # s for the first transforms to come
 
 
 @dataclass(frozen=True)
-class Grid:
+class PublishedMap:
     """A map."""
 
     message: OccupancyGrid
@@ -73,7 +73,7 @@ class Ground:
         self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
         self._transforms = TransformBuffer()
         self._used = self._since = -math.inf  # the last request, and the first one of its row
-        self.grid: Grid | None = None
+        self.grid: PublishedMap | None = None
 
     def update(self, namespace: str) -> None:
         """Follow publishers that come and go; to be called several times per second.
@@ -123,7 +123,7 @@ class Ground:
         self._transforms, self.grid = TransformBuffer(), None
 
     def _on_grid(self, _: str, message: OccupancyGrid) -> None:
-        grid = Grid(message)
+        grid = PublishedMap(message)
         self.grid = grid if grid.is_whole else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:

@@ -40,6 +40,7 @@ class TopicSubscriptions:
         self._take = take
         self._wanted: Mapping[str, WantedTopic] = {}
         self._subscriptions: dict[str, TopicSubscription] = {}
+        self._reported: set[str] = set()
 
     def set_topics(self, topics: Mapping[str, WantedTopic]) -> None:
         """Subscribe to ``topics`` (by full names), and to nothing else.
@@ -67,7 +68,10 @@ class TopicSubscriptions:
             except TypeConflictError as error:
                 problems.append(f"the view's {error}")
             except OneBotError as error:
-                problems.append(str(error))
+                # A type that is not installed stays so; of what nobody has asked for, once.
+                if not topic.optional or str(error) not in self._reported:
+                    problems.append(str(error))
+                self._reported.add(str(error))
         if problems:
             raise OneBotError("; ".join(problems))
 

@@ -29,7 +29,7 @@ from rcl_interfaces.msg import (
 )
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
-from onebot_bringup.steering.ground import Grid, Ground
+from onebot_bringup.steering.ground import Ground, PublishedMap
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
 from onebot_bringup.steering.tool_requests import parse_values, shown_topics
@@ -93,7 +93,7 @@ def grid(width: int, height: int, cells: list[int], resolution: float = 0.5) -> 
 
 def test_the_picture_of_a_map() -> None:
     """A pixel a cell, the first row at the bottom; what is unknown, or no probability, is clear."""
-    shown = Grid(grid(3, 2, [0, 50, 100, -1, 0, 101]))
+    shown = PublishedMap(grid(3, 2, [0, 50, 100, -1, 0, 101]))
     assert shown.is_whole
     pixels = np.asarray(Image.open(io.BytesIO(shown.picture())).convert("LA"))
     assert pixels[1].tolist() == [[255, 255], [128, 255], [0, 255]]
@@ -111,7 +111,7 @@ def test_the_picture_of_a_map() -> None:
     ],
 )
 def test_a_map_that_is_none_is_not_shown(message: OccupancyGrid) -> None:
-    assert not Grid(message).is_whole
+    assert not PublishedMap(message).is_whole
 
 
 @pytest.mark.parametrize(

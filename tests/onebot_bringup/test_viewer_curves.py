@@ -11,7 +11,7 @@ from std_msgs.msg import Bool, Float32, String
 from visualization_msgs.msg import MarkerArray
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.curves import CurvesDisplay, Field
+from onebot_bringup.viewer.displays.curves import CurvesDisplay, FieldPath
 from onebot_bringup.viewer.displays.display import Plot
 from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_bringup.viewer.robot_view import RobotView
@@ -128,7 +128,7 @@ def test_what_is_no_field_is_refused(field):
     """When the view is read."""
     with pytest.raises(ConfigError, match=r"curves\.lines\.a\.field: .*pose\.position\.x"):
         parse_view(f"curves: {{lines: {{a: {{topic: t, field: '{field}'}}}}}}")
-    assert Field("a.b[3].c[0]")._steps == ["a", "b", 3, "c", 0]  # noqa: SLF001
+    assert FieldPath("a.b[3].c[0]")._steps == ["a", "b", 3, "c", 0]  # noqa: SLF001
 
 
 class Shown:

@@ -58,7 +58,7 @@ class CurvesSettings:
     lines: Mapping[str, CurveSettings] = setting({}, "the curves, by names of your own")
 
 
-class Field:
+class FieldPath:
     """A number in messages of some type."""
 
     def __init__(self, path: str) -> None:
@@ -189,7 +189,7 @@ class Curve:
             color: where the settings have none.
         """
         self._context, self.plot, self.entity = context, settings.plot, curve_entity(name)
-        self._field = Field(settings.field)
+        self._field = FieldPath(settings.field)
         self._rows: list[tuple[int, float]] = []
         self._legend: rr.SeriesLines | None = rr.SeriesLines(
             names=[name], colors=[settings.color or color], widths=[2.0]

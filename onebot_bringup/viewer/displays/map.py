@@ -61,7 +61,7 @@ class MapLook(Look):
     draw_behind: bool = setting(False, "below other maps; costmaps are above them")
 
 
-class Grid(NamedTuple):
+class CurrentMap(NamedTuple):
     """A map as it is now."""
 
     header: Any
@@ -73,7 +73,7 @@ class MapDrawing(Drawing[MapLook]):
     """The map of one topic, with its updates; one without cells clears it."""
 
     repeated = True
-    _grid: Grid | None = None
+    _grid: CurrentMap | None = None
     _grid_ns = 0
     _own = False  # the cells are a copy, to write to
 
@@ -109,11 +109,11 @@ class MapDrawing(Drawing[MapLook]):
             self._pending.pop()  # with an update before it
         self._take(stamp_ns, grid)
 
-    def _take(self, stamp_ns: int, grid: Grid) -> None:
+    def _take(self, stamp_ns: int, grid: CurrentMap) -> None:
         self._grid, self._grid_ns = grid, stamp_ns
         super().add(stamp_ns, grid)
 
-    def _updated(self, grid: Grid, update: Any) -> Grid:
+    def _updated(self, grid: CurrentMap, update: Any) -> CurrentMap:
         """Return a map with an update in it.
 
         Raises:
@@ -170,7 +170,7 @@ def _placed(width: int, height: int, cell_size: float, origin: bytes) -> Sequenc
     )
 
 
-def _grid(message: Any) -> Grid:
+def _grid(message: Any) -> CurrentMap:
     """Return a message as a grid.
 
     Raises:
@@ -184,7 +184,7 @@ def _grid(message: Any) -> Grid:
         raise ValueError("its resolution or its origin is not finite")
     if info.resolution <= 0 and len(message.data):
         raise ValueError(f"its resolution is {info.resolution:g} m")
-    return Grid(message.header, info, message.data.reshape(info.height, info.width))
+    return CurrentMap(message.header, info, message.data.reshape(info.height, info.width))
 
 
 def _by(size: Any) -> str:

@@ -31,8 +31,8 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     Batch,
     Floats,
     Kind,
+    MarkerContent,
     MeshVariant,
-    Part,
     Piece,
     rgba,
 )
@@ -226,7 +226,7 @@ class Change(NamedTuple):
             layer.set(self.ids, both.at(rows))
 
 
-class Plan(NamedTuple):
+class MarkerUpdate(NamedTuple):
     """What a message does, and each that is alike."""
 
     signature: tuple[object, ...]  # all that it depends on
@@ -248,7 +248,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         self._layers: dict[LayerKey, Layer] = {}
         self._where: dict[MarkerId, LayerKey] = {}
         self._changed: dict[str, Layer] = {}  # by entity, since they were logged
-        self._plan: Plan | None = None
+        self._plan: MarkerUpdate | None = None
         self._stamp_ns = 0  # of the last row
         self._lag_ns = _NEVER  # from the stamp of a message to when it came, the least
         self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # for a transform to their frames
@@ -349,7 +349,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
-    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> Plan:
+    def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> MarkerUpdate:
         """Return what becomes of the markers; the plan of the message before if it is alike."""
         fixed, version = self._fixed, self.context.frames.version
         variants = _variants(incoming, kinds)
@@ -380,7 +380,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             frame = incoming.frames[row].lstrip("/")
             if frame != key.frame:
                 moved.setdefault(frame, []).append(row)
-        return Plan(signature, self._changes(where, source, len(kinds)), moved, where)
+        return MarkerUpdate(signature, self._changes(where, source, len(kinds)), moved, where)
 
     def _key(
         self, stamp_ns: int, incoming: Incoming, row: int, kind: int, variant: object
@@ -476,7 +476,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         odd = (np.abs(lengths - 1.0) > _UNIT) & ~none & drawn
         self._report(incoming, odd, "its quaternion is not of unit length")
 
-    def _part(self, incoming: Incoming, row: int, kind: int) -> Part:
+    def _part(self, incoming: Incoming, row: int, kind: int) -> MarkerContent:
         """Return the points, colours and text of a marker."""
         message = incoming.messages[row]
         points = message.points.array().astype(np.float64).reshape(-1, 3)
@@ -496,7 +496,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         if len(points) < KINDS[kind].least:
             most = 0
         colors = colors[:most] if len(colors) == len(points) else colors[:0]
-        return Part(points[:most], colors, incoming.types[row] == LINE_LIST, message.text)
+        return MarkerContent(points[:most], colors, incoming.types[row] == LINE_LIST, message.text)
 
     # --- what is wrong ----------------------------------------------------------------------------
 

@@ -27,7 +27,7 @@ ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST, CUBE_LIST, SPHERE_LIST = r
 POINTS, TEXT, MESH, TRIANGLE_LIST, ARROW_STRIP = range(8, 13)
 
 
-class Part(NamedTuple):
+class MarkerContent(NamedTuple):
     """What a marker has beside pose, scale and colour."""
 
     points: Floats  # (N, 3) metres, in the marker's own frame
@@ -51,7 +51,7 @@ class Batch(NamedTuple):
     scales: Floats
     colors: Floats
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
-    parts: NDArray[np.object_]  # a Part of those that have points or text, else None
+    parts: NDArray[np.object_]  # a MarkerContent of those that have points or text, else None
 
     def at(self, rows: NDArray[np.intp]) -> "Batch":
         """Return some of them."""
