@@ -30,7 +30,7 @@ from onebot_bringup.viewer.pictures import Framing, UnreadableError, render
 from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
 from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, RobotToShow
-from onebot_bringup.viewer.topics import TopicSubscriptions
+from onebot_bringup.viewer.topics import TopicSubscriptions, published_topics
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.poses import prefixed
 from onebot_description.description import Description
@@ -139,6 +139,8 @@ def _warn_of(messages: Sequence[str]) -> None:
 # Nothing of a robot is slower than this, even on a busy machine (seconds).
 _FRAMES = 6.0
 _TICK = 0.05  # seconds between two
+_OFFER = 0.25  # seconds between two looks at what is published
+_MESSAGES = 1.0  # seconds for what is published seldom
 _LISTED = 5
 
 
@@ -177,7 +179,7 @@ class RunningRobots:
         self._received: set[str] = set()  # topics
         self._broken: OneBotError | None = None  # what is wrong with the description
         self._warnings: list[str] = []
-        self._next_tick = 0.0
+        self._next_tick = self._next_offer = 0.0
         self._topics = TopicSubscriptions(session.node, self._take)
         self._topics.set_topics(self._view.topics)
 
@@ -196,6 +198,7 @@ class RunningRobots:
             self._topics.set_topics(self._view.topics)
         self._next_tick = 0.0  # it is laid out anew, also where nothing is missing any more
         self._await_frames(robot)
+        self._await_messages()
         return self._warnings + self._view.finish()
 
     def _take(self, topic: str, kind: str, data: bytes, time_ns: int) -> None:
@@ -209,11 +212,33 @@ class RunningRobots:
     def _tick(self) -> None:
         if time.monotonic() < self._next_tick:
             return  # it is called with every message, of which many robots have thousands a second
-        self._topics.update()
+        self._subscribe()
         now_ns = int(self._session.node.get_clock().now().nanoseconds)
         warnings = self._view.tick(now_ns)
         self._warnings += warnings if self._view.robot is not None else []
         self._next_tick = time.monotonic() + _TICK
+
+    def _subscribe(self) -> None:
+        """Follow the publishers, also of what has a display of its own."""
+        now = time.monotonic()
+        if now >= self._next_offer:
+            self._next_offer = now + _OFFER
+            self._warnings += self._view.offer(published_topics(self._session.node))
+        try:
+            self._topics.set_topics(self._view.topics)
+        except OneBotError as error:
+            self._warnings.append(str(error))
+
+    def _await_messages(self) -> None:
+        """Wait for a message of each topic that is shown, but not for long."""
+
+        def complete() -> bool:
+            self._tick()
+            return self._received.issuperset(
+                each.topic for each in self._view.offered if each.visible
+            )
+
+        self._session.spin(complete, _MESSAGES)
 
     def await_descriptions(self) -> Description:
         """Return the first robot's description, once those of all have come.

@@ -66,7 +66,7 @@ from onebot_bringup.introspection.frame_publishers import FrameConflicts
 from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
-from onebot_bringup.viewer.topics import TopicSubscriptions
+from onebot_bringup.viewer.topics import TopicSubscriptions, published_topics
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource, load_any_view
 from onebot_control.poses import prefixed
@@ -430,14 +430,9 @@ class RerunViewer(Node):
 
     def _offer_topics(self) -> None:
         """Show what others publish now, and publish what of it is shown."""
+        # What was published stays: the last of it is shown.
         known = {each.topic for each in self._view.offered}
-        published = {
-            name: types[0]
-            for name, types in self.get_topic_names_and_types()
-            # What was published stays: the last of it is shown. Our own subscriptions do not count.
-            if len(types) == 1 and (name in known or self.count_publishers(name))
-        }
-        for problem in self._view.offer(published):
+        for problem in self._view.offer(published_topics(self, known)):
             self._warn(problem, problem, every=60.0)
         offered = [each._asdict() for each in self._view.offered]
         displays = json.dumps({"shown": offered})

@@ -1,6 +1,6 @@
 """Subscribes to the topics that a robot view needs, whatever type and QoS their publishers have."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -29,6 +29,20 @@ _STAMPED = {
 }
 # Topic (its full name), type, message, and when it was received, nanoseconds.
 Take = Callable[[str, str, bytes, int], None]
+
+
+def published_topics(node: Node, known: Collection[str] = ()) -> dict[str, str]:
+    """Return the topics that have one type, and a publisher, by full names.
+
+    Args:
+        node: whose knowledge of the ROS graph is used; its own subscriptions do not count.
+        known: topics that need no publisher any more.
+    """
+    return {
+        name: types[0]
+        for name, types in node.get_topic_names_and_types()
+        if len(types) == 1 and (name in known or node.count_publishers(name))
+    }
 
 
 class TopicSubscriptions:

@@ -30,7 +30,7 @@ axes: {visible: false}
 grid: {visible: false}
 camera: {eye: [-3.0, 0.0, 8.0], target: [0.0, 0.0, 0.0]}
 joint_plot: {positions: false, velocities: false}
-path: {color: [0, 220, 60], width: 0.1, height: 0.5}
+path: {color: [0, 220, 60], line_width: 0.1, height: 0.5}
 """
 PATH = "nav_msgs/msg/Path"
 OFFERED = {"/plan": PATH, "/other/plan": PATH}
@@ -244,6 +244,6 @@ def test_the_viewer_shows_a_path_that_is_published(ros_domain, tmp_path, qos):
             assert done.successful
             wait_for(lambda: plan.get_subscription_count() == 0, "the viewer to unsubscribe")
             wait_for(lambda: shown({**offered, "visible": False}), "the path hidden")
-            [refused] = peer.set_parameters("/rerun_viewer", **{"path.width": -1.0})
-            assert not refused.successful and "path.width" in refused.reason
+            [refused] = peer.set_parameters("/rerun_viewer", **{"path.line_width": -1.0})
+            assert not refused.successful and "path.line_width" in refused.reason
             assert node.interrupt() == 0

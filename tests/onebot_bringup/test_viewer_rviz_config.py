@@ -40,6 +40,7 @@ Visualization Manager:
         - Alpha: 1
           Class: rviz_default_plugins/Path
           Color: 255; 0; 10
+          Line Width: 0.029999999329447746
           Enabled: true
           Name: Path
           Topic: {Depth: 7, Reliability Policy: Best Effort, Value: plan}
@@ -93,6 +94,7 @@ def test_what_rviz_shows_is_shown(tmp_path):
     looks = view.path.topics
     assert set(looks) == {"plan", "/other"}
     assert (looks["plan"].color, looks["plan"].visible) == ((255, 0, 10), True)
+    assert looks["plan"].line_width == 0.029999999329447746
     assert (looks["plan"].reliability, looks["plan"].depth) == ("best_effort", 7)
     assert not looks["/other"].visible
     [notice] = notices

@@ -17,7 +17,7 @@ class PathLook(Look):
     """Lines along planned paths."""
 
     color: Color | None = setting(None, "sRGB bytes; by default one of ours a topic", color)
-    width: float = setting(0.02, "of the lines, metres")
+    line_width: float = setting(0.02, "of the lines, metres")
     height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
 
 
@@ -28,7 +28,7 @@ class PathDrawing(Drawing[PathLook]):
 
     def style(self) -> Sequence[rr.AsComponents]:
         """Return colour and width."""
-        color, radius = self.look.color or self.color, self.look.width / 2
+        color, radius = self.look.color or self.color, self.look.line_width / 2
         return [rr.LineStrips3D.from_fields(colors=[color], radii=[radius])]
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
