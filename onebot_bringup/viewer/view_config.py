@@ -28,7 +28,7 @@ Example (every key may be left out)::
     automatic: true               # show every topic of a type that has a display, up to some
     hidden: [/local_plan]         # but for these topics,
     shown: [/camera/points]       # and these in any case
-    path: {visible: true, line_width: 0.02, topics: {/plan: {line_width: 0.1}}}  # of nav_msgs/Path; metres
+    path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # of nav_msgs/Path; metres
     map: {alpha: 0.7, color_scheme: auto, draw_behind: false}
     odometry: {keep: 100, position_tolerance: 0.1, angle_tolerance: 0.1}   # metres, rad
     pose: {shape: Axes, axes_length: 0.5}          # metres, as all lengths

@@ -17,7 +17,7 @@ A display of this kind names its types and how one topic is drawn::
 
 Messages are decoded by their type's definition (``onebot_description.wire.schema``), so that a
 type need not be installed. In a view file the look is under the key, for all topics, and under
-``topics`` of that for one of them: ``path: {line_width: 0.05, topics: {/plan: {line_width: 0.1}}}``.
+``topics`` of that for one of them: ``path: {height: 0.1, topics: {/plan: {line_width: 0.1}}}``.
 """
 
 import time
