@@ -247,6 +247,10 @@ class RecordingFile:
     def _copy(self, source: int) -> None:
         buffer = memoryview(bytearray(_PIPE_SIZE))
         with open(source, "rb", buffering=0) as pipe:
+            # Without a copy where that is possible; where it is not, or no more, by reading.
+            with suppress(OSError, AttributeError):
+                while os.splice(source, self._file.fileno(), _PIPE_SIZE):
+                    pass
             while size := pipe.readinto(buffer):
                 if self._error is None:
                     self._write(buffer[:size])

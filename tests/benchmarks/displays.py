@@ -33,6 +33,7 @@ from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import batches
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Goal, Report, Value, at_most
+from tests.benchmarks.viewer import bare_recording
 
 FLOOR, OURS = "bare send_columns", "viewer"
 _START_NS = 1_700_000_000_000_000_000
@@ -307,9 +308,9 @@ class Bare:
     """Logs the same by nothing but Rerun's own calls."""
 
     def __init__(self, case: Case, messages: Messages, file: Path) -> None:
-        """Open a recording that is written to ``file``."""
+        """Open a recording that Rerun itself writes to ``file``."""
         self._case, self._messages = case, messages
-        self.recording: Recording = open_recording(save=file)
+        self.recording = bare_recording(file)
 
     def prepare(self, first: int, count: int) -> list[tuple[int, Arrays]]:
         """Return the arrays of messages, and when each is."""

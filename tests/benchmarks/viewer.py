@@ -158,13 +158,20 @@ class Columns(NamedTuple):
     positions: Floats  # (S * N,), rad
 
 
+def bare_recording(file: Path) -> Recording:
+    """Open a recording as Rerun has it, without what is ours."""
+    stream = rr.RecordingStream("bare")
+    stream.set_sinks(rr.FileSink(file, write_footer=False))
+    return Recording(stream, None)
+
+
 class Bare:
     """Logs the same by nothing but Rerun's own calls."""
 
     def __init__(self, states: States, file: Path) -> None:
-        """Open a recording that is written to ``file``."""
+        """Open a recording that Rerun itself writes to ``file``."""
         self._states = states
-        self.recording: Recording = open_recording(save=file)
+        self.recording = bare_recording(file)
         self._parents = list(states.chain.links[:-1]) * _PER_CALL
         self._children = list(states.chain.links[1:]) * _PER_CALL
 
