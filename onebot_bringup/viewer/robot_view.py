@@ -20,6 +20,7 @@ from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.displays import DISPLAYS
 from onebot_bringup.viewer.displays.display import (
     OTHER_CLOCK_NS,
+    SELDOM,
     WARN_AFTER,
     Context,
     Display,
@@ -104,6 +105,7 @@ class RobotView:
         self._definitions = definitions
         self._live = live
         self._published: Mapping[str, str] = {}
+        self._laid_out_ns = 0
         self._selection = TopicSelection(resolve)
         self.frames = FrameTree()
         self._transforms = TransformStream(recording, self.frames)
@@ -252,14 +254,21 @@ class RobotView:
             What the user should know now, a sentence each.
         """
         warnings = self._update(now_ns)
+        if 0 < now_ns - self._laid_out_ns < SELDOM:  # which takes as long as a scan
+            return warnings
+        self._laid_out_ns = now_ns
         if self.robot is None:
             return warnings + self._show_without_robot()
         wanted = self._wanted_frame
-        self._lay_out(complete=all(shown.is_complete(wanted) for shown in self._robots))
+        self._lay_out(self._is_complete(wanted))
         late = self._display_warnings()
         if self._clock() - self._changed >= WARN_AFTER:
             late += self._late(wanted)
         return warnings + self._warnings.once(dict.fromkeys(late))
+
+    def _is_complete(self, wanted: str) -> bool:
+        """Whether all robots' links are known and placed, in the frame that the view names."""
+        return all(shown.is_complete(wanted) for shown in self._robots)
 
     def _show_without_robot(self) -> list[str]:
         """Lay out what else there is; return what the user should know."""
@@ -294,6 +303,8 @@ class RobotView:
         """Log all that is still kept back, before the recording is closed."""
         warnings = self._update(None)
         self._transforms.flush()  # what the other displays have placed
+        if self.robot is not None:
+            self._lay_out(self._is_complete(self._wanted_frame))
         return warnings
 
     def _update(self, now_ns: int | None) -> list[str]:
@@ -489,6 +500,7 @@ class RobotView:
                 shown.display.flush()
                 shown.display.apply(view.of(kind))
         self._view = view
+        self._laid_out_ns = 0
         problems = [*self._select(), *self._make_queues()]
         self._warnings.forget()
         self._changed = self._clock()
