@@ -106,6 +106,7 @@ class RobotView:
         self._live = live
         self._published: Mapping[str, str] = {}
         self._laid_out_ns = 0
+        self._laid_out_of: tuple[object, ...] = ()
         self._selection = TopicSelection(resolve)
         self.frames = FrameTree()
         self._transforms = TransformStream(recording, self.frames)
@@ -254,9 +255,11 @@ class RobotView:
             What the user should know now, a sentence each.
         """
         warnings = self._update(now_ns)
-        if 0 < now_ns - self._laid_out_ns < SELDOM:  # which takes as long as a scan
+        # To see whether the layout is another takes as long as a scan.
+        tree = self.frames.version, self._changed
+        if tree == self._laid_out_of and 0 < now_ns - self._laid_out_ns < SELDOM:
             return warnings
-        self._laid_out_ns = now_ns
+        self._laid_out_ns, self._laid_out_of = now_ns, tree
         if self.robot is None:
             return warnings + self._show_without_robot()
         wanted = self._wanted_frame
@@ -509,6 +512,7 @@ class RobotView:
     def use_blueprint(self, blueprint: Path | None) -> None:
         """Arrange the viewer as a ``.rbl`` file that was saved in it; None: as the view has it."""
         self._own_blueprint = blueprint is None
+        self._laid_out_ns = 0
         if blueprint is None:
             self._blueprint.forget()
         else:
