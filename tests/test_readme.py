@@ -103,8 +103,9 @@ def _run(command, tmp_path):
 
 
 def _run_node(command, name, domain, folder):
-    with Peer(domain) as peer, RunningCommand(f"exec {command}", folder):
-        wait_for(lambda: name in peer.node.get_node_names(), name)
+    with Peer(domain) as peer, RunningCommand(f"exec {command}", folder) as running:
+        # A node of that name may be left for a moment of a robot whose test has ended.
+        wait_for(lambda: running.output and name in peer.node.get_node_names(), name)
 
 
 @pytest.mark.slow
