@@ -38,6 +38,27 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -
         time.sleep(0.02)
 
 
+def assert_time_grows_with_size(seconds: Callable[[int], float], size: int) -> None:
+    """Ten times the size takes about ten times as long; its square would take a hundred times.
+
+    The least of up to five runs of each, so that what else the machine does hardly matters.
+
+    Args:
+        seconds: does work of a size, and returns the processor time that it took.
+        size: the larger one.
+
+    Raises:
+        AssertionError: it always took more than 40 times as long.
+    """
+    small, large = float("inf"), float("inf")
+    for _ in range(5):
+        small = min(small, seconds(size // 10))
+        large = min(large, seconds(size))
+        if large < 40 * small:
+            return
+    raise AssertionError(f"{size // 10} took {small:.4f} s, {size} took {large:.4f} s")
+
+
 def lines_of_ours(output: str) -> list[str]:
     """The lines of a process but those of Fast DDS, such as errors of shared memory."""
     return [line for line in output.splitlines() if " -> Function " not in line]

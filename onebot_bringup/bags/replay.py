@@ -56,7 +56,7 @@ def log_bag(
     Args:
         bag: the recording.
         stream: where to log.
-        view: a .yaml or .rbl file; None for the view of the robot's description, if that is
+        view: a .yaml, .rviz or .rbl file; None for the view of the robot's description, if that is
             installed.
         fixed_frame: the frame to show everything in; "" for the view's, else the one above the
             robot, or above the frames of most topics.
@@ -84,7 +84,7 @@ def log_bag(
     if names.tf_elsewhere and not namespace:
         warn(f"not shown: the transforms in {listing(names.tf_elsewhere)}; namespace:= chooses one")
     known = descriptions_in(bag, [topic for each in recorded for topic in each.descriptions[:1]])
-    source = ViewSource("" if view is None else str(view))
+    source = ViewSource("" if view is None else str(view), warn)
     if known:
         source.set_robot(next(iter(known.values())).robot_name)
     config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)

@@ -28,7 +28,7 @@ below the robot plays, stops and goes to any time.
 ARGUMENTS = (
     Argument("viewer", "web", "how to show it", ("web", "native", "none")),
     Argument("save", "", "write it to this .rrd file as well; with viewer:=none only that"),
-    Argument("view", "", "what is shown and from where, .yaml or .rbl; empty: the robot's own"),
+    Argument("view", "", "what is shown: .yaml, .rviz or .rbl; empty: the robot's own"),
     Argument("fixed_frame", "", "the frame that stands still; empty: the view's, else a root"),
     Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
     Argument("namespace", "", "of one robot, where several are recorded; empty: all"),

@@ -167,7 +167,8 @@ class RunningRobots:
         """
         self._session = session
         self._robots = robots
-        self._source = ViewSource(view)
+        self._warnings: list[str] = []
+        self._source = ViewSource(view, self._warnings.append)
         self._view = RobotView(
             recording,
             self._source.view,
@@ -178,7 +179,6 @@ class RunningRobots:
         )
         self._received: set[str] = set()  # topics
         self._broken: OneBotError | None = None  # what is wrong with the description
-        self._warnings: list[str] = []
         self._next_tick = self._next_offer = 0.0
         self._topics = TopicSubscriptions(session.node, self._take)
         self._topics.set_topics(self._view.topics)
@@ -384,7 +384,8 @@ def record_pose(
         What could not be drawn, a sentence each.
     """
     model = RobotModel.from_description(description)
-    source = ViewSource(view)
+    notices: list[str] = []
+    source = ViewSource(view, notices.append)
     source.set_robot(description.robot_name)
     config = source.view
     if config.fixed_frame not in description.link_names:
@@ -400,7 +401,7 @@ def record_pose(
         ("joint_states", JOINT_STATE, serialize_message(joints)),
     ):
         shown.take(topic, kind.name, bytes(data), _NOW_NS)
-    return shown.tick(_NOW_NS) + shown.finish()
+    return notices + shown.tick(_NOW_NS) + shown.finish()
 
 
 def _tf_message(joints: JointArrays, values: Floats) -> bytes:

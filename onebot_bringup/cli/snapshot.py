@@ -105,7 +105,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
         "--view",
         default="",
         metavar="FILE",
-        help="how to look at it, .yaml or .rbl, or none (default: the view of its description)",
+        help="how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
     )
     add(
         "--frame-prefix",

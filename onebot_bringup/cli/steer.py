@@ -43,7 +43,7 @@ _ARGUMENTS = [
         "the 3D view; auto: the robot's viewer, or else start one",
         ("auto", "web", "none"),
     ),
-    Argument("view", "", "displays and camera of the viewer started here, a YAML file"),
+    Argument("view", "", "displays and camera of the viewer started here, .yaml or .rviz"),
     switch("open_browser", True, "open the page, if there is a display"),
     *ros_settings(),
 ]

@@ -296,7 +296,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         Argument("joints", joints, "parameters of joint_state_publisher, a YAML file"),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         Argument("viewer", "web", "where to see it", ("web", "native", "none")),
-        Argument("view", view, "what is shown and from where, .yaml or .rbl; empty: the robot's"),
+        Argument("view", view, "what is shown: .yaml, .rviz or .rbl; empty: the robot's"),
         Argument("fixed_frame", "", "the frame that stands still; empty: the viewer chooses"),
         Argument("save", "", "record what the viewer gets to this .rrd file"),
         Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),

@@ -40,7 +40,7 @@ _AT_ONCE = 4  # requests for parameters, which wait for other nodes
 
 
 class OtherThread:
-    """A node as a ``Session`` of threads that do not spin it."""
+    """A node as a ``SpinningNode`` for threads that do not spin it."""
 
     def __init__(self, node: Node) -> None:
         """Call ``node``."""

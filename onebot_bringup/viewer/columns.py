@@ -130,6 +130,8 @@ def joinable(
     rows: Sequence[tuple[int, Sequence[ReadyColumn]]],
 ) -> list[list[tuple[int, Sequence[ReadyColumn]]]]:
     """Split rows that follow one another into those of the same columns, which are not large."""
+    if len(rows) == 1:
+        return [[*rows]]
     found: list[list[tuple[int, Sequence[ReadyColumn]]]] = []
     before = None
     for row in rows:

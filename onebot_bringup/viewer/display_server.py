@@ -215,9 +215,9 @@ _PIPE_SIZE = 1 << 20  # bytes; the largest that any user may have
 class RecordingFile:
     """A ``.rrd`` file that Rerun writes through a pipe, so that a full disk never stops Rerun.
 
-    Rerun itself reports no reason when it cannot write a file, and whoever flushes just then waits
-    for ever, with all that is served. Here the pipe is read on to its end, whatever becomes of the
-    file.
+    Rerun itself reports no reason when it cannot write a file, and a flush at that moment never
+    returns, which stops all that is served. Here the pipe is read on to its end, whatever becomes
+    of the file.
     """
 
     def __init__(self, path: Path) -> None:

@@ -387,10 +387,9 @@ class RobotView:
     def _wanted(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
         """Yield each topic by its full name, the display that takes it, and how it wants it."""
         yield from self._named()
-        for display in self._of_all:
-            if isinstance(display, MessageDisplay):
-                for topic in display.topics():
-                    yield topic.name, display, topic
+        for display in self._of_messages:
+            for topic in display.topics():
+                yield topic.name, display, topic
 
     def _named(self) -> Iterable[tuple[str, Display[Any] | None, WantedTopic]]:
         """Yield, of the same, the topics that the view names or every robot has."""

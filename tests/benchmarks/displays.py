@@ -5,7 +5,6 @@ floor is a ``send_columns`` a message of arrays that lie ready, with columns as 
 make them. Both write a file; then both files are read again, and must hold what was to be shown.
 """
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,7 +32,7 @@ from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import batches
 from tests.benchmarks.registry import Options
 from tests.benchmarks.report import Goal, Report, Value, at_most
-from tests.benchmarks.viewer import bare_recording
+from tests.benchmarks.viewer import Logger, bare_recording
 
 FLOOR, OURS = "bare send_columns", "viewer"
 _START_NS = 1_700_000_000_000_000_000
@@ -325,24 +324,6 @@ class Bare:
             index = rr.TimeColumn(TIMELINE, timestamp=np.array([stamp_ns], "datetime64[ns]"))
             columns = self._case.columns(arrays)
             self.recording.stream.send_columns(self._case.entity, indexes=[index], columns=columns)
-
-
-class Logger:
-    """Times one of the two."""
-
-    def __init__(self, what: Any) -> None:
-        """Begin with the first message."""
-        self.what = what
-        self.logged = 0
-
-    def log(self, count: int) -> float:
-        """Log so many messages; return the processor time of each, of all threads, us."""
-        prepared = self.what.prepare(self.logged, count)
-        self.logged += count
-        began = time.process_time()
-        self.what.log(prepared)
-        self.what.recording.stream.flush(timeout_sec=10.0)
-        return 1e6 * (time.process_time() - began) / count
 
 
 # --- the measurement ------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import onebot_bringup.viewer  # noqa: F401  before Rerun, whose log it quiets
 
@@ -221,18 +221,18 @@ def _times(stamps_ns: np.ndarray) -> rr.TimeColumn:
 class Logger:
     """Times one of the two."""
 
-    def __init__(self, what: Viewer | Bare) -> None:
-        """Begin with the first state."""
-        self._what = what
+    def __init__(self, what: Any) -> None:
+        """Begin with the first state or message; ``what`` has prepare, log and recording."""
+        self.what = what
         self.logged = 0
 
     def log(self, count: int) -> float:
-        """Log so many states; return the processor time of each, of all threads, us."""
-        calls = self._what.prepare(self.logged, count)
+        """Log so many; return the processor time of each, of all threads, us."""
+        calls = self.what.prepare(self.logged, count)
         self.logged += count
         began = time.process_time()
-        self._what.log(calls)  # type: ignore[arg-type]
-        self._what.recording.stream.flush(timeout_sec=10.0)
+        self.what.log(calls)
+        self.what.recording.stream.flush(timeout_sec=10.0)
         return 1e6 * (time.process_time() - began) / count
 
 

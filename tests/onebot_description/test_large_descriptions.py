@@ -17,6 +17,7 @@ from onebot_description.description import (
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import joint_limits
 from onebot_description.joints.mimic import resolve
+from tests.support import assert_time_grows_with_size
 
 COUNT = 3_000
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
@@ -55,10 +56,8 @@ def seconds(urdf: str) -> float:
     ],
 )
 def test_time_grows_with_the_size(mimic: str, parent: str) -> None:
-    """Ten times as many joints take about ten times as long; the square would be a hundred."""
-    seconds(chain(mimic, 200, parent))
-    small = min(seconds(chain(mimic, COUNT // 10, parent)) for _ in range(2))
-    assert seconds(chain(mimic, COUNT, parent)) < 40 * small
+    """Of the joints, right or wrong."""
+    assert_time_grows_with_size(lambda count: seconds(chain(mimic, count, parent)), COUNT)
 
 
 def test_one_of_very_many_names_is_not_looked_for() -> None:
@@ -88,8 +87,7 @@ def test_what_is_too_much_is_refused_before_it_is_kept(many: str) -> None:
 
 def test_xacro_takes_no_square(tmp_path: Path) -> None:
     """Of the calls of a macro in one file."""
-    small = min(expanded(tmp_path, COUNT // 10) for _ in range(2))
-    assert expanded(tmp_path, COUNT) < 40 * small
+    assert_time_grows_with_size(lambda count: expanded(tmp_path, count), COUNT)
 
 
 def expanded(folder: Path, count: int) -> float:
@@ -109,9 +107,7 @@ def expanded(folder: Path, count: int) -> float:
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_mimic_chain_is_followed_once(order: int) -> None:
     """From whichever end; and so are a circle, and followers of what is not there."""
-    resolved(200, order)
-    small = min(resolved(COUNT // 10, order) for _ in range(2))
-    assert resolved(COUNT, order) < 40 * small
+    assert_time_grows_with_size(lambda count: resolved(count, order), COUNT)
 
 
 def resolved(count: int, order: int) -> float:

@@ -39,7 +39,7 @@ class CameraInfoDrawing(Drawing[CameraInfoLook]):
 
     waiting = 1  # the last one; they are hardly ever different
     _drawn: object = None
-    _drawn_at = 0.0
+    _logged_at = 0.0  # seconds; the base's _drawn_at is of any message
 
     def layout(self) -> LayoutPart:
         """Return the pictures that are in the frustum, once there is one."""
@@ -60,9 +60,9 @@ class CameraInfoDrawing(Drawing[CameraInfoLook]):
         """
         matrix, resolution = _projection(message)
         now, values = time.monotonic(), (self.frame, matrix.tobytes(), resolution)
-        if values == self._drawn and now - self._drawn_at < REPEAT_AFTER:
+        if values == self._drawn and now - self._logged_at < REPEAT_AFTER:
             return ()
-        self._drawn, self._drawn_at = values, now
+        self._drawn, self._logged_at = values, now
         return [
             rr.Pinhole.from_fields(
                 image_from_camera=matrix,

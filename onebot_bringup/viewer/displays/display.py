@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, cas
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.columns import (
@@ -189,6 +190,12 @@ class LayoutPart:
             root,
             tuple(view.below(root) for view in self.wide) if root else self.wide,
         )
+
+
+def drawable(rows: NDArray[Any]) -> NDArray[Any]:
+    """Return those of ``rows`` (N, k) whose numbers are all finite and not enormous."""
+    found: NDArray[Any] = rows[(np.abs(rows) <= LARGEST).all(axis=1)]
+    return found
 
 
 def below(root: str, entity: str) -> str:

@@ -1,7 +1,7 @@
 """Pictures (sensor_msgs/Image and CompressedImage), each topic in a view beside the robot's."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -11,11 +11,12 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, ready
-from onebot_bringup.viewer.displays.display import LayoutPart, below
+from onebot_bringup.viewer.displays.display import LayoutPart
 from onebot_bringup.viewer.displays.message_display import (
     Drawing,
     Look,
     MessageDisplay,
+    TopicView,
 )
 from onebot_bringup.viewer.settings import height, setting
 from onebot_description.errors import printable
@@ -186,20 +187,12 @@ def _media(media_type: str) -> Sequence[ReadyColumn]:
 # --- where they are seen --------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class ImageView:
+class ImageView(TopicView):
     """A view of pictures."""
-
-    entity: str
-    topic: str
 
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
         return rrb.Spatial2DView(origin=self.entity, name=self.topic)
-
-    def below(self, root: str) -> "ImageView":
-        """Return the same view of the entity below ``root``."""
-        return replace(self, entity=below(root, self.entity))
 
 
 def picture_frame(topic: str) -> str:

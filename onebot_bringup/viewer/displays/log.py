@@ -5,7 +5,7 @@ where it is asked for: by the topic's check box, ``shown: [/rosout]`` or ``log: 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import rerun as rr
@@ -13,8 +13,8 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumnKind
 
 from onebot_bringup.viewer.columns import TIMELINE
-from onebot_bringup.viewer.displays.display import LayoutPart, below
-from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
+from onebot_bringup.viewer.displays.display import LayoutPart
+from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay, TopicView
 from onebot_bringup.viewer.settings import one_of, setting
 from onebot_description.errors import shortened
 
@@ -36,12 +36,8 @@ class LogLook(Look):
     level: str = setting("info", f"the least: {', '.join(_LEVELS)}", one_of(*_LEVELS))
 
 
-@dataclass(frozen=True)
-class LogView:
+class LogView(TopicView):
     """A view of lines of text."""
-
-    entity: str
-    topic: str
 
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
@@ -50,10 +46,6 @@ class LogView:
             text_log_columns=[TextLogColumnKind.LogLevel, TextLogColumnKind.Body],
         )
         return rrb.TextLogView(origin=self.entity, name=self.topic, columns=columns)
-
-    def below(self, root: str) -> "LogView":
-        """Return the same view of the entity below ``root``."""
-        return replace(self, entity=below(root, self.entity))
 
 
 class LogDrawing(Drawing[LogLook]):

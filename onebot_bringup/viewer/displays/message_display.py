@@ -21,14 +21,15 @@ type need not be installed. In a view file the look is under the key, for all to
 """
 
 import time
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field, make_dataclass, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.columns import ReadyColumn
@@ -175,6 +176,24 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
 
 _NO_PART = LayoutPart()
+
+
+@dataclass(frozen=True)
+class TopicView(ABC):
+    """A view of one topic, under its name."""
+
+    entity: str
+    topic: str
+
+    @abstractmethod
+    def view(self) -> rrb.View:
+        """Return the view for Rerun."""
+
+    def below(self, root: str) -> "TopicView":
+        """Return the same view of the entity below ``root``."""
+        return replace(self, entity=below(root, self.entity))
+
+
 _MOST_FRAMES = 99  # with entities of their own
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
 

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST, SELDOM
+from onebot_bringup.viewer.displays.display import SELDOM, drawable
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
 from onebot_bringup.viewer.settings import Color, color, height, setting
 
@@ -33,8 +32,7 @@ class PathDrawing(Drawing[PathLook]):
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
         """Return the line, without points that are not finite, or enormous."""
-        points = message.poses.pose.position.array()
-        points = points[(np.abs(points) <= LARGEST).all(axis=1)] + (0.0, 0.0, self.look.height)
+        points = drawable(message.poses.pose.position.array()) + (0.0, 0.0, self.look.height)
         return [rr.LineStrips3D.from_fields(strips=[points] if len(points) else [])]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from onebot_bringup.viewer.displays.display import LARGEST
+from onebot_bringup.viewer.displays.display import drawable
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
 from onebot_bringup.viewer.settings import Color, color, setting
 
@@ -35,8 +35,7 @@ class PolygonDrawing(Drawing[PolygonLook]):
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
         """Return the line, from its last point to the first, too."""
-        points = message.polygon.points.array()
-        points = points[(np.abs(points) <= LARGEST).all(axis=1)]
+        points = drawable(message.polygon.points.array())
         strips = [np.concatenate([points, points[:1]])] if len(points) else []
         return [rr.LineStrips3D.from_fields(strips=strips)]
 

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.displays.display import LARGEST
+from onebot_bringup.viewer.displays.display import drawable
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
 from onebot_bringup.viewer.settings import Color, color, one_of, setting
 from onebot_description.model.quaternions import to_matrix
@@ -70,11 +70,6 @@ class PosesDrawing(Drawing[L]):
         length, radius = look.shaft_length + look.head_length, look.shaft_radius
         vectors = length * turns[:, :, 0]
         return [rr.Arrows3D(vectors=vectors, origins=places, colors=[color], radii=[radius])]
-
-
-def drawable(poses: Floats) -> Floats:
-    """Return those of poses (N, 7) that are finite and not enormous."""
-    return poses[(np.abs(poses) <= LARGEST).all(axis=1)]
 
 
 def one_pose(pose: Any) -> Floats:

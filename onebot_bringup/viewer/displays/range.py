@@ -10,11 +10,10 @@ import rerun as rr
 
 from onebot_bringup.viewer.displays.display import LARGEST
 from onebot_bringup.viewer.displays.message_display import Drawing, Look, MessageDisplay
-from onebot_bringup.viewer.settings import Color, color, setting
+from onebot_bringup.viewer.settings import Color, color, fraction, setting
 
 _CORNERS = 32  # of the base
 _WIDEST = math.radians(170)
-_BELOW_ONE = {"at_least": 0.0, "at_most": 1.0}
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class RangeLook(Look):
     """Cones of range sensors."""
 
     color: Color = setting((255, 255, 255), "sRGB bytes", color)
-    alpha: float = setting(0.5, "1.0 hides what is behind", _BELOW_ONE)
+    alpha: float = setting(0.5, "1.0 hides what is behind", fraction)
 
 
 class RangeDrawing(Drawing[RangeLook]):
