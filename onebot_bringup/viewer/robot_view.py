@@ -720,9 +720,15 @@ def _merged(topic: WantedTopic, other: WantedTopic | None) -> WantedTopic:
             f'the view\'s topic "{topic.name}" cannot be subscribed as {" or ".join(names)}: '
             f"something else is shown of it, as {other.types[0].name}"
         )
-    reliable, latched = topic.reliable or other.reliable, topic.latched or other.latched
-    optional = topic.optional and other.optional
-    return WantedTopic(topic.name, both, reliable, latched, optional)
+    return WantedTopic(
+        topic.name,
+        both,
+        reliable=topic.reliable or other.reliable,
+        latched=topic.latched or other.latched,
+        optional=topic.optional and other.optional,
+        as_published=topic.as_published or other.as_published,
+        depth=max(topic.depth, other.depth),
+    )
 
 
 def _raise(_: str, error: Exception) -> None:

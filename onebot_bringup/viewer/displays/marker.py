@@ -151,7 +151,7 @@ class Layer:
         self.batch: Batch | None = None
         self.first_end = _NEVER  # of the lifetimes
         self._logged: Sequence[Piece] = ()
-        self._stamp_ns = self._whole_ns = 0
+        self._stamp_ns = 0
         self.whole_at = 0.0  # the time of the last row with all columns
 
     def set(self, ids: list[MarkerId], batch: Batch | None) -> None:
