@@ -44,6 +44,8 @@ _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _TOO_LATE = 0.05  # s of lag worth a warning
 _FARTHEST = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 
+_GOES_ON = "the robot goes on as before"
+
 _COMMAND_TOPIC = "~/cmd_vel"
 _COMMAND_QOS = QoSProfile(depth=_DEPTH)
 _PACKAGE = "geometry_msgs/msg/"
@@ -301,7 +303,7 @@ class RobotDriving:
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
             reason = self._settings.located(error) if isinstance(error, ConfigError) else error
-            goes_on = "still waiting for one" if loop is None else "the robot goes on as before"
+            goes_on = "still waiting for one" if loop is None else _GOES_ON
             self._refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
@@ -320,7 +322,8 @@ class RobotDriving:
     def _command(self, loop: ControlLoop, linear: float, angular: float, stamp: int | None) -> None:
         # The age when it takes effect: the process may have been stopped since it came.
         now = loop.now_ns() if loop.simulated else time.time_ns()
-        age = (now - stamp) * 1e-9 if stamp else None
+        left = 0.0 if loop.simulated else loop.left
+        age = (now - stamp) * 1e-9 + left if stamp else None
         refused = loop.fleet.robots[self._row].accept(linear, angular, age)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
@@ -351,7 +354,10 @@ class RobotDriving:
         if loop is not None:
             # Of many robots that follow one, waiting for a cycle each would take long.
             follows = config == replace(before, real_time_factor=self._driving.factor)
-            (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
+            try:
+                (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
+            except OneBotError as error:  # here it would end the process
+                self._refuse("parameters", f"parameters not applied, {_GOES_ON}: {error}")
         if config.real_time_factor != self._driving.factor:
             self._driving.set_factor(config.real_time_factor)
 

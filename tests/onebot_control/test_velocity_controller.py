@@ -218,6 +218,10 @@ def test_simulated_time(peer: Peer, model: str) -> None:
     with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)) as one:
         wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
         stamps = [seconds(m) for m in joints[:300]]
+        for factor in (1e-4, 10.0):  # a cycle in 100 s delays no other parameter
+            assert all(r.successful for r in peer.set_parameters(NODE, real_time_factor=factor))
+        reached = len(joints)
+        wait_for(lambda: len(joints) > reached, "messages at the old pace")
         words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
         with NodeProcess(MODULE, model, *words) as other:
             for node, name in ((one, "/other/velocity_controller"), (other, NODE)):
