@@ -17,13 +17,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.fleet import Fleet, Member
+from onebot_control.fleet import Fleet, Member, located
 from onebot_control.parameters import (
     ControlConfig,
     ControlParameters,
 )
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.publishing import Publishers, ScenePublisher
+from onebot_control.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.simulation.scene import load_scene
 from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
@@ -70,6 +70,7 @@ class Driving:
         loop: what drives them; None as long as a robot is not known.
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all.
+        scene: what stands around the robots.
     """
 
     def __init__(
@@ -94,7 +95,7 @@ class Driving:
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
         self.factor = settings[0].config.real_time_factor
-        self._scene = load_scene(settings[0].config.world)
+        self.scene = load_scene(settings[0].config.world)
         self.robots = [
             RobotDriving(self, row, node, settings[row]) for row, node in enumerate(nodes)
         ]
@@ -118,14 +119,13 @@ class Driving:
         members = [robot.member() for robot in self.robots if robot.description is not None]
         if len(members) < len(self.robots):
             return
-        fleet = Fleet.of(members, scene=self._scene)
+        for robot, member in zip(self.robots, members, strict=True):
+            with located(member):
+                robot.check_frames()
+        fleet = Fleet.of(members, scene=self.scene)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
-        try:
-            self._scene_publisher = self._publish_scene(fleet)
-        except OneBotError:
-            fleet.close()
-            raise
+        self._scene_publisher = self._publish_scene(fleet)
         self.loop = ControlLoop(
             fleet,
             self._publish,
@@ -137,24 +137,19 @@ class Driving:
         gc.freeze()
         self.loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        warnings = [] if self._scene is None else [*self._scene.notices]
+        warnings = [] if self.scene is None else [*self.scene.notices]
         warnings += [text for robot in self.robots for text in robot.warnings]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_driven_text(fleet))
 
     def _publish_scene(self, fleet: Fleet) -> ScenePublisher | None:
-        """Return what publishes the scene, if there is one.
-
-        Raises:
-            OneBotError: a link of it has the name of a frame of a robot.
-        """
+        """Return what publishes the scene, if there is one."""
         scene, first = fleet.world.scene, fleet.robots[0]
         if scene is None:
             return None
-        frames = {frame for robot in self.robots for frame in robot.publishing.frames}
         rate = Divider(first.config.publish_rate, first.config.update_rate)
-        return ScenePublisher(self._node, scene, first.world_frame, frames, rate)
+        return ScenePublisher(self._node, scene, first.world_frame, rate)
 
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
@@ -263,6 +258,35 @@ class RobotDriving:
         name = "" if len(self._driving.nodes) == 1 else _full_name(self._node)
         return Member(self.description, self._settings.config, name, self._settings.places)
 
+    def check_frames(
+        self, config: ControlConfig | None = None, description: Description | None = None
+    ) -> None:
+        """Check the frames that the robot would have; all robots must be described.
+
+        Args:
+            config: other parameters than those in force.
+            description: another one than that in force.
+
+        Raises:
+            ConfigError: two frames have one name.
+        """
+        others = {
+            _full_name(robot._node): robot._frames()
+            for robot in self._driving.robots
+            if robot is not self
+        }
+        frames = self._frames(config, description)
+        if problems := [*frames.problems(others, self._driving.scene)]:
+            raise ConfigError(problems)
+
+    def _frames(
+        self, config: ControlConfig | None = None, description: Description | None = None
+    ) -> Frames:
+        known = description or self.description
+        assert known is not None
+        namespace, in_scene = self._node.get_namespace(), self._driving.scene is not None
+        return Frames.of(config or self._settings.config, known, namespace, in_scene=in_scene)
+
     @property
     def warnings(self) -> list[str]:
         """What is surprising about the description and the parameters."""
@@ -298,6 +322,7 @@ class RobotDriving:
             if loop is None:
                 self._start(description)
             elif known is None or description.urdf != known.urdf:
+                self.check_frames(description=description)
                 loop.call(lambda: self._replace(loop, description))
                 self.description = description
                 self._node.get_logger().info("now driving by the changed robot description")
@@ -336,9 +361,18 @@ class RobotDriving:
                 robot = loop.fleet.robots[self._row]
                 robot.measured(config)
                 robot.broadcasting(config)
+                self._check_world_frame(config)
+                self.check_frames(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _check_world_frame(self, config: ControlConfig) -> None:
+        """Raise ConfigError if a scene's frames, which are published once, are in another one."""
+        before = self._settings.config.world_frame(in_scene=True)
+        if self._driving.scene is not None and config.world_frame(in_scene=True) != before:
+            text = f'the frames of the world are in "{before}"; restart the node to change it'
+            raise ConfigError([Problem("world_frame_id", text)])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         before, warned = self._settings.config, self._settings.warnings

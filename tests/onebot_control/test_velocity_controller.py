@@ -293,6 +293,8 @@ def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
             "update_rate": (50, "read-only parameter"),
             "real_time_factor": (2.0, "start it with use_sim_time:=true"),
             "joint_state_broadcaster.joints": (["arm"], 'no joint "arm"'),
+            "odom_frame_id": ("base_link", '"base_link" is base_frame_id; each frame needs a name'),
+            "world_frame_id": ("wheels", '"wheels" is odom_frame_id;'),
             "no_such_thing": (1, "no_such_thing: no such parameter"),
         }
         for name, (value, reason) in wrong.items():
