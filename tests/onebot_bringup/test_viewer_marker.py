@@ -381,6 +381,7 @@ def test_a_marker_moves_with_its_frame_only_if_it_is_locked(tmp_path):
     shown.send(free, locked)
     for at, y in ((1, 0.7), (2, 0.9)):
         take_tf(shown.view, transforms("base", "tip", y, START_NS + at))
+        free.header.stamp = time_message(START_NS + at)
         shown.send(*[free] * (at == 2), locked, at=START_NS + at)
     file = shown.end()
     assert rows(file, "cubes", "CoordinateFrame:frame") == [["base"]]
@@ -388,6 +389,27 @@ def test_a_marker_moves_with_its_frame_only_if_it_is_locked(tmp_path):
     np.testing.assert_allclose(flat(places), [0, 1.5, 0, 0, 1.9, 0], atol=1e-6)
     assert rows(file, "cubes_2", "CoordinateFrame:frame") == [["tip"]]
     assert flat(rows(file, "cubes_2", "InstancePoses3D:translations")) == [0, 0, 0]
+
+
+@pytest.mark.parametrize("topic", ["marks", "mark"])
+def test_a_marker_is_placed_where_its_frame_was_at_its_own_stamp(tmp_path, topic):
+    """Each of those that come together; without a stamp where the frame is when it comes."""
+    shown = Shown(tmp_path, "fixed_frame: base")
+    for tenth in range(11):
+        at = START_NS + tenth * SECOND // 10
+        take_tf(shown.view, transforms("base", "tip", tenth / 10, at))
+    everything = [marker(number=k, frame="tip") for k in range(4)]
+    for each, part in zip(everything, (0.5, 0.52, 0.5, 0.5), strict=True):
+        each.header.stamp = time_message(START_NS + int(part * SECOND))
+    everything[2].header.stamp = time_message(0)
+    if topic == "marks":
+        take(shown.view, "/marks", MarkerArray(markers=everything), START_NS + SECOND)
+    else:
+        for each in everything:
+            take(shown.view, "/mark", each, START_NS + SECOND)
+    shown.view.tick(START_NS + SECOND)
+    found = rows(shown.end(), "cubes", "InstancePoses3D:translations", topic)[-1]
+    assert [y for _, y, _ in found] == pytest.approx([0.5, 0.52, 1.0, 0.5])
 
 
 def test_a_marker_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):

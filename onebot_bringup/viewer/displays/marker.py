@@ -5,7 +5,7 @@ Rerun, with arrays that come straight from the message. What came before stays a
 goes where, so that a message of the same markers as the one before costs no work a marker.
 
 A marker that is locked to its frame lies in that frame and moves with it; any other one lies in
-the fixed frame, where it was when it came. One whose lifetime is over is removed at that time.
+the fixed frame, where its frame was at its own stamp. One whose lifetime is over is removed.
 """
 
 import time
@@ -52,6 +52,7 @@ _NOT_DRAWN = -1  # the type of a marker that is left out
 _UNIT = 0.01  # that the square of a quaternion's length may be off
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
+_SAME_NS = 1_000_000  # between stamps that one transform serves: each marker may have its own
 _MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
 Integers = NDArray[np.integer[Any]]
@@ -75,6 +76,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
+    stamps_ns: Integers  # of their headers; 0 for none
     points: Integers  # how many
     poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
@@ -84,7 +86,6 @@ class Incoming(NamedTuple):
     @classmethod
     def of_array(cls, markers: Any) -> "Incoming":
         """Take the markers of a MarkerArray, a table."""
-        lifetimes = markers.lifetime
         return cls(
             markers.ns,
             markers.header.frame_id,
@@ -92,7 +93,8 @@ class Incoming(NamedTuple):
             markers.type,
             markers.action,
             markers.frame_locked,
-            lifetimes.sec * np.int64(1_000_000_000) + lifetimes.nanosec,
+            _nanoseconds(markers.lifetime),
+            _nanoseconds(markers.header.stamp),
             markers.points.counts,
             markers.pose.array().copy(),  # in one piece, since all that follows takes less then
             markers.scale.array().copy(),
@@ -104,10 +106,18 @@ class Incoming(NamedTuple):
     def of_single(cls, markers: Sequence[Any]) -> "Incoming":
         """Take messages of one marker each."""
         numbers = [
-            (m.id, m.type, m.action, m.frame_locked, _nanoseconds(m.lifetime), len(m.points))
-            for m in markers
+            (
+                each.id,
+                each.type,
+                each.action,
+                each.frame_locked,
+                _nanoseconds(each.lifetime),
+                _nanoseconds(each.header.stamp),
+                len(each.points),
+            )
+            for each in markers
         ]
-        ids, types, actions, locked, lifetimes, points = np.array(numbers, np.int64).T
+        ids, types, actions, locked, lifetimes, stamps, points = np.array(numbers, np.int64).T
         return cls(
             [marker.ns for marker in markers],
             [marker.header.frame_id for marker in markers],
@@ -116,6 +126,7 @@ class Incoming(NamedTuple):
             actions,
             locked,
             lifetimes,
+            stamps,
             points,
             np.array([marker.pose.array() for marker in markers]),
             np.array([marker.scale.array() for marker in markers]),
@@ -124,8 +135,9 @@ class Incoming(NamedTuple):
         )
 
 
-def _nanoseconds(duration: Any) -> int:
-    return int(duration.sec) * 1_000_000_000 + int(duration.nanosec)
+def _nanoseconds(time_: Any) -> Any:
+    """Return a time or a duration, or a table of them, in nanoseconds."""
+    return time_.sec * np.int64(1_000_000_000) + time_.nanosec
 
 
 class LayerKey(NamedTuple):
@@ -449,12 +461,13 @@ class MarkerDrawing(Drawing[MarkerLook]):
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
         if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
             self._make_unit(incoming, lengths)
-        for frame, rows in moved.items():
-            pose = self.context.frames.pose(frame, self._fixed, stamp_ns)
-            assert pose is not None
-            turn = from_rpy(to_rpy(pose[:3, :3]))
-            poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
-            poses[rows, 3:] = multiply(turn, poses[rows, 3:])
+        for frame, moving in moved.items():
+            for at_ns, rows in _by_stamp(moving, incoming.stamps_ns[moving]):
+                pose = self.context.frames.pose(frame, self._fixed, at_ns or stamp_ns)
+                assert pose is not None
+                turn = from_rpy(to_rpy(pose[:3, :3]))
+                poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
+                poses[rows, 3:] = multiply(turn, poses[rows, 3:])
         ends = np.full(len(poses), _NEVER)
         if incoming.lifetimes.any():
             limited = incoming.lifetimes > 0
@@ -576,6 +589,17 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
 def _frame(marker: Any) -> str:
     return str(marker.header.frame_id.lstrip("/"))
+
+
+def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
+    """Yield rows that have the same stamp, about, with that of their first."""
+    parts = stamps // _SAME_NS
+    if (parts == parts[0]).all():
+        yield int(stamps[0]), rows
+        return
+    _, firsts, groups = np.unique(parts, return_index=True, return_inverse=True)
+    for group, first in enumerate(firsts):
+        yield int(stamps[first]), np.array(rows)[groups == group]
 
 
 def _all_of(space: str, *known: Mapping[MarkerId, object]) -> list[MarkerId]:
