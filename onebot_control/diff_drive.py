@@ -48,12 +48,19 @@ class DiffDriveController:
         """Stand still at zero."""
         self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
         self._unsure = 0.0
+        self._config = config
         self.configure(config, kinematics)
         self.halt()
 
     def configure(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
         """Apply other parameters; pose, command and speed stay as they are."""
-        self._config = config
+        before, self._config = self._config, config
+        if (config.open_loop, config.position_feedback) != (
+            before.open_loop,
+            before.position_feedback,
+        ):
+            # Where they were last used as feedback, the wheels are no longer.
+            self.odometry.rereference_wheels()
         self._linear_limiter = SpeedLimiter(config.linear)
         self._angular_limiter = SpeedLimiter(config.angular)
         self.odometry.kinematics = kinematics

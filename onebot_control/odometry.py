@@ -187,10 +187,14 @@ class Odometry:
         self.set_pose(0.0, 0.0, 0.0)
         self.forget_wheels()
 
-    def forget_wheels(self) -> None:
-        """Re-reference the wheel positions with the next update, e.g. after a teleport."""
+    def rereference_wheels(self) -> None:
+        """Take the next wheel positions as those of the pose so far; the twist goes on."""
         self._wheels = None
         self._since = 0.0
+
+    def forget_wheels(self) -> None:
+        """Re-reference the wheel positions and begin the twist anew, e.g. after a teleport."""
+        self.rereference_wheels()
         self._linear, self._angular = RollingMean(self._window), RollingMean(self._window)
         self.linear = self.angular = 0.0
 

@@ -32,6 +32,8 @@ _ZSTD = "zstd"
 _COMPRESSED = f".{_ZSTD}"
 _FRAME = b"\x28\xb5\x2f\xfd"  # how zstd's data begins, and no CDR does
 _ROS1 = ".bag"
+# What sqlite3 raises for bytes that are no SQLite; UnicodeError: an error that quotes damaged text.
+_SQLITE_DAMAGE = (sqlite3.Error, UnicodeError, MemoryError)
 # What mcap raises for bytes that are no MCAP.
 _DAMAGE = (
     McapError, OSError, struct.error, zstandard.ZstdError, ValueError, KeyError, EOFError,
@@ -105,7 +107,10 @@ class Bag:
         self.source = source
         self.warnings: list[str] = []
         self.distro = ""
-        self.files = self._find()
+        try:
+            self.files = self._find()
+        except OSError as error:  # a folder may not be listed, or a name cannot be that of a file
+            raise OneBotError(f"{source} cannot be read: {error.strerror}") from error
         self._readable = [self._decompressed(file) for file in self.files]
         self.storage = _FORMATS[self._readable[0].suffix].storage
         self.topics: dict[str, str] = {}
@@ -200,25 +205,26 @@ class Bag:
 
     def _in_folder(self) -> list[Path]:
         """The files that metadata.yaml names, or else those that are there."""
-        there = [path for path in self.source.iterdir() if _is_storage(path)]
+        there = {path.name: path for path in self.source.iterdir()}
         information = self._metadata()
         if information is None:
-            if not there:
+            files = [path for path in there.values() if _is_storage(path)]
+            if not files:
                 raise OneBotError(
                     f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
                     ".db3 file"
                 )
-            return sorted(there, key=lambda path: natural_order(path.name))
+            return sorted(files, key=lambda path: natural_order(path.name))
         compression = str(information.get("compression_format") or _ZSTD)
         if compression != _ZSTD:
             raise OneBotError(
                 f"{self.source} is compressed by {compression}, not {_ZSTD}: decompress it by "
                 "ros2 bag convert"
             )
-        names = information.get("relative_file_paths") or []
-        files = [self.source / Path(str(name)).name for name in names]
-        missing = [file.name for file in files if not file.is_file()]
-        files = [file for file in files if file.is_file() and _is_storage(file)]
+        paths = information["relative_file_paths"] or ()
+        names = dict.fromkeys(Path(path).name for path in paths)
+        missing = [name for name in names if name not in there]
+        files = [there[name] for name in names if name in there and _is_storage(there[name])]
         if not files:
             raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
         if missing:
@@ -230,7 +236,9 @@ class Bag:
         try:
             text = bounded_yaml.read_text(path)
             found = bounded_yaml.load(text)["rosbag2_bagfile_information"]
-            found.get("relative_file_paths")
+            names = found["relative_file_paths"] or []
+            if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+                raise TypeError("no list of names")
         except OSError:
             self.warnings.append(f"{self.source} has no {METADATA}; the files that it has are read")
             return None
@@ -295,7 +303,7 @@ def _offered(text: str) -> list[Qos]:
 
 def _mcap_contents(path: Path) -> _Contents:
     """What is in the file by its summary, or else by reading all of it."""
-    with _opened(path) as file:
+    with _opened_mcap(path) as file:
         summary = _summary(file)
         contents = _summarized(summary) if summary is not None else _counted(file)
     if not contents.topics and contents.count:
@@ -308,11 +316,10 @@ def _summarized(summary: Summary) -> _Contents:
     for channel in summary.channels.values():
         _add_channel(contents, channel, summary.schemas.get(channel.schema_id))
     statistics = summary.statistics
-    if statistics is not None:
-        extent = statistics.message_start_time, statistics.message_end_time
-        for number, count in statistics.channel_message_counts.items():
-            known = summary.channels.get(number)
-            contents.add(known.topic if known is not None else "", count, *extent)
+    assert statistics is not None
+    extent = statistics.message_start_time, statistics.message_end_time
+    for number, count in statistics.channel_message_counts.items():
+        contents.add(summary.channels[number].topic, count, *extent)
     return contents
 
 
@@ -326,9 +333,13 @@ def _add_channel(contents: _Contents, channel: Channel, schema: Schema | None) -
 
 def _opened(path: Path) -> IO[bytes]:
     try:
-        file = path.open("rb")
+        return path.open("rb")
     except OSError as error:
-        raise OneBotError(f"{path}: {error.strerror}") from error
+        raise OneBotError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def _opened_mcap(path: Path) -> IO[bytes]:
+    file = _opened(path)
     start = file.read(len(MCAP0_MAGIC))
     if start != MCAP0_MAGIC:
         file.close()
@@ -338,7 +349,11 @@ def _opened(path: Path) -> IO[bytes]:
 
 
 def _summary(file: IO[bytes]) -> Summary | None:
-    """The summary; None where the file has none: it was cut off, or ends in a damaged one."""
+    """The summary; None where the file has to be read in order.
+
+    It was cut off or ends in a damaged one, or it was written without an index of its chunks,
+    without statistics, or without channels or schemas in its summary, all of which are optional.
+    """
     try:
         if not _ends_sound(file):
             return None
@@ -346,8 +361,20 @@ def _summary(file: IO[bytes]) -> Summary | None:
         summary = SeekingReader(file, record_size_limit=_MOST).get_summary()
     except _DAMAGE:
         return None
-    # Written without an index of its chunks, it has to be read in order.
-    return summary if summary is not None and summary.chunk_indexes else None
+    return summary if summary is not None and _is_complete(summary) else None
+
+
+def _is_complete(summary: Summary) -> bool:
+    """Whether it has all that is asked of it: statistics, channels, schemas, chunks."""
+    statistics, channels = summary.statistics, summary.channels
+    if statistics is None or not summary.chunk_indexes:
+        return False
+    counts, schemas = statistics.channel_message_counts, {0, *summary.schemas}  # 0: it has none
+    return (
+        statistics.message_count == sum(counts.values())
+        and counts.keys() <= channels.keys()
+        and all(channel.schema_id in schemas for channel in channels.values())
+    )
 
 
 def _ends_sound(file: IO[bytes]) -> bool:
@@ -379,7 +406,7 @@ def _read_mcap(
     path: Path, topics: Collection[str], warn: Callable[[str], None]
 ) -> Iterator[BagMessage]:
     """Yield messages by time; of a damaged file, those before the damage, in the file's order."""
-    with _opened(path) as file:
+    with _opened_mcap(path) as file:
         if _summary(file) is not None:
             file.seek(0)
             reader = SeekingReader(file, validate_crcs=True, record_size_limit=_MOST)
@@ -440,7 +467,7 @@ def _sqlite_contents(path: Path) -> _Contents:
                 contents.definitions.update(database.execute(_DEFINITIONS))
             for extent in database.execute(_EXTENTS):
                 contents.add(*extent)
-    except sqlite3.Error as error:
+    except _SQLITE_DAMAGE as error:
         raise OneBotError(f"{path} is no recording of rosbag2: {error}") from error
     return contents
 
@@ -454,14 +481,14 @@ def _read_sqlite(
         with closing(_connect(path)) as database:
             for topic, kind, stamp, data in database.execute(query, list(topics)):
                 yield BagMessage(topic, kind, stamp, data)
-    except sqlite3.Error as error:
+    except _SQLITE_DAMAGE as error:
         warn(f"{path} is damaged: {error}; what comes before is read")
 
 
 def _connect(path: Path) -> sqlite3.Connection:
     # Read-only, or a file that is missing would be made.
     options = "mode=ro"
-    with suppress(OSError), path.open("rb") as file:
+    with _opened(path) as file:
         # A log beside it would be made, too, where one can be: Foxy's files have one while written.
         if file.read(20)[-2:] == _LOGGED and not Path(f"{path}-wal").exists():
             options += "&immutable=1"

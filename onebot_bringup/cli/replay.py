@@ -1,5 +1,6 @@
 """``onebot replay``: show a recording, all of its time, until Ctrl-C."""
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -57,7 +58,7 @@ def run(argv: Sequence[str]) -> int:
         raise UsageError(f"onebot replay takes one recording, not {len(given.positional)}")
     values = _values(given.given)
     source = Path(given.positional[0]).expanduser()
-    if not source.exists():
+    if not os.path.exists(source):  # also where it may not be looked for
         raise OneBotError(f"there is no recording {source}")
     use_environment_prefix()  # where meshes and views are found
     with KeyboardInterrupts() as interrupts:

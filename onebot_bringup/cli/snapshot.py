@@ -176,7 +176,7 @@ def kind_of(source: str | None) -> str:
     if source is None:
         return "running"
     path = Path(source)
-    if path.is_dir():
+    if os.path.isdir(path):
         return "bag"  # whatever its name: record:=run.rrd makes a folder, too
     if path.suffix == ".rrd":
         return "rrd"

@@ -1,7 +1,9 @@
 """Worlds: robots on the same ground, and among the same walls, moved by their driven joints."""
 
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import copy
 from functools import cached_property
 
 from numpy.typing import ArrayLike
@@ -84,6 +86,10 @@ class WorldRobot:
         """Move this robot back to its start, at rest, and the scene's boxes; time continues.
 
         A box stays where it is if another robot is in its place.
+
+        Raises:
+            OneBotError: another robot is at its start, or it cannot stand there; nothing has
+                changed then.
         """
         self._world.stand(self._row)
 
@@ -99,8 +105,8 @@ class WorldRobot:
 
         Raises:
             ValueError: a value is not finite.
-            OneBotError: it is too far from the origin to be exact, or the robot cannot stand there
-                for the scene; the robot is where it was then.
+            OneBotError: it is too far from the origin to be exact, another robot is there, or the
+                robot cannot stand there for the scene; nothing has changed then.
         """
         self._world.stand(self._row, checked_spawn_pose(x, y, yaw))
 
@@ -136,6 +142,8 @@ class World:
         spawns: Sequence[RobotSpawn],
         settings: Settings = Settings(),  # noqa: B008 - it is frozen
         scene: Description | None = None,
+        *,
+        free_starts: bool = True,
     ) -> None:
         """Place the robots at rest, with their joints at 0, on the ground or on the scene's ramps.
 
@@ -143,6 +151,7 @@ class World:
             spawns: the robots.
             settings: of the simulation.
             scene: walls, ramps and boxes; see ``onebot_control.simulation.scene``.
+            free_starts: each robot must have room at its start; else only when it is reset.
 
         Raises:
             ValueError: a pose is not finite.
@@ -154,6 +163,7 @@ class World:
         self._spawns = tuple(spawns)
         self._starts = [checked_spawn_pose(item.x, item.y, item.yaw) for item in self._spawns]
         self.bodies = tuple(RobotBody(item.description, item.driven) for item in self._spawns)
+        self._free_starts = free_starts
         self._alone = len(self._spawns) == 1 and scene is None
         self.rest_poses = [] if self._alone else _rest_poses(self._spawns, settings)
         self._build()
@@ -214,39 +224,68 @@ class World:
         """Place the robot of ``row`` at rest at a pose; by default at its start, joints at 0.
 
         Raises:
-            OneBotError: the world is closed, or has diverged, or the robot cannot stand there.
+            OneBotError: the world is closed, or has diverged, the robot cannot stand there, or
+                another one is there; nothing has changed then.
         """
         self.check_usable()
-        pose = self._start_poses[row] if where is None else self._pose_at(row, where)
-        if self._alone or (where is None and len(self.bodies) == 1):
-            # Without other robots the contacts of all that is at rest can be restored.
-            engine.restoreState(self._saved, physicsClientId=self.client)
-        self.bodies[row].stand(pose, start=where is None)
-        self.bodies[row].check()
-        if self.scene is not None and where is None:
-            self.scene.put_back([body.parts for body in self.bodies])
+        pose = self._start_poses[row] if where is None else None
+        if pose is None:
+            pose = self._pose_at(row, where or self._starts[row])
+        with self._unchanged_if_refused(row):
+            if self._alone or (where is None and len(self.bodies) == 1):
+                # Without other robots the contacts of all that is at rest can be restored.
+                engine.restoreState(self._saved, physicsClientId=self.client)
+            self.bodies[row].stand(pose, start=where is None)
+            self.bodies[row].check()
+            self.check_overlaps(row)
+            if self.scene is not None and where is None:
+                self.scene.put_back([body.parts for body in self.bodies])
+                self._check_boxes(row, self._starts[row])
+
+    @contextmanager
+    def _unchanged_if_refused(self, row: int) -> Iterator[None]:
+        """Put the robot of ``row``, and the boxes, back to where they are if OneBotError is raised.
+
+        A robot alone is refused by nothing within the block.
+        """
+        if len(self.bodies) == 1:
+            yield
+            return
+        body = self.bodies[row]
+        before, saved = copy(body), engine.saveState(physicsClientId=self.client)
+        try:
+            yield
+        except OneBotError:
+            body.assume(before)
+            # To the bit, and with the contacts; targets of motors are not in it.
+            engine.restoreState(saved, physicsClientId=self.client)
+            if self.scene is not None:
+                self.scene.read()
+            raise
+        finally:
+            engine.removeState(saved, physicsClientId=self.client)
 
     def replaced(self, row: int, spawn: RobotSpawn) -> "World":
         """Return a world with ``spawn``, at rest, in place of the robot of ``row``.
 
-        The others move on as they do in this one, which stays as it is; starts do, too. The scene's
-        boxes are where they are now, at rest.
+        The others move on as they do in this one, which stays as it is; starts do, too, whether
+        there is room for the robot or not. The scene's boxes are where they are now, at rest.
 
         Raises:
-            OneBotError: the robot cannot be simulated, or another one is in the way.
+            OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.
         """
         start = self._spawns[row]._replace(description=spawn.description, driven=spawn.driven)
         spawns = [*self._spawns[:row], start, *self._spawns[row + 1 :]]
         scene = self.scene
-        world = World(spawns, self.settings, scene.description if scene else None)
+        around = scene.description if scene else None
+        world = World(spawns, self.settings, around, free_starts=False)
         try:
             if scene is not None and world.scene is not None:
                 world.scene.put(scene.poses)
-            world.stand(row, (spawn.x, spawn.y, spawn.yaw))
             for other, (body, old) in enumerate(zip(world.bodies, self.bodies, strict=True)):
                 if other != row:
                     body.assume(old)
-            world.check_overlaps(row)
+            world.stand(row, (spawn.x, spawn.y, spawn.yaw))
         except BaseException:
             world.close()
             raise
@@ -301,11 +340,26 @@ class World:
                 place(client, parts, self.rest_poses[row].at(*self._starts[row]))
         if self.scene is not None:
             self.scene.enter(client, ground, settings)
-        self._start_poses = list(map(self._pose_at, range(len(self.bodies)), self._starts))
+        self._start_poses = list(map(self._start_pose, range(len(self.bodies))))
         if not self._alone:
             for body, pose in zip(self.bodies, self._start_poses, strict=True):
-                place(client, body.parts, pose)
-        self.check_overlaps()
+                if pose is not None:
+                    place(client, body.parts, pose)
+        if self._free_starts:
+            self.check_overlaps()
+
+    def _start_pose(self, row: int) -> Transform | None:
+        """Return the pose of the robot of ``row`` at its start; None if it cannot stand there.
+
+        Raises:
+            OneBotError: it cannot, and must.
+        """
+        try:
+            return self._pose_at(row, self._starts[row])
+        except OneBotError:
+            if self._free_starts:
+                raise
+            return None
 
     def _pose_at(self, row: int, where: SpawnPose) -> Transform:
         """Return the pose of the robot of ``row`` at rest there.
@@ -325,23 +379,27 @@ class World:
                 settings, spawn = self.settings, self._spawns[row]
                 pose = pose_on(scene.description, spawn, settings, rest, where)
                 place(self.client, parts, pose)
-            if links := scene.free_at(parts):
-                raise OneBotError(
-                    f"x {where[0]:g} m, y {where[1]:g} m: link {listing(links)} of "
-                    f"{scene.description.source} is there; put the robot somewhere else"
-                )
+            self._check_boxes(row, where)
         finally:
             engine.restoreState(before, physicsClientId=self.client)
             engine.removeState(before, physicsClientId=self.client)
         return pose
+
+    def _check_boxes(self, row: int, where: SpawnPose) -> None:
+        """Raise OneBotError if the robot of ``row``, which was put there, is in a box."""
+        if self.scene is not None and (links := self.scene.free_at(self.bodies[row].parts)):
+            raise OneBotError(
+                f"x {where[0]:g} m, y {where[1]:g} m: link {listing(links)} of "
+                f"{self.scene.description.source} is there; put the robot somewhere else"
+            )
 
     def _restart(self) -> None:
         engine.restoreState(self._saved, physicsClientId=self.client)
         self._steps = 0
         if self.scene is not None:
             self.scene.read()
-        for body, pose in zip(self.bodies, self._start_poses, strict=True):
-            body.stand(pose, start=True)
+        for row, (body, pose) in enumerate(zip(self.bodies, self._start_poses, strict=True)):
+            body.stand(pose or self.rest_poses[row].at(*self._starts[row]), start=True)
         self.check_usable()
 
     def check_overlaps(self, robot: int | None = None) -> None:
@@ -359,8 +417,8 @@ class World:
     def _overlap(self, first: int, second: int) -> str:
         (x, y, _), _ = link_pose(self.client, self.bodies[second].parts)
         return (
-            f"robots {self._name(first)} and {self._name(second)} of the world stand in the same "
-            f"place, x {round(x, 6) + 0.0:g} m, y {round(y, 6) + 0.0:g} m; move one of them"
+            f"robots {self._name(first)} and {self._name(second)} of the world would stand in the "
+            f"same place, x {round(x, 6) + 0.0:g} m, y {round(y, 6) + 0.0:g} m; move one of them"
         )
 
     def _name(self, row: int) -> str:

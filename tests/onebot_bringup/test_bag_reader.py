@@ -1,15 +1,22 @@
 """Recordings of any origin and in any state are read, or refused in words."""
 
+import errno
+import io
+import os
 import sqlite3
 import tempfile
 import tracemalloc
 from contextlib import closing
+from pathlib import Path
 
 import pytest
+from mcap.writer import IndexType
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from onebot_bringup.bags.reader import Bag
+from onebot_bringup.cli.replay import run as replay
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, write_words
@@ -199,6 +206,55 @@ def test_reads_a_file_alone(tmp_path):
     assert "metadata.yaml is damaged" in bag.warnings[0]
 
 
+def mcap(path, **options):
+    """Ten words in several chunks, as mcap's own writer has them."""
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=150, **options)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        words = writer.register_channel("/words", "cdr", schema)
+        for index in range(10):
+            writer.add_message(words, 1000 + index, cdr(f"word {index}"), 0)
+        writer.finish()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"use_statistics": False},
+        {"repeat_channels": False},
+        {"repeat_schemas": False},
+        {"use_summary_offsets": False},
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.CHUNK},
+        {"use_chunking": False},
+    ],
+    ids=str,
+)
+def test_what_may_be_left_out_of_an_mcap_file(tmp_path, options):
+    """Its summary has what it has: ros2 bag's storage options leave out most of it."""
+    mcap(tmp_path / "a.mcap", **options)
+    bag = Bag(tmp_path / "a.mcap")
+    assert bag.topics == {"/words": "std_msgs/msg/String"}
+    assert (bag.counts, bag.count) == ({"/words": 10}, 10)
+    assert (bag.start_ns, bag.end_ns, bag.warnings) == (1000, 1009, [])
+    assert words_of(bag) == [cdr(f"word {index}") for index in range(10)]
+
+
+def test_statistics_without_the_counts_of_channels(tmp_path, monkeypatch):
+    """They may be left out of the statistics, too."""
+    count = McapWriter.add_message
+
+    def add_message(writer, *args):
+        count(writer, *args)
+        writer._Writer__statistics.channel_message_counts.clear()
+
+    monkeypatch.setattr(McapWriter, "add_message", add_message)
+    mcap(tmp_path / "a.mcap")
+    assert Bag(tmp_path / "a.mcap").counts["/words"] == 10
+
+
 def test_reads_a_truncated_file_as_far_as_it_goes(tmp_path):
     """Cut off anywhere, a file gives a beginning of its messages and one warning, or one error."""
     words = write_words(tmp_path / "bag", 500, chunk_size=1000)
@@ -257,6 +313,86 @@ def test_refuses_what_is_none(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(OneBotError, match=message):
         Bag(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "paths",
+    ["5", "true", "bag_0.mcap", "{a: 1}", "[null, bag_0.mcap]", "[[bag_0.mcap]]", ".nan"],
+)
+def test_metadata_whose_files_are_no_list_of_names(tmp_path, paths):
+    """It is damaged: the file that is there is read."""
+    words = write_words(tmp_path / "bag")
+    text = f"rosbag2_bagfile_information:\n  relative_file_paths: {paths}\n"
+    (tmp_path / "bag/metadata.yaml").write_text(text)
+    bag = Bag(tmp_path / "bag")
+    assert words_of(bag) == words
+    [warning] = bag.warnings
+    assert warning.endswith("metadata.yaml is damaged; the files beside it are read")
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "..", "", "a\\0b", "x.mcap"])
+def test_metadata_that_names_what_cannot_be_there(tmp_path, name):
+    """Whatever the name, the file that is there is read, once."""
+    words = write_words(tmp_path / "bag")
+    paths = f'["{name}", bag_0.mcap, ./bag_0.mcap]'
+    text = f"rosbag2_bagfile_information:\n  relative_file_paths: {paths}\n"
+    (tmp_path / "bag/metadata.yaml").write_text(text)
+    bag = Bag(tmp_path / "bag")
+    assert words_of(bag) == words
+    [warning] = bag.warnings
+    assert warning.endswith("; the others are read") and " lacks " in warning
+
+
+@pytest.mark.parametrize("place", ["bag", "bag/a.mcap", "bag/a.db3"])
+def test_what_may_not_be_read(tmp_path, monkeypatch, place):
+    """One sentence; tests run as root, who may read everything."""
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag/a.mcap").touch()
+    (tmp_path / "bag/a.db3").touch()
+
+    def forbid(function):
+        def call(path, *args, **options):
+            if str(path) == str(tmp_path / place):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+            return function(path, *args, **options)
+
+        return call
+
+    for name in ("stat", "scandir", "listdir"):
+        monkeypatch.setattr(os, name, forbid(getattr(os, name)))
+    monkeypatch.setattr(io, "open", forbid(io.open))
+    with pytest.raises(OneBotError, match=f"{tmp_path / place} cannot be read: Permission denied"):
+        Bag(tmp_path / place)
+
+
+def test_a_name_that_no_file_can_have(tmp_path):
+    """By all commands."""
+    name = str(tmp_path / f"{'x' * 300}.mcap")
+    with pytest.raises(OneBotError, match="cannot be read: File name too long"):
+        Bag(Path(name))
+    assert kind_of(name) == "bag"
+    with pytest.raises(OneBotError, match="there is no recording"):
+        replay([name])
+
+
+def test_damaged_names_in_sqlite(tmp_path):
+    """What SQLite quotes of its schema may be no UTF-8."""
+    foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
+    (path,) = (tmp_path / "bag").glob("*.db3")
+    whole = path.read_bytes()
+    for old, new in (
+        (b"offered_qos", b"offered_\xffos"),
+        (b"CREATE TABLE m", b"CREATE\xffTABLE m"),
+    ):
+        assert old in whole
+        path.write_bytes(whole.replace(old, new))
+        with pytest.raises(OneBotError, match="is no recording of rosbag2"):
+            Bag(path)
+    path.write_bytes(whole)
+    bag = Bag(path)
+    path.write_bytes(whole.replace(b"CREATE TABLE m", b"CREATE\xffTABLE m"))
+    assert words_of(bag) == []
+    assert "is damaged" in bag.warnings[0]
 
 
 def test_refuses_what_is_not_there(tmp_path):

@@ -273,6 +273,27 @@ def test_configure_keeps_command_age_speed_and_pose() -> None:
         assert (drive.odometry.x, drive.odometry.linear) == (twin.odometry.x, twin.odometry.linear)
 
 
+@pytest.mark.parametrize("other", [{"open_loop": True}, {"position_feedback": False}])
+def test_configure_changes_the_feedback_without_a_jump(other: dict[str, bool]) -> None:
+    """The way since the positions were last used is in the odometry already; the twist goes on."""
+    speed, dt, cycles = 2.0, 0.01, 300
+    drive = controller(cmd_vel_timeout=0.0)
+    drive.accept(speed * RADIUS, 0.0)
+    chosen = {
+        100: config(cmd_vel_timeout=0.0, **other),
+        200: config(cmd_vel_timeout=0.0),
+    }
+    for cycle in range(cycles):
+        if cycle in chosen:
+            geometry = WheelGeometry(SEPARATION, RADIUS)
+            drive.configure(chosen[cycle], chosen[cycle].kinematics(geometry))
+        before, at = drive.odometry.x, speed * dt * cycle
+        drive.update(WheelStates(at, at, speed, speed), dt)
+        assert drive.odometry.x - before <= 1.001 * speed * RADIUS * dt
+        assert cycle == 0 or drive.odometry.linear == pytest.approx(speed * RADIUS)
+    assert drive.odometry.x == pytest.approx(speed * RADIUS * dt * cycles, rel=0.01)
+
+
 def test_configure_changes_limits_timeout_geometry_and_window() -> None:
     """Each of them counts from the next cycle on."""
     drive = controller(velocity_rolling_window_size=10, cmd_vel_timeout=0.0)

@@ -7,7 +7,7 @@ import pytest
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.poses import PlanarPose
-from onebot_description.description import Description
+from onebot_description.description import Description, parse_description
 from onebot_description.description.worlds import load_world
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
@@ -16,11 +16,12 @@ STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
 LIMITS = {"linear_x_max_acceleration": 1.0, "angular_z_max_acceleration": 1.0}
 
 
-def fleet_of(*starts: PlanarPose, **values: Any) -> Fleet:
+def fleet_of(*starts: PlanarPose, scene: Description | None = None, **values: Any) -> Fleet:
     """Small robots at these places."""
     chosen = [config(**{**start._asdict(), **values}) for start in starts or STARTS]
     names = [f"/r{row + 1}" for row in range(len(chosen))]
-    return Fleet.of([Member(robot(), *each) for each in zip(chosen, names, strict=True)])
+    members = [Member(robot(), *each) for each in zip(chosen, names, strict=True)]
+    return Fleet.of(members, scene=scene)
 
 
 def larger(separation: float = 0.4) -> Description:
@@ -162,6 +163,71 @@ def test_a_description_without_room_changes_nothing() -> None:
             fleet.replace(1, larger(0.8))
         assert fleet.world is world and fleet.robots == drives
         assert run(fleet, 1, 0.3, 0.0, 10)[1].twist[0] > 0.1
+
+
+def nosed(length: float) -> Description:
+    """The small robot with a box that reaches so far before it, m."""
+    nose = (
+        f'<link name="nose"><collision><geometry><box size="{length} 0.1 0.02"/></geometry>'
+        '</collision></link><joint name="nose_joint" type="fixed"><parent link="base_link"/>'
+        f'<child link="nose"/><origin xyz="{length / 2} 0 0.05"/></joint>'
+    )
+    return robot(wheel("left", 0.15), wheel("right", -0.15), CASTER, nose)
+
+
+def test_a_robot_is_not_put_into_another() -> None:
+    """Neither by teleport nor by reset: refused, nothing has changed, and both drive on."""
+    with fleet_of(cmd_vel_timeout=5.0, **LIMITS) as fleet:
+        one, other = fleet.robots
+        other.teleport(PlanarPose(0.05, 3.0, 1.0))
+        run(fleet, 0, 0.3, 0.4, 500)
+        other.teleport(PlanarPose(0.02, 0.01, 0.5))
+        moving, before = (
+            one.plant.base_twist(),
+            [repr(each.plant.base_pose()) for each in (one, other)],
+        )
+        with pytest.raises(OneBotError, match="robots /r1 and /r2 .* would stand in the same pl"):
+            one.reset()
+        with pytest.raises(OneBotError, match="robots /r1 and /r2 .* would stand in the same pl"):
+            one.teleport(PlanarPose(0.05, 0.0, 0.3))
+        assert [repr(each.plant.base_pose()) for each in (one, other)] == before
+        assert one.plant.base_twist().linear == pytest.approx(moving.linear)
+        odometry, [after, beside] = one.snapshot().odometry, fleet.cycle()
+        assert after.twist == pytest.approx((0.3, 0.4), abs=0.01)
+        assert after.odometry[:2] == pytest.approx(odometry[:2], abs=0.01)
+        run(fleet, 0, 0.3, 0.4, 50)
+        assert other.true_pose == pytest.approx(
+            beside.pose.translation[:2].tolist() + [0.5], abs=1e-3
+        )
+
+
+@pytest.mark.parametrize("walled", [False, True])
+def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bool) -> None:
+    """Where there is none at its start, only reset is refused, and other replacements are not."""
+    text = (
+        '<robot name="w"><link name="world"/><link name="wall"><collision><geometry>'
+        '<box size="0.1 1 0.3"/></geometry></collision></link><joint name="j" type="fixed">'
+        '<parent link="world"/><child link="wall"/><origin xyz="0.6 0 0.15"/></joint></robot>'
+    )
+    starts = [PlanarPose(), PlanarPose(0.6, 0.0, 0.0)][: 1 if walled else 2]
+    with fleet_of(*starts, scene=parse_description(text, "w.urdf") if walled else None) as fleet:
+        for row, drive in enumerate(fleet.robots):
+            drive.teleport(PlanarPose(-3.0, 4.0 * row, 0.0))
+        fleet.replace(0, nosed(0.8))
+        fleet.replace(len(starts) - 1, nosed(0.8))
+        poses = [drive.true_pose for drive in fleet.robots]
+        assert poses == [
+            pytest.approx((-3.0, 4.0 * row, 0.0), abs=1e-9) for row in range(len(poses))
+        ]
+        if walled:
+            with pytest.raises(OneBotError, match="cannot stand there, .* link wall of w.urdf"):
+                fleet.robots[0].reset()
+            assert fleet.robots[0].true_pose == poses[0]
+        else:
+            fleet.robots[1].reset()
+            with pytest.raises(OneBotError, match="/r1 and /r2"):
+                fleet.robots[0].reset()
+        fleet.cycle()
 
 
 def test_the_world_is_freed_with_the_fleet() -> None:
