@@ -127,6 +127,7 @@ def test_a_viewer_that_does_not_answer_is_none(ros_domain, tmp_path, elsewhere):
             with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
                 wait_for(lambda: "starting one" in command.out, "a viewer of its own")
                 _address(command)
+                wait_for(lambda: "steering_viewer" in peer.node.get_node_names(), "its node")
                 # As the node that publishes the robot has it, or as a bringup would.
                 prefix = output_of("param", "get", "/left/steering_viewer", "frame_prefix")
                 assert prefix.split()[-1] == ("a/" if elsewhere else "left/")
