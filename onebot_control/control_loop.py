@@ -26,6 +26,7 @@ _COMPARISONS = 10  # at the start, of which the most exact one counts
 _SET_BACK = NANO  # ns that the system clock goes back at least when somebody sets it
 _PATIENCE = 10.0  # s for the loop to answer
 _PAUSED_WAIT = 0.01  # s between polls of the inbox while simulated time is stopped
+_LONGEST_WAIT = 0.1  # s between them while the next cycle is longer ahead
 # Of Linux's <sys/prctl.h>.
 _PR_SET_TIMERSLACK = 29
 
@@ -59,14 +60,24 @@ class Pacer:
         self.set(period, factor)
 
     def set(self, period: float, factor: float) -> None:
-        """Change period and factor (see the constructor) from the next cycle on."""
+        """Change period and factor (see the constructor) from the next cycle on.
+
+        It is due no later than a new period from now.
+        """
         self._interval = period / factor if factor else 0.0
+        self.due = min(self.due, self._clock() + self._interval)
+
+    @property
+    def left(self) -> float:
+        """Seconds until the current cycle is due; 0 if it is."""
+        return max(0.0, self.due - self._clock())
 
     def next(self, wait: Callable[[float], object]) -> None:
         """Wait for the next cycle.
 
         Args:
-            wait: called with the seconds to wait; it may return early, to stop.
+            wait: called with the seconds to wait; it may return early, to stop, or where the
+                pace has changed.
         """
         self.due += self._interval
         self.lag = 0.0
@@ -78,7 +89,7 @@ class Pacer:
         if now < self.due:
             wait(self.due - now)
             now = self._clock()  # much later, if the process was stopped meanwhile
-        if now - self.due >= self._interval:
+        if 0.0 < self._interval <= now - self.due:
             self.lag, self.due = now - self.due, now
 
 
@@ -229,6 +240,11 @@ class ControlLoop:
             raise OneBotError("the control loop has failed")
         return result[0]
 
+    @property
+    def left(self) -> float:
+        """Seconds of the system's time until what is called now takes effect."""
+        return self._pacer.left
+
     def set_factor(self, factor: float) -> None:
         """Change the real-time factor (call it by ``post`` or ``call``)."""
         self._pacer.set(self.fleet.period, factor)
@@ -288,6 +304,13 @@ class ControlLoop:
     def _wait(self, seconds: float) -> None:
         if self.paused:
             seconds = max(seconds, _PAUSED_WAIT)
+        while seconds > _LONGEST_WAIT and not self._stopped:
+            self._sleep(_LONGEST_WAIT)
+            self._call_posted()
+            seconds = self._pacer.left
+        self._sleep(seconds)
+
+    def _sleep(self, seconds: float) -> None:
         if self._running.acquire(timeout=seconds):
             self._running.release()
 

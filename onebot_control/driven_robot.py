@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
-from onebot_control.poses import WORLD_FRAME, PlanarPose, yaw_of
+from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.simulation import (
     JointStates,
     Pose,
@@ -361,8 +361,8 @@ class DrivenRobot:
 
     @property
     def world_frame(self) -> str:
-        """The frame of the truth; "" if that is the odometry's. A scene needs one."""
-        return self.config.world_frame_id or ("" if self.plant.scene is None else WORLD_FRAME)
+        """The frame of the truth; "" if that is the odometry's."""
+        return self.config.world_frame(in_scene=self.plant.scene is not None)
 
     def continue_from(self, other: "DrivenRobot") -> None:
         """Continue another robot's odometry and count of cycles, where that one is."""

@@ -17,13 +17,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.fleet import Fleet, Member
+from onebot_control.fleet import Fleet, Member, located
 from onebot_control.parameters import (
     ControlConfig,
     ControlParameters,
 )
 from onebot_control.poses import PlanarPose, yaw_of
-from onebot_control.publishing import Publishers, ScenePublisher
+from onebot_control.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.simulation.scene import load_scene
 from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
@@ -43,6 +43,8 @@ _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 _TOO_LATE = 0.05  # s of lag worth a warning
 _FARTHEST = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
+
+_GOES_ON = "the robot goes on as before"
 
 _COMMAND_TOPIC = "~/cmd_vel"
 _COMMAND_QOS = QoSProfile(depth=_DEPTH)
@@ -68,6 +70,7 @@ class Driving:
         loop: what drives them; None as long as a robot is not known.
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all.
+        scene: what stands around the robots.
     """
 
     def __init__(
@@ -92,7 +95,7 @@ class Driving:
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
         self.factor = settings[0].config.real_time_factor
-        self._scene = load_scene(settings[0].config.world)
+        self.scene = load_scene(settings[0].config.world)
         self.robots = [
             RobotDriving(self, row, node, settings[row]) for row, node in enumerate(nodes)
         ]
@@ -116,14 +119,13 @@ class Driving:
         members = [robot.member() for robot in self.robots if robot.description is not None]
         if len(members) < len(self.robots):
             return
-        fleet = Fleet.of(members, scene=self._scene)
+        for robot, member in zip(self.robots, members, strict=True):
+            with located(member):
+                robot.check_frames()
+        fleet = Fleet.of(members, scene=self.scene)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
-        try:
-            self._scene_publisher = self._publish_scene(fleet)
-        except OneBotError:
-            fleet.close()
-            raise
+        self._scene_publisher = self._publish_scene(fleet)
         self.loop = ControlLoop(
             fleet,
             self._publish,
@@ -135,24 +137,19 @@ class Driving:
         gc.freeze()
         self.loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        warnings = [] if self._scene is None else [*self._scene.notices]
+        warnings = [] if self.scene is None else [*self.scene.notices]
         warnings += [text for robot in self.robots for text in robot.warnings]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_driven_text(fleet))
 
     def _publish_scene(self, fleet: Fleet) -> ScenePublisher | None:
-        """Return what publishes the scene, if there is one.
-
-        Raises:
-            OneBotError: a link of it has the name of a frame of a robot.
-        """
+        """Return what publishes the scene, if there is one."""
         scene, first = fleet.world.scene, fleet.robots[0]
         if scene is None:
             return None
-        frames = {frame for robot in self.robots for frame in robot.publishing.frames}
         rate = Divider(first.config.publish_rate, first.config.update_rate)
-        return ScenePublisher(self._node, scene, first.world_frame, frames, rate)
+        return ScenePublisher(self._node, scene, first.world_frame, rate)
 
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
@@ -261,6 +258,35 @@ class RobotDriving:
         name = "" if len(self._driving.nodes) == 1 else _full_name(self._node)
         return Member(self.description, self._settings.config, name, self._settings.places)
 
+    def check_frames(
+        self, config: ControlConfig | None = None, description: Description | None = None
+    ) -> None:
+        """Check the frames that the robot would have; all robots must be described.
+
+        Args:
+            config: other parameters than those in force.
+            description: another one than that in force.
+
+        Raises:
+            ConfigError: two frames have one name.
+        """
+        others = {
+            _full_name(robot._node): robot._frames()
+            for robot in self._driving.robots
+            if robot is not self
+        }
+        frames = self._frames(config, description)
+        if problems := [*frames.problems(others, self._driving.scene)]:
+            raise ConfigError(problems)
+
+    def _frames(
+        self, config: ControlConfig | None = None, description: Description | None = None
+    ) -> Frames:
+        known = description or self.description
+        assert known is not None
+        namespace, in_scene = self._node.get_namespace(), self._driving.scene is not None
+        return Frames.of(config or self._settings.config, known, namespace, in_scene=in_scene)
+
     @property
     def warnings(self) -> list[str]:
         """What is surprising about the description and the parameters."""
@@ -296,12 +322,13 @@ class RobotDriving:
             if loop is None:
                 self._start(description)
             elif known is None or description.urdf != known.urdf:
+                self.check_frames(description=description)
                 loop.call(lambda: self._replace(loop, description))
                 self.description = description
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
             reason = self._settings.located(error) if isinstance(error, ConfigError) else error
-            goes_on = "still waiting for one" if loop is None else "the robot goes on as before"
+            goes_on = "still waiting for one" if loop is None else _GOES_ON
             self._refuse("description", f"robot_description not applied, {goes_on}:\n{reason}")
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
@@ -320,7 +347,8 @@ class RobotDriving:
     def _command(self, loop: ControlLoop, linear: float, angular: float, stamp: int | None) -> None:
         # The age when it takes effect: the process may have been stopped since it came.
         now = loop.now_ns() if loop.simulated else time.time_ns()
-        age = (now - stamp) * 1e-9 if stamp else None
+        left = 0.0 if loop.simulated else loop.left
+        age = (now - stamp) * 1e-9 + left if stamp else None
         refused = loop.fleet.robots[self._row].accept(linear, angular, age)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
@@ -333,9 +361,18 @@ class RobotDriving:
                 robot = loop.fleet.robots[self._row]
                 robot.measured(config)
                 robot.broadcasting(config)
+                self._check_world_frame(config)
+                self.check_frames(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _check_world_frame(self, config: ControlConfig) -> None:
+        """Raise ConfigError if a scene's frames, which are published once, are in another one."""
+        before = self._settings.config.world_frame(in_scene=True)
+        if self._driving.scene is not None and config.world_frame(in_scene=True) != before:
+            text = f'the frames of the world are in "{before}"; restart the node to change it'
+            raise ConfigError([Problem("world_frame_id", text)])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         before, warned = self._settings.config, self._settings.warnings
@@ -351,7 +388,10 @@ class RobotDriving:
         if loop is not None:
             # Of many robots that follow one, waiting for a cycle each would take long.
             follows = config == replace(before, real_time_factor=self._driving.factor)
-            (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
+            try:
+                (loop.post if follows else loop.call)(lambda: self._configure(loop, config))
+            except OneBotError as error:  # here it would end the process
+                self._refuse("parameters", f"parameters not applied, {_GOES_ON}: {error}")
         if config.real_time_factor != self._driving.factor:
             self._driving.set_factor(config.real_time_factor)
 

@@ -143,7 +143,7 @@ class Fleet:
 
 def _part(member: Member) -> _Part:
     config = member.config
-    with _located(member):
+    with located(member):
         wheels = wheels_of(member.description, config)
         wheels.geometry(config.wheel_separation, config.wheel_radius)
         simulated, held = drivable(wheels)
@@ -154,17 +154,17 @@ def _part(member: Member) -> _Part:
 
 
 def _driven(member: Member, part: _Part, plant: Plant) -> DrivenRobot:
-    with _located(member):
+    with located(member):
         return DrivenRobot(part.wheels, member.config, plant, part.held)
 
 
 @contextmanager
-def _located(member: Member) -> Iterator[None]:
+def located(member: Member) -> Iterator[None]:
     """Have errors about a robot name it, and the lines that its parameters were written on."""
     try:
         yield
     except OneBotError as error:
-        located = error.located(member.places) if isinstance(error, ConfigError) else error
+        placed = error.located(member.places) if isinstance(error, ConfigError) else error
         if not member.name:
-            raise located from None
-        raise OneBotError(f"{member.name}: {located}") from None
+            raise placed from None
+        raise OneBotError(f"{member.name}: {placed}") from None

@@ -191,6 +191,10 @@ class ControlConfig:
                 text = f"limits nothing while {axis}.{needed} is not given"
                 yield Problem(f"{axis}.{name}", text)
 
+    def world_frame(self, *, in_scene: bool) -> str:
+        """Return the frame of the truth; "" if that is the odometry's. A scene needs one."""
+        return self.world_frame_id or (WORLD_FRAME if in_scene else "")
+
     def kinematics(self, geometry: "WheelGeometry") -> DiffDriveKinematics:
         """Return the drive's geometry, scaled by the multipliers."""
         return DiffDriveKinematics(

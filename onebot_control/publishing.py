@@ -4,7 +4,8 @@ The messages are made once and filled anew each cycle: rclpy has read them when 
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -21,12 +22,14 @@ from std_msgs.msg import String
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.odometry import PoseCovariance
+from onebot_control.parameters import ControlConfig
 from onebot_control.poses import PlanarPose, about_z, compose, inverse, prefixed
 from onebot_control.simulation import SceneBodies, Twist
-from onebot_description.errors import OneBotError
+from onebot_description.description import Description
 from onebot_description.model import quaternions
 from onebot_description.model.robot_model import JointArrays
 from onebot_description.node import LATCHED, OnlyPublisher
+from onebot_description.parameters.reader import Problem
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.messages import time_message, transforms_message
 from onebot_description.wire.tf_message import TFMessage
@@ -40,6 +43,74 @@ _TWO_CLOCKS = (
     "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
     "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
 )
+
+
+class Frames(NamedTuple):
+    """The frames of a robot: those that its odometry connects, and its links'."""
+
+    world: str  # "" if there is none
+    odom: str
+    base: str
+    links: frozenset[str]
+
+    @classmethod
+    def of(
+        cls, config: ControlConfig, description: Description, namespace: str, *, in_scene: bool
+    ) -> "Frames":
+        """Return the frames of a robot with these parameters.
+
+        Args:
+            config: the parameters.
+            description: of the robot.
+            namespace: of the node.
+            in_scene: whether something stands around it.
+        """
+
+        def name(frame: str) -> str:
+            prefix = config.tf_frame_prefix
+            return prefixed(frame, config.tf_frame_prefix_enable, prefix, namespace)
+
+        return cls(
+            config.world_frame(in_scene=in_scene),
+            name(config.odom_frame_id),
+            name(config.base_frame_id or description.root_link),
+            frozenset(map(name, description.link_names)),
+        )
+
+    def problems(
+        self, others: Mapping[str, "Frames"], scene: Description | None = None
+    ) -> Iterator[Problem]:
+        """Report names that two frames have: TF has one parent for each.
+
+        The root link of a scene may be the world's frame itself.
+
+        Args:
+            others: the frames of the other robots of the world, by the robots' names.
+            scene: what stands around them.
+        """
+        taken, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
+        for name, other in others.items():
+            taken[other.odom] = f"odom_frame_id of {name}"
+            taken[other.base] = f"base_frame_id of {name}"
+            worlds[other.world] = f"world_frame_id of {name}"
+            if scene is not None and other.world != self.world:
+                text = f'"{self.world}", but "{other.world}" of {name}; in a world it is the same'
+                yield Problem("world_frame_id", text)
+        for link in scene.links if scene else ():
+            if link.name in self.links:
+                text = f'{link.where}: link "{link.name}": a frame of the robot has this name'
+                yield Problem("", f"{text}; rename the link")
+            elif not (scene and link.name == scene.root_link == self.world):
+                taken.setdefault(link.name, f"a link of the world, {link.where}")
+        for key, frame in zip(
+            ("base_frame_id", "odom_frame_id", "world_frame_id"),
+            (self.base, self.odom, self.world),
+            strict=True,
+        ):
+            what = taken.get(frame) or (key != "world_frame_id" and worlds.get(frame))
+            if frame and what:
+                yield Problem(key, f'"{frame}" is {what}; each frame needs a name of its own')
+            taken.setdefault(frame, key)
 
 
 class Publishers:
@@ -62,12 +133,10 @@ class Publishers:
     def use(self, robot: DrivenRobot) -> None:
         """Publish this robot from now on, with its parameters as they are now."""
         self._robot, config = robot, robot.config
-        odom, base = (
-            prefixed(frame, config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace)
-            for frame in (config.odom_frame_id, config.base_frame_id or robot.description.root_link)
-        )
-        self.odom_frame, self._world = odom, robot.world_frame
         self._among = robot.plant.scene is not None  # what stops and tilts it
+        frames = Frames.of(config, robot.description, self._namespace, in_scene=self._among)
+        self._world, odom, base, _ = frames
+        self.odom_frame = odom
         self._stamp = Time()  # one for all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
         self._constant = any(config.pose_covariance_diagonal)
@@ -90,13 +159,6 @@ class Publishers:
         self._advertise(config.publish_limited_velocity)
         self._due = Divider(config.publish_rate, config.update_rate)
         self._origin: PlanarPose | None = None
-
-    @property
-    def frames(self) -> set[str]:
-        """All frames of the robot."""
-        config, names = self._robot.config, self._robot.description.link_names
-        prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix, self._namespace
-        return {self.odom_frame, *(prefixed(name, *prefix) for name in names)}
 
     def _advertise(self, limited: bool) -> None:
         """Have a topic for the limited command, or none."""
@@ -194,33 +256,15 @@ class ScenePublisher:
     The frames of its links are their names; the root link's may be the world's frame itself.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        scene: SceneBodies,
-        world_frame: str,
-        others: Collection[str],
-        rate: Divider,
-    ) -> None:
+    def __init__(self, node: Node, scene: SceneBodies, world_frame: str, rate: Divider) -> None:
         """Announce the topics, and publish the description.
 
         Args:
             node: publishes.
             scene: the bodies.
             world_frame: in which their poses are.
-            others: the frames of the robots.
             rate: of the poses of what can be pushed.
-
-        Raises:
-            OneBotError: a link has the name of another frame.
         """
-        for link in scene.description.links:
-            is_root = link.name == scene.description.root_link
-            if link.name in others or (link.name == world_frame and not is_root):
-                raise OneBotError(
-                    f'{link.where}: link "{link.name}": a frame of the robot, or of the world, has '
-                    "this name; rename the link"
-                )
         self._scene, self._world, self._rate = scene, world_frame, rate
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)

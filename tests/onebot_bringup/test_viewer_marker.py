@@ -76,6 +76,12 @@ class Shown:
         take(self.view, "/marks", MarkerArray(markers=list(markers)), at)
         return self.view.tick(at)
 
+    def spaces(self, topic):
+        """The namespaces of which something is drawn."""
+        displays = self.view._of_all  # noqa: SLF001
+        [drawing] = [each.items[topic] for each in displays if isinstance(each, MarkerDisplay)]
+        return {space for space, _ in drawing._where}  # noqa: SLF001
+
     def end(self):
         """The file, complete."""
         self.view.finish()
@@ -350,12 +356,60 @@ def test_a_lifetime_begins_when_a_latched_marker_comes(tmp_path):
     take(shown.view, "/mark", marker(lifetime=2.0), now)
     shown.view.tick(now)
     assert not shown.view.tick(now + SECOND)
-    layers = shown.view._of_all  # noqa: SLF001
-    [drawing] = [d.items["/mark"] for d in layers if isinstance(d, MarkerDisplay)]
-    assert drawing._where  # noqa: SLF001
+    assert shown.spaces("/mark") == {""}
     shown.view.tick(now + 3 * SECOND)
-    assert not drawing._where  # noqa: SLF001
+    assert not shown.spaces("/mark")
     assert _cleared(shown.end(), "cubes", "mark") == [2.0]
+
+
+@pytest.mark.parametrize(
+    "came",
+    [
+        {0.1: 0.0, 1.1: 0.5, 2.1: 1.9, 3.1: 2.5},
+        {0.1: -60.0, 0.2: 0.2, 1.1: 1.1},
+        {0.1: 5.1, 0.5: 0.5, 1.1: 6.1, 1.3: 1.3},
+    ],
+    ids=["takes more or less long", "is latched", "is of a clock ahead"],
+)
+def test_a_lifetime_is_as_long_whenever_a_marker_was_stamped(tmp_path, came):
+    """As in RViz, it counts from when the marker comes, in seconds of ``came``: to its stamp."""
+    shown, seen, tick = Shown(tmp_path), dict.fromkeys(came, 0), SECOND // 20
+    for now in range(0, 4 * SECOND, tick):
+        for at, stamp in came.items():
+            if round(at * SECOND) == now:
+                single = marker(ns=str(at), lifetime=0.5)
+                single.header.stamp = time_message(START_NS + round(stamp * SECOND))
+                take(shown.view, "/mark", single, START_NS + now)
+        shown.view.tick(START_NS + now)
+        for space in shown.spaces("/mark"):
+            seen[float(space)] += 1
+    assert all(10 <= ticks <= 11 for ticks in seen.values()), seen
+    shown.end()
+
+
+@pytest.mark.parametrize("topic", ["/marks", "/mark"])
+def test_lifetimes_begin_anew_where_the_clock_is_set_back(tmp_path, topic):
+    """What was of the time before ends with it; from then on they are as long as ever."""
+    shown = Shown(tmp_path)
+
+    def send(space, seconds, lifetime):
+        single = marker(ns=space, lifetime=lifetime)
+        single.header.stamp = time_message(START_NS + round(seconds * SECOND))
+        message = single if topic == "/mark" else MarkerArray(markers=[single])
+        take(shown.view, topic, message, START_NS + round(seconds * SECOND))
+
+    def tick(seconds):
+        shown.view.tick(START_NS + round(seconds * SECOND))
+        return shown.spaces(topic)
+
+    send("old", 100.0, 50.0)
+    assert tick(100.0) == tick(100.5) == {"old"}
+    send("late", 100.6, 0.5)
+    send("new", 20.0, 1.0)
+    assert tick(20.0) == tick(20.4) == {"late", "new"}
+    assert tick(20.9) == {"new"}
+    assert tick(21.1) == set()
+    assert _cleared(shown.end(), "old/cubes", topic[1:]) == [150.0]
 
 
 def test_single_markers_that_come_together_are_one_row(tmp_path):
@@ -381,6 +435,7 @@ def test_a_marker_moves_with_its_frame_only_if_it_is_locked(tmp_path):
     shown.send(free, locked)
     for at, y in ((1, 0.7), (2, 0.9)):
         take_tf(shown.view, transforms("base", "tip", y, START_NS + at))
+        free.header.stamp = time_message(START_NS + at)
         shown.send(*[free] * (at == 2), locked, at=START_NS + at)
     file = shown.end()
     assert rows(file, "cubes", "CoordinateFrame:frame") == [["base"]]
@@ -390,12 +445,34 @@ def test_a_marker_moves_with_its_frame_only_if_it_is_locked(tmp_path):
     assert flat(rows(file, "cubes_2", "InstancePoses3D:translations")) == [0, 0, 0]
 
 
+@pytest.mark.parametrize("topic", ["marks", "mark"])
+def test_a_marker_is_placed_where_its_frame_was_at_its_own_stamp(tmp_path, topic):
+    """Each of those that come together; without a stamp where the frame is when it comes."""
+    shown = Shown(tmp_path, "fixed_frame: base")
+    for tenth in range(11):
+        at = START_NS + tenth * SECOND // 10
+        take_tf(shown.view, transforms("base", "tip", tenth / 10, at))
+    everything = [marker(number=k, frame="tip") for k in range(4)]
+    for each, part in zip(everything, (0.5, 0.52, 0.5, 0.5), strict=True):
+        each.header.stamp = time_message(START_NS + int(part * SECOND))
+    everything[2].header.stamp = time_message(0)
+    if topic == "marks":
+        take(shown.view, "/marks", MarkerArray(markers=everything), START_NS + SECOND)
+    else:
+        for each in everything:
+            take(shown.view, "/mark", each, START_NS + SECOND)
+    shown.view.tick(START_NS + SECOND)
+    found = rows(shown.end(), "cubes", "InstancePoses3D:translations", topic)[-1]
+    assert [y for _, y, _ in found] == pytest.approx([0.5, 0.52, 1.0, 0.5])
+
+
 def test_a_marker_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):
-    """The others do not; one that is deleted meanwhile does not come."""
+    """The others do not; it is drawn as it came last, one that is deleted meanwhile not at all."""
     now = [0.0]
     shown = Shown(tmp_path, clock=lambda: now[0])
-    far = [marker(number=k, frame="map") for k in (1, 2)]
-    assert shown.send(*far, marker(number=0)) == []
+    for x in (1.0, 2.0, 3.0):
+        far = [marker(number=k, frame="map", at=(x, 0, 0)) for k in (1, 2)]
+        assert shown.send(*far, marker(number=0)) == []
     shown.send(marker(number=2, action=Marker.DELETE))
     now[0] = 4.0
     [said] = shown.view.tick(START_NS)
@@ -405,6 +482,7 @@ def test_a_marker_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):
     file = shown.end()
     drawn = [rows(file, name, "CoordinateFrame:frame") for name in ("cubes", "cubes_2")]
     assert drawn == [[["base"]], [["map"]]]
+    assert flat(rows(file, "cubes_2", "InstancePoses3D:translations")) == [3, 0, 0]
 
 
 def test_without_a_robot_the_markers_frame_is_the_fixed_one(tmp_path):
@@ -464,6 +542,43 @@ def test_what_is_wrong_is_said_once(tmp_path, kind, fields, drawn, said):
     assert sum(bool(chunks(file, f"/marker/marks/w/{name}")) for name in layers) == drawn
     for turns in rows(file, "w/cubes", "InstancePoses3D:quaternions"):
         np.testing.assert_allclose(turns, [[0, 0, 0, 1]] * 2)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_numbers_that_are_none_cost_nothing_of_other_markers(tmp_path):
+    """A neighbour's quaternion is checked as ever; a colour that is none is the marker's own."""
+    shown = Shown(tmp_path)
+    bad = marker(number=1, at=(np.nan, 0, 0), turn=(np.nan, 0.0, 0.0, 1.0))
+    colors = [(np.nan,) * 4, GREEN, GREEN]
+    triangle = marker(Marker.TRIANGLE_LIST, 2, points=SQUARE, colors=colors)
+    said = shown.send(marker(turn=(0.0,) * 4), bad, triangle)
+    assert [sentence.partition("its")[2] for sentence in said] == [
+        " numbers are not finite: not drawn",
+        " quaternion is zero: taken as no turn",
+    ]
+    file = shown.end()
+    assert flat(rows(file, "cubes", "InstancePoses3D:quaternions")) == [0, 0, 0, 1]
+    assert rows(file, "triangles", "Mesh3D:vertex_colors") == [[0xFF0000FF] + [0x00FF00FF] * 2]
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        (lambda n: {"points": SQUARE * n, "colors": [RED]}, "1 colours for 3 points"),
+        (lambda n: {"kind": 99 + n}, "its type 100 is unknown"),
+        (lambda n: {"kind": Marker.MESH_RESOURCE, "mesh_resource": f"file:///{n}.stl"}, "/1.stl"),
+    ],
+    ids=["colours", "type", "mesh"],
+)
+def test_a_problem_with_other_numbers_each_time_is_said_once(tmp_path, fields, said):
+    """Else it would keep all others from being said: a view has a hundred warnings at most."""
+    shown = Shown(tmp_path)
+    sentences = []
+    for n in range(1, 4):
+        sentences += shown.send(marker(**{"kind": Marker.LINE_STRIP} | fields(n)))
+    [first] = sentences
+    assert said in first
+    shown.end()
 
 
 def test_bad_messages_are_reported(tmp_path):

@@ -287,6 +287,23 @@ def test_stop_is_no_failure_and_may_come_twice() -> None:
     assert run.failures == run.lags == []
 
 
+@pytest.mark.parametrize(("simulated", "slow"), [(True, 1e-5), (True, 1e-320), (False, 1.0)])
+def test_calls_do_not_wait_for_a_cycle_far_ahead(simulated: bool, slow: float) -> None:
+    """And where the pace was raised, neither does the cycle; a call knows how far ahead it is."""
+    rate = 100.0 if simulated else 0.001
+    with Run(simulated=simulated, factor=slow, update_rate=rate) as run:
+        wait_for(lambda: run.published, "the first cycle")
+        began = time.monotonic()
+        assert run.loop.call(lambda: run.loop.left) > 500.0
+        assert len(run.published) == 1
+        for factor in (1e3, 0.0):
+            run.loop.call(lambda factor=factor: run.loop.set_factor(factor))  # type: ignore[misc]
+            count = len(run.published)
+            wait_for(lambda: len(run.published) > count + 1, "cycles")  # noqa: B023
+        assert time.monotonic() - began < PATIENCE
+    assert run.failures == []
+
+
 def test_paused_it_does_not_use_up_the_processor() -> None:
     """As fast as possible is for simulated time that passes: paused, it is 10 ms a look."""
     with Run(factor=0.0) as run:
@@ -396,6 +413,24 @@ def test_change_of_factor_counts_from_the_next_cycle_on() -> None:
         machine.now += 0.002
         pacer.set(period, factor)
         pacer.next(machine.wait)
+        assert machine.now == pacer.due == pytest.approx(expected)
+        assert pacer.lag == 0.0
+
+
+def test_a_faster_pace_ends_a_long_wait() -> None:
+    """The cycle is due a new period after the change, and that is no lag."""
+    for factor, expected in [(1.0, 100.017), (0.0, 100.007)]:
+        machine = Machine()
+        pacer = machine.pacer(factor=1e-300)
+        machine.now += 0.002
+
+        def wait(seconds: float, pacer: Pacer = pacer, factor: float = factor) -> None:
+            machine.now += 0.005  # noqa: B023
+            pacer.set(0.01, factor)
+            machine.now += pacer.left  # noqa: B023
+
+        assert pacer.left == 0.0
+        pacer.next(wait)
         assert machine.now == pacer.due == pytest.approx(expected)
         assert pacer.lag == 0.0
 

@@ -279,8 +279,10 @@ def test_configure_changes_the_feedback_without_a_jump(other: dict[str, bool]) -
     speed, dt, cycles = 2.0, 0.01, 300
     drive = controller(cmd_vel_timeout=0.0)
     drive.accept(speed * RADIUS, 0.0)
-    chosen = {cycle: config(cmd_vel_timeout=0.0, **other) for cycle in (100,)}
-    chosen[200] = config(cmd_vel_timeout=0.0)
+    chosen = {
+        100: config(cmd_vel_timeout=0.0, **other),
+        200: config(cmd_vel_timeout=0.0),
+    }
     for cycle in range(cycles):
         if cycle in chosen:
             geometry = WheelGeometry(SEPARATION, RADIUS)

@@ -1,7 +1,7 @@
 """What the controller publishes arrives as it is, in every field."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -16,11 +16,13 @@ from std_msgs.msg import Header
 
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.poses import PlanarPose
-from onebot_control.publishing import Publishers
+from onebot_control.publishing import Frames, Publishers
 from onebot_control.simulation import Twist
+from onebot_description.description import parse_description
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_control.control_support import IdealPlant, ideal_drive
+from tests.onebot_control.control_support import IdealPlant, config, ideal_drive, robot
+from tests.onebot_control.test_scene import part
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -224,3 +226,96 @@ def test_parameters_change_names_and_joints(subscriptions: Subscriptions) -> Non
     # The wheels do not slip, so in the odometry's frame the truth is what the odometry says.
     assert truth.pose.pose.position.x == pytest.approx(odom.pose.pose.position.x)
     assert truth.pose.pose.orientation.z == pytest.approx(odom.pose.pose.orientation.z)
+
+
+# Frames --------------------------------------------------------------------------------------
+
+
+def frame_problems(
+    values: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]], scene: str
+) -> list[str]:
+    """What is wrong with the frames of a robot of the namespace /a, as messages."""
+    around = parse_description(f'<robot name="w">{scene}</robot>', "w.urdf") if scene else None
+
+    def of(namespace: str, chosen: Mapping[str, Any]) -> Frames:
+        return Frames.of(config(**chosen), robot(), namespace, in_scene=around is not None)
+
+    beside = {name: of(name, chosen) for name, chosen in others.items()}
+    return [each.message() for each in of("/a", values).problems(beside, around)]
+
+
+WALLED = '<link name="floor"/>' + part("wall").replace("world", "floor")
+PLAIN = {"tf_frame_prefix_enable": False}
+
+
+@pytest.mark.parametrize(
+    ("values", "others", "scene"),
+    [
+        ({}, {}, ""),
+        (
+            {"world_frame_id": "", "base_frame_id": "left_wheel"},
+            {"/b": {"world_frame_id": "m"}},
+            "",
+        ),
+        ({"world_frame_id": "map"}, {"/b": {"world_frame_id": "map"}, "/c": {}}, ""),
+        ({"world_frame_id": ""}, {"/b": {"world_frame_id": "world"}}, WALLED),
+        ({"world_frame_id": "floor"}, {}, WALLED),
+    ],
+)
+def test_frames_of_which_each_has_a_name(
+    values: dict[str, Any], others: dict[str, dict[str, Any]], scene: str
+) -> None:
+    """Robots may share a world's frame, which may be the root link of what stands around."""
+    assert frame_problems(values, others, scene) == []
+
+
+@pytest.mark.parametrize(
+    ("values", "others", "scene", "said"),
+    [
+        ({"odom_frame_id": "base_link"}, {}, "", 'odom_frame_id: "a/base_link" is base_frame_id;'),
+        ({"odom_frame_id": "caster"}, {}, "", 'odom_frame_id: "a/caster" is a link of the robot;'),
+        ({"world_frame_id": "a/odom"}, {}, "", 'world_frame_id: "a/odom" is odom_frame_id;'),
+        ({"world_frame_id": "a/caster"}, {}, "", 'world_frame_id: "a/caster" is a link of the r'),
+        ({"odom_frame_id": "world", **PLAIN}, {}, "", 'world_frame_id: "world" is odom_frame_id;'),
+        (
+            {"base_frame_id": "b", "odom_frame_id": "x", **PLAIN},
+            {"/b": {"odom_frame_id": "b", **PLAIN}},
+            "",
+            'base_frame_id: "b" is odom_frame_id of /b; each frame needs a name of its own',
+        ),
+        (PLAIN, {"/b": PLAIN}, "", 'odom_frame_id: "odom" is odom_frame_id of /b;'),
+        ({"world_frame_id": "b/odom"}, {"/b": {}}, "", 'world_frame_id: "b/odom" is odom_frame_id'),
+        (
+            {"odom_frame_id": "map", **PLAIN},
+            {"/b": {"world_frame_id": "map"}},
+            "",
+            'odom_frame_id: "map" is world_frame_id of /b;',
+        ),
+        (
+            {"odom_frame_id": "wall", **PLAIN},
+            {},
+            WALLED,
+            'odom_frame_id: "wall" is a link of the world, w.urdf:1;',
+        ),
+        ({"odom_frame_id": "floor", **PLAIN}, {}, WALLED, 'odom_frame_id: "floor" is a link of'),
+        ({"world_frame_id": "wall"}, {}, WALLED, 'world_frame_id: "wall" is a link of the world'),
+        (
+            {},
+            {"/b": {"world_frame_id": "map"}},
+            WALLED,
+            'world_frame_id: "world", but "map" of /b; in a world it is the same',
+        ),
+        (
+            PLAIN,
+            {},
+            WALLED.replace("wall", "caster"),
+            'w.urdf:1: link "caster": a frame of the robot has this name; rename the link',
+        ),
+    ],
+)
+def test_two_frames_of_one_name_are_refused(
+    values: dict[str, Any], others: dict[str, dict[str, Any]], scene: str, said: str
+) -> None:
+    """Or each would be where the other is, in turns."""
+    problems = frame_problems(values, others, scene)
+    assert any(problem.startswith(said) for problem in problems), problems

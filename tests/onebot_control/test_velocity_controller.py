@@ -218,6 +218,10 @@ def test_simulated_time(peer: Peer, model: str) -> None:
     with NodeProcess(MODULE, model, *ros_args(real_time_factor=10.0)) as one:
         wait_for(lambda: len(clock) > 300 and len(joints) > 300, "messages")
         stamps = [seconds(m) for m in joints[:300]]
+        for factor in (1e-4, 10.0):  # a cycle in 100 s delays no other parameter
+            assert all(r.successful for r in peer.set_parameters(NODE, real_time_factor=factor))
+        reached = len(joints)
+        wait_for(lambda: len(joints) > reached, "messages at the old pace")
         words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
         with NodeProcess(MODULE, model, *words) as other:
             for node, name in ((one, "/other/velocity_controller"), (other, NODE)):
@@ -289,6 +293,8 @@ def test_parameters_take_effect_or_are_refused(peer: Peer, model: str) -> None:
             "update_rate": (50, "read-only parameter"),
             "real_time_factor": (2.0, "start it with use_sim_time:=true"),
             "joint_state_broadcaster.joints": (["arm"], 'no joint "arm"'),
+            "odom_frame_id": ("base_link", '"base_link" is base_frame_id; each frame needs a name'),
+            "world_frame_id": ("wheels", '"wheels" is odom_frame_id;'),
             "no_such_thing": (1, "no_such_thing: no such parameter"),
         }
         for name, (value, reason) in wrong.items():

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,15 +12,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from onebot_control.control_loop import Divider
 from onebot_control.poses import Transform, compose
-from onebot_control.publishing import ScenePublisher
-from onebot_control.simulation import SceneBodies
-from onebot_description.description import load_description, parse_description
-from onebot_description.errors import OneBotError
+from onebot_description.description import load_description
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
-from tests.onebot_control.test_scene import BOX, WALL, part
+from tests.onebot_control.test_scene import BOX, WALL
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for
 
@@ -77,6 +72,10 @@ def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
         )
         wait_for(lambda: {"box", "odom", "base_link"} <= set(by_child(tf)), "all frames")
         assert by_child(tf)["box"].header.frame_id == "world"
+        (refused,) = peer.set_parameters(NODE, world_frame_id="map")
+        assert not refused.successful and 'are in "world"; restart the node' in refused.reason
+        (refused,) = peer.set_parameters(NODE, odom_frame_id="wall")
+        assert '"wall" is a link of the world' in refused.reason
         drive = Twist()
         drive.linear.x = 0.6
         commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
@@ -120,14 +119,3 @@ def test_a_robot_in_a_world(ros_domain: int, tmp_path: Path) -> None:
             ),
             "the box to be back",
         )
-
-
-@pytest.mark.parametrize("name", ["base_link", "left/odom"])
-def test_a_link_may_not_have_the_name_of_a_frame_of_the_robot(name: str) -> None:
-    """Or each would be where the other is, in turns."""
-    text = f'<robot name="w"><link name="world"/>{part(name)}</robot>'
-    scene = SceneBodies(parse_description(text, "w.urdf"))
-    frames = {"base_link", "left/odom"}
-    node: Any = SimpleNamespace()  # not asked for anything
-    with pytest.raises(OneBotError, match=rf'w\.urdf:1: link "{name}": .* rename the link'):
-        ScenePublisher(node, scene, "world", frames, Divider(50.0, 100.0))

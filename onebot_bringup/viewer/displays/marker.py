@@ -5,7 +5,7 @@ Rerun, with arrays that come straight from the message. What came before stays a
 goes where, so that a message of the same markers as the one before costs no work a marker.
 
 A marker that is locked to its frame lies in that frame and moves with it; any other one lies in
-the fixed frame, where it was when it came. One whose lifetime is over is removed at that time.
+the fixed frame, where its frame was at its own stamp. One whose lifetime is over is removed.
 """
 
 import time
@@ -52,6 +52,8 @@ _NOT_DRAWN = -1  # the type of a marker that is left out
 _UNIT = 0.01  # that the square of a quaternion's length may be off
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
+_STEP_NS = 1_000_000_000  # that the time goes back if the clock was set back
+_SAME_NS = 1_000_000  # between stamps that one transform serves: each marker may have its own
 _MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
 Integers = NDArray[np.integer[Any]]
@@ -75,6 +77,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
+    stamps_ns: Integers  # of their headers; 0 for none
     points: Integers  # how many
     poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
@@ -84,7 +87,6 @@ class Incoming(NamedTuple):
     @classmethod
     def of_array(cls, markers: Any) -> "Incoming":
         """Take the markers of a MarkerArray, a table."""
-        lifetimes = markers.lifetime
         return cls(
             markers.ns,
             markers.header.frame_id,
@@ -92,7 +94,8 @@ class Incoming(NamedTuple):
             markers.type,
             markers.action,
             markers.frame_locked,
-            lifetimes.sec * np.int64(1_000_000_000) + lifetimes.nanosec,
+            _nanoseconds(markers.lifetime),
+            _nanoseconds(markers.header.stamp),
             markers.points.counts,
             markers.pose.array().copy(),  # in one piece, since all that follows takes less then
             markers.scale.array().copy(),
@@ -104,10 +107,18 @@ class Incoming(NamedTuple):
     def of_single(cls, markers: Sequence[Any]) -> "Incoming":
         """Take messages of one marker each."""
         numbers = [
-            (m.id, m.type, m.action, m.frame_locked, _nanoseconds(m.lifetime), len(m.points))
-            for m in markers
+            (
+                each.id,
+                each.type,
+                each.action,
+                each.frame_locked,
+                _nanoseconds(each.lifetime),
+                _nanoseconds(each.header.stamp),
+                len(each.points),
+            )
+            for each in markers
         ]
-        ids, types, actions, locked, lifetimes, points = np.array(numbers, np.int64).T
+        ids, types, actions, locked, lifetimes, stamps, points = np.array(numbers, np.int64).T
         return cls(
             [marker.ns for marker in markers],
             [marker.header.frame_id for marker in markers],
@@ -116,6 +127,7 @@ class Incoming(NamedTuple):
             actions,
             locked,
             lifetimes,
+            stamps,
             points,
             np.array([marker.pose.array() for marker in markers]),
             np.array([marker.scale.array() for marker in markers]),
@@ -124,8 +136,9 @@ class Incoming(NamedTuple):
         )
 
 
-def _nanoseconds(duration: Any) -> int:
-    return int(duration.sec) * 1_000_000_000 + int(duration.nanosec)
+def _nanoseconds(time_: Any) -> Any:
+    """Return a time or a duration, or a table of them, in nanoseconds."""
+    return time_.sec * np.int64(1_000_000_000) + time_.nanosec
 
 
 class LayerKey(NamedTuple):
@@ -244,12 +257,13 @@ class MarkerDrawing(Drawing[MarkerLook]):
         """Draw nothing yet."""
         super().__init__(context, entity, look, color)
         self.in_arrays = False  # its messages are of many markers
-        self.problems: dict[str, str] = {}  # the first of each kind
+        self.problems: dict[str, str] = {}  # the first of each kind, which are few
         self._layers: dict[LayerKey, Layer] = {}
         self._where: dict[MarkerId, LayerKey] = {}
         self._changed: dict[str, Layer] = {}  # by entity, since they were logged
         self._plan: MarkerUpdate | None = None
         self._stamp_ns = 0  # of the last row
+        self._now_ns = 0  # of the last flush
         self._lag_ns = _NEVER  # from the stamp of a message to when it came, the least
         self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # for a transform to their frames
         self._fixed = ""  # the fixed frame
@@ -268,20 +282,34 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def flush(self) -> None:
         """Log what has come, and remove what is no longer to be seen."""
-        self._fixed = self.context.fixed_frame
+        self._fixed, now_ns = self.context.fixed_frame, self.context.now_ns()
+        if now_ns < self._now_ns - _STEP_NS:
+            self._expire(_NEVER - 1)  # what is due then would be never, or years late
+            self._lag_ns, self._now_ns = _NEVER, now_ns
         for stamp_ns, incoming in self._incoming():
-            self._lag_ns = min(self._lag_ns, self.context.now_ns() - stamp_ns)
-            self._expire(stamp_ns)
-            self._take(stamp_ns, incoming)
+            came_ns = self._received(stamp_ns, now_ns)
+            self._expire(came_ns)
+            self._take(stamp_ns, came_ns, incoming)
         tree = self.context.frames.version, self._fixed
         if self._waiting and tree != self._tree:
             waiting, self._waiting = [*self._waiting.values()], {}
-            self._take(waiting[-1][0], Incoming.of_single([message for _, message in waiting]))
+            latest_ns = max(stamp_ns for stamp_ns, _ in waiting)
+            self._take(latest_ns, now_ns, Incoming.of_single([message for _, message in waiting]))
         self._tree = tree
         if self._waiting:
             self.frame = _frame(next(iter(self._waiting.values()))[1])
-        self._expire(self.context.now_ns() - self._lag_ns)
+        self._expire(now_ns)
+        self._now_ns = now_ns
         self._repeat()
+
+    def _received(self, stamp_ns: int, now_ns: int) -> int:
+        """Return when a message of this time came, as far as can be known."""
+        if self.in_arrays:  # which have no stamp; one may be of before the clock was set back
+            return stamp_ns if stamp_ns < now_ns + _STEP_NS else now_ns
+        # It was since the last flush: at the very time that follows if it took as long as others.
+        self._lag_ns = min(self._lag_ns, max(0, now_ns - stamp_ns))
+        usual_ns = stamp_ns + self._lag_ns
+        return usual_ns if self._now_ns < usual_ns <= now_ns else now_ns
 
     def erase(self) -> None:
         """Remove what is drawn, from its last time on."""
@@ -319,16 +347,17 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     # --- what a message does ----------------------------------------------------------------------
 
-    def _take(self, stamp_ns: int, incoming: Incoming) -> None:
-        """Add, change or remove markers."""
+    def _take(self, stamp_ns: int, came_ns: int, incoming: Incoming) -> None:
+        """Add, change or remove markers, whose lifetimes begin at ``came_ns``."""
         if not incoming.spaces:
             return
         kinds = self._kinds(incoming)
         plan = self._plan_of(stamp_ns, incoming, kinds)
-        batch = self._batch(stamp_ns, incoming, kinds, plan.moved)
+        batch = self._batch(stamp_ns, came_ns, incoming, kinds, plan.moved)
         if plan is not self._plan:
             same = all(change.ids == change.layer.ids for change in plan.changes)
-            self._plan = plan if same and plan.where == self._where else None
+            known = same and plan.where == self._where and not self._waiting
+            self._plan = plan if known else None
             self._where = plan.where
         for change in plan.changes:
             change.apply(batch)
@@ -401,7 +430,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             try:
                 self._layers[key] = Layer(self.context, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
-                self._report(incoming, row, str(error))
+                self._report(incoming, row, str(error), "mesh")
                 return None
         return key
 
@@ -438,27 +467,30 @@ class MarkerDrawing(Drawing[MarkerLook]):
     def _batch(
         self,
         stamp_ns: int,
+        came_ns: int,
         incoming: Incoming,
         kinds: Integers,
         moved: Mapping[str, list[int]],
     ) -> Batch:
         """Return the markers as they are drawn."""
         poses = incoming.poses
-        if not (incoming.actions == ADD).all():
-            poses[incoming.actions != ADD] = _IDENTITY  # nobody has checked its numbers
+        drawn = (incoming.actions == ADD) & (kinds != _NOT_DRAWN)
+        if not drawn.all():
+            poses[~drawn] = _IDENTITY  # its numbers may be none
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
         if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
             self._make_unit(incoming, lengths)
-        for frame, rows in moved.items():
-            pose = self.context.frames.pose(frame, self._fixed, stamp_ns)
-            assert pose is not None
-            turn = from_rpy(to_rpy(pose[:3, :3]))
-            poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
-            poses[rows, 3:] = multiply(turn, poses[rows, 3:])
+        for frame, moving in moved.items():
+            for at_ns, rows in _by_stamp(moving, incoming.stamps_ns[moving]):
+                pose = self.context.frames.pose(frame, self._fixed, at_ns or stamp_ns)
+                assert pose is not None
+                turn = from_rpy(to_rpy(pose[:3, :3]))
+                poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
+                poses[rows, 3:] = multiply(turn, poses[rows, 3:])
         ends = np.full(len(poses), _NEVER)
         if incoming.lifetimes.any():
             limited = incoming.lifetimes > 0
-            ends[limited] = stamp_ns + incoming.lifetimes[limited]
+            ends[limited] = came_ns + incoming.lifetimes[limited]
         parts = np.full(len(poses), None)
         for row in np.flatnonzero(kinds >= LINE_STRIP).tolist():
             added = incoming.actions[row] == ADD
@@ -468,12 +500,11 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def _make_unit(self, incoming: Incoming, lengths: Floats) -> None:
         """Give quaternions the length of one; without any, as in RViz, there is no turn."""
-        turns, drawn = incoming.poses[:, 3:], incoming.actions == ADD
-        none = lengths == 0
+        turns, none = incoming.poses[:, 3:], lengths == 0
         turns[none] = (0.0, 0.0, 0.0, 1.0)
         turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
-        self._report(incoming, none & drawn, "its quaternion is zero: taken as no turn")
-        odd = (np.abs(lengths - 1.0) > _UNIT) & ~none & drawn
+        self._report(incoming, none, "its quaternion is zero: taken as no turn")
+        odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
         self._report(incoming, odd, "its quaternion is not of unit length")
 
     def _part(self, incoming: Incoming, row: int, kind: int) -> MarkerContent:
@@ -485,7 +516,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             colors = colors.repeat(3, axis=0)
         if len(colors) not in (0, len(points)):
             text = f"it has {len(colors)} colours for {len(points)} points: its own is used"
-            self._report(incoming, row, text)
+            self._report(incoming, row, text, "colours")
             colors = colors[:0]
         if not (np.abs(points) <= LARGEST).all():
             self._report(incoming, row, "its points are not finite: not drawn")
@@ -511,7 +542,8 @@ class MarkerDrawing(Drawing[MarkerLook]):
             how = KINDS.get(kind)
             if how is None:
                 if kind != _NOT_DRAWN:
-                    self._report(incoming, rows, f"its type {kind} is unknown: not drawn")
+                    text = f"its type {kind} is unknown: not drawn"
+                    self._report(incoming, rows, text, "type")
                 continue
             flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
             self._report(incoming, rows & flat, "its scale is zero")
@@ -524,20 +556,31 @@ class MarkerDrawing(Drawing[MarkerLook]):
             if incoming.messages[row].texture_resource:
                 self._report(incoming, row, "its texture is not drawn")
 
-    def _report(self, incoming: Incoming, which: Any, text: str) -> None:
-        """Keep what is wrong with a row, or with the first of a mask."""
+    def _report(self, incoming: Incoming, which: Any, text: str, kind: str = "") -> None:
+        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
+
+        Args:
+            incoming: the markers.
+            which: the row, or a mask.
+            text: what is wrong.
+            kind: where the text has what may be another with every message.
+        """
         if isinstance(which, np.ndarray):
             [*rows] = np.flatnonzero(which)[:1]
         else:
             rows = [which]
         for row in rows:
             space = printable(shortened(incoming.spaces[row]))
-            self.problems.setdefault(text, f'id {incoming.ids[row]} of "{space}": {text}')
+            self.problems.setdefault(kind or text, f'id {incoming.ids[row]} of "{space}": {text}')
 
     # --- time -------------------------------------------------------------------------------------
 
     def _expire(self, until_ns: int) -> None:
-        """Remove the markers whose lifetimes are over, each at its time."""
+        """Remove the markers whose lifetimes are over, each at its time.
+
+        Where messages are shown by their stamps, that is as much earlier as these are.
+        """
+        lag_ns = 0 if self._lag_ns == _NEVER else self._lag_ns
         while True:
             first = min((layer.first_end for layer in self._layers.values()), default=_NEVER)
             if first > until_ns or first == _NEVER:
@@ -553,7 +596,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
                     layer.set([layer.ids[slot] for slot in kept], layer.batch.at(kept))
                     self._changed[layer.entity] = layer
             self._plan = None
-            self._log(first)
+            self._log(max(first - lag_ns, self._stamp_ns))  # not before they were drawn
 
     def _log(self, stamp_ns: int) -> None:
         """Log the layers that have changed, and forget those that are empty."""
@@ -578,6 +621,17 @@ def _frame(marker: Any) -> str:
     return str(marker.header.frame_id.lstrip("/"))
 
 
+def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
+    """Yield rows that have the same stamp, about, with that of their first."""
+    parts = stamps // _SAME_NS
+    if (parts == parts[0]).all():
+        yield int(stamps[0]), rows
+        return
+    numbers, order = np.array(rows), np.argsort(parts, kind="stable")
+    for group in np.split(order, np.flatnonzero(np.diff(parts[order])) + 1):
+        yield int(stamps[group[0]]), numbers[group]
+
+
 def _all_of(space: str, *known: Mapping[MarkerId, object]) -> list[MarkerId]:
     """Return the markers of a namespace; of all if it is "", as in RViz."""
     return [marker for each in known for marker in each if space in ("", marker[0])]
@@ -597,7 +651,7 @@ def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
             found[row] = MeshVariant(uri, None if own else int(rgba(colors)[0]))
         else:
             given = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
-            found[row] = int(rgba(given)[0]) & 255
+            found[row] = int(rgba(np.where(np.isnan(given), colors, given))[0]) & 255
     return found
 
 
