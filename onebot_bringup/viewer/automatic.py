@@ -90,6 +90,7 @@ def _is_hidden(topic: str) -> bool:
 
 # How much of its time the viewer may spend on one display, and seconds that it may save up.
 _SHARE, _SAVED = 0.25, 0.5
+_FADING, _FEW = 0.7, 0.1  # of the messages whose cost is known: what is left after each call
 _BYTES_PER_SECOND = 400e6  # that Rerun copies, encodes and sends on in threads of its own
 
 
@@ -102,7 +103,7 @@ class LoadLimit:
     def __init__(self) -> None:
         """Begin with some time saved up."""
         self._left = _SAVED  # seconds
-        self._cost = 0.0  # of a message, seconds
+        self._seconds = self._messages = 0.0  # that were spent on how many, of late
         self._at: float | None = None
         self._bytes = 0
         self._count = 0
@@ -117,7 +118,8 @@ class LoadLimit:
 
     def admit(self, messages: Sequence[T], sizes: Iterable[int]) -> Sequence[T]:
         """Return the newest messages that there is time for, one at least."""
-        most = max(1, int(self._left / self._cost)) if self._cost else len(messages)
+        cost = self._seconds / self._messages if self._messages else 0.0
+        most = max(1, int(self._left / cost)) if cost else len(messages)
         self.dropped += max(0, len(messages) - most)
         admitted = messages[-most:]
         self._count += len(admitted)
@@ -125,9 +127,13 @@ class LoadLimit:
         return admitted
 
     def spent(self, seconds: float) -> None:
-        """Take the time that the messages admitted have taken."""
-        if self._count:
-            seconds += self._bytes / _BYTES_PER_SECOND
-            self._left -= seconds
-            self._cost = seconds / self._count
+        """Take the time that the messages admitted have taken, or those of a moment ago.
+
+        Some wait for a transform.
+        """
+        seconds += self._bytes / _BYTES_PER_SECOND
+        self._left -= seconds
+        if self._count or self._messages > _FEW:
+            self._seconds = _FADING * self._seconds + seconds
+            self._messages = _FADING * self._messages + self._count
         self._bytes = self._count = 0

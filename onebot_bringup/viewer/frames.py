@@ -3,7 +3,7 @@
 import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -17,6 +17,8 @@ _MOST_BLOCKS = 512
 _MOST_ROWS = 100_000  # of all blocks
 _MOST_COMPARED = 500  # names
 _HISTORY_NS, _MOST_KEPT = 10_000_000_000, 1000  # of messages, as long as tf2 keeps them
+_FOR_EVER = np.iinfo(np.int64).max
+_LATE_NS = 1_000_000_000  # that a message may be older than one before it
 
 
 class Transforms(Protocol):
@@ -42,6 +44,10 @@ class Edge(NamedTuple):
     rotation: Floats
 
 
+def _stamp_ns(message: Transforms) -> int:
+    return int(message.stamps_ns[0])
+
+
 class _Block:
     """Frames that came in one message, and are likely to come together again."""
 
@@ -53,12 +59,15 @@ class _Block:
         self.history: deque[Transforms] = deque(maxlen=_MOST_KEPT)
 
     def record(self, messages: Iterable[Transforms]) -> None:
-        """Keep messages, of which the last is the latest."""
+        """Keep messages, in the order of their stamps."""
         history = self.history
         for message in messages:
-            if history and message.stamps_ns[0] < history[-1].stamps_ns[0]:
+            late_ns = history[-1].stamps_ns[0] - message.stamps_ns[0] if history else 0
+            if late_ns > _LATE_NS:
                 history.clear()  # the clock was set back
             history.append(message)
+            if 0 < late_ns <= _LATE_NS:
+                self.history = history = deque(sorted(history, key=_stamp_ns), _MOST_KEPT)
         while len(history) > 1 and history[-1].stamps_ns[0] - history[0].stamps_ns[0] > _HISTORY_NS:
             history.popleft()
 
@@ -105,7 +114,7 @@ class FrameTree:
         children: Iterable[str],
         translations: Floats,
         rotations: Floats,
-        history: Iterable[Transforms] = (),
+        history: Sequence[Transforms] = (),
     ) -> None:
         """Add transforms, one row each; a later row of the same child wins.
 
@@ -116,8 +125,8 @@ class FrameTree:
             children: the frames.
             translations: (N, 3), metres.
             rotations: (N, 4), x y z w.
-            history: messages of these names with their times, up to this one; none if they are
-                static.
+            history: messages of these names with their times, of which the last is this one; none
+                if they are static.
         """
         known = self._blocks.get((id(parents), id(children)))
         block = known[2] if known is not None and known[2].whole else None
@@ -126,7 +135,10 @@ class FrameTree:
             if known is not None:
                 block.history = known[2].history
         block.translations, block.rotations = translations, rotations
-        block.record(history)
+        if history:
+            block.record(history)
+            latest = block.history[-1]  # which may have come before
+            block.translations, block.rotations = latest.translations, latest.rotations
 
     def _remember(self, parents: Iterable[str], children: Iterable[str]) -> _Block:
         block = _Block(parents, children)
@@ -213,6 +225,19 @@ class FrameTree:
         ways = self._from_top(fixed, time_ns), self._from_top(frame, time_ns)
         pose: Floats = np.linalg.solve(*ways).astype(float)
         return pose
+
+    def known_until(self, frame: str) -> int:
+        """Return the time (ns) up to which all transforms above ``frame`` have come.
+
+        Static ones are known for ever.
+        """
+        until, top = _FOR_EVER, self.top(frame)
+        while frame != top:
+            block, row = self._places[frame]
+            if block.history:
+                until = min(until, int(block.history[-1].stamps_ns[row]))
+            frame = block.parents[row]
+        return until
 
     def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
         """Return the (4, 4) poses in ``fixed`` of those ``frames`` that are connected to it."""

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import rerun as rr
 from std_msgs.msg import String
@@ -29,7 +29,7 @@ from onebot_bringup.viewer.displays.display import (
     one_by_one,
 )
 from onebot_bringup.viewer.displays.message_display import MessageDisplay
-from onebot_bringup.viewer.displays.tf import TransformStream
+from onebot_bringup.viewer.displays.tf import TF, TransformStream
 from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.shown_robot import RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
@@ -114,7 +114,7 @@ class RobotView:
         self._robots = [self._shown(one) for one in robots]
         self._world = ShownRobot(_WORLD, self._context(_WORLD, "world"), ())
         contexts = [shown.context for shown in self._robots]
-        whole = self._context(RobotToShow(), "")
+        self._whole = whole = self._context(RobotToShow(), "")
         self._of_all = [
             display(whole, *contexts) if issubclass(display, MessageDisplay) else display(*contexts)
             for display in DISPLAYS
@@ -256,10 +256,10 @@ class RobotView:
         """
         warnings = self._update(now_ns)
         # To see whether the layout is another takes as long as a scan.
-        tree = self.frames.version, self._changed
-        if tree == self._laid_out_of and 0 < now_ns - self._laid_out_ns < SELDOM:
+        tree, steady_ns = (self.frames.version, self._changed), self._steady_ns(now_ns)
+        if tree == self._laid_out_of and 0 < steady_ns - self._laid_out_ns < SELDOM:
             return warnings
-        self._laid_out_ns, self._laid_out_of = now_ns, tree
+        self._laid_out_ns, self._laid_out_of = steady_ns, tree
         if self.robot is None:
             return warnings + self._show_without_robot()
         wanted = self._wanted_frame
@@ -286,7 +286,7 @@ class RobotView:
         return self._warnings.once(dict.fromkeys(late)) + hints
 
     def _display_warnings(self) -> list[str]:
-        late = [self._stamps.warning] if self._stamps.warning else []
+        late = [*self._stamps.warnings.values()]
         for shown in self._active:
             late += shown.warnings()
         return late
@@ -315,11 +315,19 @@ class RobotView:
         warnings = self._update_robot()
         if now_ns is not None:
             self._now_ns = self._stamps.display_time(0, now_ns)
-        due = [shown for shown in self._active if shown.is_due(now_ns)]
+            steady_ns = self._steady_ns(now_ns)
+            due = [shown for shown in self._active if shown.is_due(now_ns, steady_ns)]
+        else:
+            self._whole.transform_timeout_ns = 0
+            due = self._active
         self._deliver(due)
         for shown in due:
             shown.flush()
         return warnings
+
+    def _steady_ns(self, now_ns: int) -> int:
+        """Return a time that goes on while simulated time stands still, nanoseconds."""
+        return int(self._clock() * 1e9) if self._live else now_ns
 
     def _deliver(self, due: Sequence["_Shown"]) -> None:
         """Decode the messages of the displays that are due, and pass them on."""
@@ -341,8 +349,9 @@ class RobotView:
         self, topic: str, kind: MessageType[Any], messages: Sequence[bytes], times: Sequence[int]
     ) -> list[tuple[int, Any]]:
         found = kind.decode(messages, lambda error: self._report(topic, error))
+        source = StampSource(topic, kind.live, kind is TF)
         return [
-            (self._stamps.display_time(kind.stamp_ns(message), time_ns, live=kind.live), message)
+            (self._stamps.display_time(kind.stamp_ns(message), time_ns, source), message)
             for message, time_ns in zip(found, times, strict=True)
             if message is not None
         ]
@@ -605,14 +614,15 @@ class _Shown:
 
     display: Display[Any]
     limit: LoadLimit | None = None
-    flushed_ns: int | None = None
+    flushed_ns: tuple[int, ...] = ()
 
-    def is_due(self, now_ns: int | None) -> bool:
-        """Whether it is time to flush it, which is noted; at None it always is."""
-        last, period = self.flushed_ns, self.display.period_ns
-        if now_ns is not None and last is not None and abs(now_ns - last) < period:
+    def is_due(self, *now_ns: int) -> bool:
+        """Whether it is time to flush it by one of several clocks; if so, that is noted."""
+        period = self.display.period_ns
+        times = zip(now_ns, self.flushed_ns, strict=False)
+        if self.flushed_ns and all(abs(now - last) < period for now, last in times):
             return False
-        if now_ns is not None and self.limit is not None and not self.limit.ready(time.monotonic()):
+        if self.limit is not None and not self.limit.ready(time.monotonic()):
             return False
         self.flushed_ns = now_ns
         return True
@@ -635,37 +645,59 @@ class _Shown:
         ]
 
 
+class StampSource(NamedTuple):
+    """Whose stamps they are."""
+
+    topic: str
+    live: bool  # they are the times when the messages were sent
+    is_tf: bool
+
+
 class Stamps:
     """Chooses the time at which a message is shown: its stamp, or without one the receive time.
 
-    Messages without a stamp get the receive time, shifted to simulated time if the other stamps
-    differ from it by more than 10 s. So do those from the future: one that is shown years ahead
-    would hold there the viewer that follows the latest.
+    Messages without a stamp get the receive time, shifted to simulated time if the stamps of /tf,
+    or before there is any those of others, differ from it by more than 10 s. So do those from the
+    future: one that is shown years ahead would hold there the viewer that follows the latest.
     """
 
     def __init__(self) -> None:
         """Begin without a shift."""
+        self.warnings: dict[str, str] = {}  # of a wrong clock, by topic
         self._shift = 0  # ns, from the receive time to the time of the stamps
-        self.warning = ""  # that a stamp was of the future
+        self._has_tf = False
+        self._other_since: dict[str, int] = {}  # of each topic, while its clock is another (ns)
 
-    def display_time(self, stamp_ns: int, time_ns: int, *, live: bool = True) -> int:
+    def display_time(self, stamp_ns: int, time_ns: int, source: StampSource | None = None) -> int:
         """Return the time, nanoseconds.
 
         Args:
             stamp_ns: of the header; 0 for none.
             time_ns: when it was received.
-            live: the stamp is the time when it was sent.
+            source: whose stamp it is; not needed without one.
         """
         if SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
             ahead = f"{(stamp_ns - time_ns) * 1e-9:.0f} s ahead of their receive time"
-            self.warning = self.warning or f"stamps {ahead} are ignored: is a clock wrong?"
+            self.warnings.setdefault("", f"stamps {ahead} are ignored: is a clock wrong?")
             stamp_ns = 0
         if not stamp_ns:
             return time_ns + self._shift
-        if live:
-            shift = stamp_ns - time_ns
-            self._shift = shift if abs(shift) > OTHER_CLOCK_NS else 0
+        if source is not None and source.live:
+            self._compare(stamp_ns - time_ns, time_ns, source)
         return stamp_ns
+
+    def _compare(self, shift: int, time_ns: int, source: StampSource) -> None:
+        """Set the shift, or compare another with it."""
+        if source.is_tf or not self._has_tf:
+            self._has_tf = source.is_tf
+            self._shift = shift if abs(shift) > OTHER_CLOCK_NS else 0
+        elif abs(shift - self._shift) <= OTHER_CLOCK_NS:
+            self._other_since.pop(source.topic, None)
+        elif time_ns - self._other_since.setdefault(source.topic, time_ns) > WARN_AFTER * 1e9:
+            self.warnings[source.topic] = (
+                f"the stamps of {source.topic} are {shift * 1e-9:.0f} s from their receive time, "
+                f"those of /tf {self._shift * 1e-9:.0f} s: is a clock wrong?"
+            )
 
 
 class WarningFilter:

@@ -321,6 +321,8 @@ def test_nothing_is_dropped(tmp_path):
 def test_a_topic_in_several_frames(tmp_path):
     """Each message is drawn in its own frame, also when others are drawn later."""
     with OtherRobot(tmp_path / "bag") as robot:
+        for child in ("left", "right"):
+            robot.write("/tf", transform("map", child, 0.0, 0.0), 0.0)
         for step in range(40):
             robot.write("/plan", path(0, step), step / 10, frame="left" if step % 2 else "right")
     replayed = Replayed(tmp_path / "bag")

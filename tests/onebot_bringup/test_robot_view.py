@@ -7,7 +7,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import Header, String
 
 from onebot_bringup.viewer.display_server import open_recording
@@ -36,8 +36,8 @@ class Shown:
     def _report(self, topic: str, error: Exception) -> None:
         self.bad.append((topic, str(error)))
 
-    def take_tf(self, data: bytes) -> None:
-        self.view.take("/tf", "tf2_msgs/msg/TFMessage", data, NOW)
+    def take_tf(self, data: bytes, time_ns: int = NOW) -> None:
+        self.view.take("/tf", "tf2_msgs/msg/TFMessage", data, time_ns)
 
     def take_joints(self, data: bytes, time_ns: int = NOW) -> None:
         self.view.take("joint_states", "sensor_msgs/msg/JointState", data, time_ns)
@@ -136,6 +136,23 @@ def test_what_has_no_time_is_shown_in_the_simulated_time_of_the_others(tmp_path)
     shown.take_joints(_joints(2.0, 0), NOW + 7)
     shown.end()
     assert _times(shown.file, "/joints/position/0") == [5 * SECOND, 5 * SECOND + 7]
+
+
+def test_one_sensor_with_another_clock_moves_nothing_else(tmp_path):
+    """What has no time is shown at that of /tf; after a while the sensor is reported."""
+    shown, said = Shown(tmp_path), []
+    for second in range(6):
+        now = NOW + second * SECOND
+        shown.take_tf(_tf("tip", 1.0, now // SECOND), now)
+        scan = LaserScan(header=Header(stamp=Time(sec=7 + second), frame_id="tip"))
+        shown.view.offer({"/scan": "sensor_msgs/msg/LaserScan"})
+        shown.view.take("/scan", "sensor_msgs/msg/LaserScan", bytes(serialize_message(scan)), now)
+        shown.take_joints(_joints(1.0, 0), now)
+        said += shown.view.tick(now)
+    shown.end()
+    assert _times(shown.file, "/joints/position/0") == [NOW + n * SECOND for n in range(6)]
+    [text] = [text for text in said if "clock" in text]
+    assert text.startswith("the stamps of /scan are -17000") and "those of /tf 0 s" in text
 
 
 def test_a_stamp_in_the_future_is_shown_when_it_came(tmp_path):

@@ -111,8 +111,8 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     """It is said once, and the last message is shown."""
     for name in ("_SHARE", "_SAVED"):
         monkeypatch.setattr(f"onebot_bringup.viewer.automatic.{name}", 1e-9)
-    recording = open_recording(save=tmp_path / "x.rrd")
-    live = RobotView(recording.stream, live=True)
+    recording, now = open_recording(save=tmp_path / "x.rrd"), [0.0]
+    live = RobotView(recording.stream, live=True, clock=lambda: now[0])
     describe(live, ARM)
     take_tf(live, transforms("base", "tip", 0.5))
     live.offer({"/plan": PATH})
@@ -120,6 +120,7 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     for number in range(400):
         take(live, "/plan", _path(float(number)))
         if number % 100 == 99:
+            now[0] = float(number)
             said += live.tick(START_NS + number * 10**9)
     live.finish()
     recording.close()

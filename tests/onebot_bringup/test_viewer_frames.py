@@ -151,6 +151,16 @@ def test_a_pose_at_a_time():
     np.testing.assert_allclose(laser(1.5), [9, 0])  # the clock was set back
 
 
+def test_a_transform_that_comes_late_takes_its_place_in_the_history():
+    """The latest is that of the latest stamp, as in tf2."""
+    tree, names = FrameTree(), (["odom"], ["base"])
+    for seconds in (1.0, 2.0, 3.0, 2.5, 4.0, 3.5):
+        _moved(tree, *names, (seconds, 10 * seconds, NO_TURN))
+    for seconds, x in ((0, 40), (1.5, 15), (2.25, 22.5), (3.25, 32.5)):
+        assert tree.pose("base", "odom", int(seconds * 1e9))[0, 3] == pytest.approx(x)
+    assert tree.known_until("base") == 4e9
+
+
 def test_the_history_is_bounded():
     """By time, and by the number of messages."""
     tree, names = FrameTree(), (["odom"], ["base"])

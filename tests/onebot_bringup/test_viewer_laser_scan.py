@@ -53,21 +53,81 @@ def test_ranges_are_points_around_the_sensor(tmp_path):
     np.testing.assert_array_equal(times, [START_NS, START_NS + 7000])
 
 
+class Moving:
+    """A sensor "tip" that moves at 2 m/s along y of odom."""
+
+    def __init__(self, folder):
+        self._recording, self._file = open_recording(save=folder / "x.rrd"), folder / "x.rrd"
+        self._now, view = 0.0, parse_view("fixed_frame: odom")
+        self.view = RobotView(self._recording.stream, view, clock=lambda: self._now, live=True)
+        self.view.offer({"/scan": "sensor_msgs/msg/LaserScan"})
+
+    def move(self, seconds):
+        """Publish its transforms at a time."""
+        at = START_NS + round(seconds * 1e9)
+        take_tf(self.view, transforms("odom", "base", seconds * 2.0, at))
+        take_tf(self.view, transforms("base", "tip", 1.0, at))
+
+    def scan(self, seconds, frame="tip"):
+        """Publish a scan of that time."""
+        take(self.view, "/scan", scan(frame=frame, at=round(seconds * 1e9)))
+
+    def tick(self, seconds):
+        """Show what has come until then; returns the warnings."""
+        self._now = seconds
+        return self.view.tick(START_NS + round(seconds * 1e9))
+
+    def end(self):
+        """Returns the file with all that was logged."""
+        self.view.finish()
+        self._recording.close()
+        return self._file
+
+
 def test_points_stay_where_they_were_measured(tmp_path):
     """By the transform at the time of the message, whatever comes before it is logged."""
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = RobotView(recording.stream, parse_view("fixed_frame: odom"))
-    view.offer({"/scan": "sensor_msgs/msg/LaserScan"})
-    for second in range(3):
-        at = START_NS + second * 10**9
-        take_tf(view, transforms("odom", "base", second * 2.0, at))
-        take_tf(view, transforms("base", "tip", 1.0, at))
-    take(view, "/scan", scan(frame="tip", at=500_000_000))
-    view.finish()
-    recording.close()
-    file = tmp_path / "x.rrd"
+    moving = Moving(tmp_path)
+    for seconds in range(3):
+        moving.move(seconds)
+    moving.scan(0.5)
+    file = moving.end()
     np.testing.assert_allclose(points(file), [[(0, 1, 0), (2, 2, 0)]], atol=1e-6)
     assert column(file, ENTITY, "CoordinateFrame:frame") == [["odom"]]
+
+
+def test_a_scan_newer_than_the_transforms_waits_for_the_next(tmp_path):
+    """A moment only: the second is drawn by those that there are, and the last at the end."""
+    moving = Moving(tmp_path)
+    for seconds in (0.0, 0.1):
+        moving.move(seconds)
+    moving.scan(0.15)
+    moving.tick(0.16)
+    moving.move(0.2)
+    moving.scan(0.3)
+    for seconds in (0.31, 0.55):
+        moving.tick(seconds)
+    moving.move(0.6)
+    moving.scan(0.65)
+    moving.tick(0.66)
+    first = [rows[0, 1] for rows in points(moving.end())]
+    np.testing.assert_allclose(first, [0.3, 0.4, 1.2], atol=1e-6)
+
+
+def test_scans_in_two_frames_are_placed_by_the_transforms_of_the_same_tick(tmp_path):
+    """All that has come is in the tree before any is drawn; one in an unknown frame is not."""
+    moving = Moving(tmp_path)
+    moving.move(0.0)
+    moving.tick(0.0)
+    moving.move(0.5)
+    for frame in ("tip", "nowhere", "base"):
+        moving.scan(0.5, frame)
+    said = moving.tick(0.5)
+    file = moving.end()
+    placed = [*points(file), *points(file, f"{ENTITY}/_1")]
+    np.testing.assert_allclose([rows[0, 1] for rows in placed], [1.0, 0.0], atol=1e-6)
+    assert [text for text in said if '"nowhere"' in text] == [
+        'laser scan "/scan": messages in "nowhere" are not shown'
+    ]
 
 
 def test_ranges_that_are_none_are_left_out(tmp_path):

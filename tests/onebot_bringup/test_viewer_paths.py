@@ -58,8 +58,9 @@ def _begun(tmp_path, view=VIEW, **options):
     describe(live, ARM)
     take_tf(live, transforms("base", "tip", 0.5))
 
-    def end():
-        live.finish()
+    def end(finish=True):
+        if finish:
+            live.finish()
         recording.close()
         return tmp_path / "x.rrd"
 
@@ -70,6 +71,31 @@ def _lines(file, name="plan"):
     """The line of each row, (N, 3); None for none."""
     rows = column(file, f"/path/{name}", "LineStrips3D:strips")
     return [np.array(row[0]) if row else None for row in rows]
+
+
+def test_a_path_is_drawn_while_simulated_time_stands_still(tmp_path):
+    """As when the simulation is paused: paths are drawn some times a second of whatever clock."""
+    now = [0.0]
+    live, end = _begun(tmp_path, clock=lambda: now[0], live=True)
+    live.tick(START_NS)
+    take(live, "/plan", path(LINE))
+    for _ in range(10):
+        now[0] += 0.05
+        live.tick(START_NS)
+    assert len(_lines(end(finish=False))) == 1
+
+
+def test_a_new_topic_does_not_recolour_the_others(tmp_path):
+    """Each keeps its colour, whatever the names."""
+    live, end = _begun(tmp_path, "")
+    for offered in ({"/plan": PATH}, {**OFFERED, "/a": PATH}):
+        live.offer(offered)
+        for topic in offered:
+            take(live, topic, path(LINE))
+        live.tick(START_NS)
+    file = end()
+    colors = [column(file, f"/path{topic}", "LineStrips3D:colors") for topic in ("/plan", "/a")]
+    assert len(colors[0]) == 1 and colors[0] != colors[1]
 
 
 def test_a_path_is_a_line_at_its_own_time(tmp_path):

@@ -268,6 +268,7 @@ class Context:
         self.frames = frames
         self.transforms = transforms
         self.clock = clock
+        self.transform_timeout_ns = 200_000_000  # that a message waits for newer transforms
         self.robot: Description | None = None
         self.fitting_length = 0.0  # of axes and arcs, metres, by the robot's size; 0: not known yet
         self.axes_lengths: Mapping[str, float] = {}  # of the frames of links, by the links' sizes
@@ -408,7 +409,8 @@ class ItemsDisplay(Display[S], Generic[S, I]):
         """Draw nothing yet."""
         super().__init__(context)
         self.items: dict[str, I] = {}
-        self._made_of: dict[str, object] = {}
+        self._made_of: dict[str, tuple[Any, Color]] = {}
+        self._colors: dict[str, Color] = {}
         self._topics: dict[str, WantedTopic] = {}
         self._waiting_since: dict[str, float] = {}
 
@@ -430,14 +432,17 @@ class ItemsDisplay(Display[S], Generic[S, I]):
 
     def apply(self, settings: S) -> None:
         """Keep the items that stay as they are, and make the others anew."""
-        made_of: dict[str, object] = {}
+        made_of: dict[str, tuple[Any, Color]] = {}
         items: dict[str, I] = {}
         self._topics = {}
-        for index, (name, (topic, of)) in enumerate(self.wanted(settings).items()):
-            color = COLORS[index % len(COLORS)]
-            made_of[name] = (of, color)
+        wanted = self.wanted(settings)
+        self._colors = {name: self._colors[name] for name in wanted if name in self._colors}
+        for name, (topic, of) in wanted.items():
+            if name not in self._colors:  # others keep theirs, whatever is published besides
+                self._colors[name] = min(COLORS, key=[*self._colors.values()].count)
+            made_of[name] = (of, self._colors[name])
             same = self._made_of.get(name) == made_of[name]
-            items[name] = self.items[name] if same else self.make(name, of, color)
+            items[name] = self.items[name] if same else self.make(name, *made_of[name])
             self._topics[name] = self.subscription(topic, of)
         self._made_of, self.items = made_of, items
 

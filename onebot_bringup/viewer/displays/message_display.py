@@ -25,6 +25,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass, replace
+from itertools import groupby
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -146,8 +147,8 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
 
     def flush(self) -> None:
         """Log what has come; of what waits for a transform the last messages are kept."""
-        super().flush()
         for drawing in self.items.values():
+            drawing.flush()
             drawing.keep(_DEPTH_HEAVY if self.heavy else _DEPTH)
 
     def layout(self) -> LayoutPart:
@@ -196,6 +197,7 @@ class TopicView(ABC):
 
 _MOST_FRAMES = 99  # with entities of their own
 _DEPTH, _DEPTH_HEAVY = 100, 5  # messages that wait in DDS, or for a transform
+_MOST_AWAITED_NS = 1_000_000_000  # from one transform to the next, if the next is waited for
 
 
 class Drawing(Generic[L]):
@@ -205,6 +207,7 @@ class Drawing(Generic[L]):
     """
 
     stamped: ClassVar[bool] = True  # its messages have a header, whose frame it is in
+    placed: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
     # Logged again from time to time, where messages come seldom: see REPEAT_AFTER.
     repeated: ClassVar[bool] = False
     waiting: ClassVar[int | None] = None  # the most messages drawn by a flush; None: all
@@ -219,13 +222,14 @@ class Drawing(Generic[L]):
             color: one of ours, where the look has none.
         """
         self.context, self.entity, self.look, self.color = context, entity, look, color
-        self.frame = ""  # in which all of it lies, and without which it waits; "" if in none
+        self.frame = ""  # of the newest message, or of the one that is drawn; "" if in none
         self.stamp_ns = 0  # of the message that is drawn
         self.problem = ""  # of the first message that could not be drawn
         self._pending: deque[tuple[int, Any]] = deque(maxlen=self.waiting)
         self._last: tuple[int, Any] | None = None  # drawn
         self._drawn_at = 0.0
         self._in_frame = ""  # that the entity drawn at is in
+        self._frame_before = ""  # of the message that was logged, or waited, last
         self._entities: dict[str, str] = {}  # by frame
 
     @abstractmethod
@@ -263,48 +267,83 @@ class Drawing(Generic[L]):
     def add(self, stamp_ns: int, message: Any) -> None:
         """Add a message, to be logged by ``flush``."""
         if self.stamped:
-            frame = message.header.frame_id.lstrip("/")
-            if frame not in ("", self.frame):
-                if self._pending:
-                    self.flush()  # in the frame that they are in
-                self.frame = frame
-        if self.frame or not self.stamped:
-            self._pending.append((stamp_ns, message))
-        else:
-            self.problem = self.problem or "its header has no frame_id"
+            self.frame = _frame(message) or self.frame
+            if not self.frame:
+                self.problem = self.problem or "its header has no frame_id"
+                return
+        self._pending.append((stamp_ns, message))
 
     def flush(self) -> None:
-        """Log what has come; where that is seldom, from time to time the last message again."""
-        now = time.monotonic()
+        """Log what can be shown now; where that is seldom, from time to time the last one again.
+
+        The others wait for a transform until a newer message is shown.
+        """
         if not self._pending:
-            again = self.repeated and self._last and now - self._drawn_at > REPEAT_AFTER
+            again = self.repeated and time.monotonic() - self._drawn_at > REPEAT_AFTER
             if not again or self._last is None:
                 return
             self._pending.append(self._last)
-        self._drawn_at = now
-        frame = self.drawn_in()
-        if self._in_frame != frame or not self._entities:
-            self._move(frame)
+        pending, waits_in = [*self._pending], ""
+        self._pending.clear()
+        for frame, run in groupby(pending, self._frame_of):
+            messages = [*run]
+            due = self._due(frame, messages)
+            if due:
+                if self._pending:
+                    self.problem = self.problem or f'messages in "{waits_in}" are not shown'
+                    self._pending.clear()
+                self._draw_in(frame, messages[:due])
+            if messages[due:]:
+                self._pending.extend(messages[due:])
+                self.frame = waits_in = frame
+
+    def _frame_of(self, pending: tuple[int, Any]) -> str:
+        """Return the frame of a message: without one, as of an empty path, that of the last."""
+        if self.stamped:
+            self._frame_before = _frame(pending[1]) or self._frame_before
+        return self._frame_before
+
+    def _due(self, frame: str, messages: Sequence[tuple[int, Any]]) -> int:
+        """Return how many of ``messages`` can be shown: transforms lead from their frame.
+
+        Those newer than the last transform wait for the next one a moment, as in RViz.
+        """
+        if frame and not self.context.connected(frame):
+            return 0
+        due, now_ns = len(messages), self.context.now_ns()
+        known_ns = self.context.frames.known_until(frame) if self.placed else 0
+        while due and 0 < messages[due - 1][0] - known_ns < _MOST_AWAITED_NS:
+            if not 0 <= now_ns - messages[due - 1][0] < self.context.transform_timeout_ns:
+                break
+            due -= 1
+        return due
+
+    def _draw_in(self, frame: str, messages: Sequence[tuple[int, Any]]) -> None:
+        """Log messages that are in one frame."""
+        self._drawn_at = time.monotonic()
+        self.frame = frame or self.frame
+        drawn_in = self.drawn_in()
+        if self._in_frame != drawn_in or not self._entities:
+            self._move(drawn_in, messages[0][0])
         rows = []
-        for stamp_ns, message in self._pending:
+        for stamp_ns, message in messages:
             self.stamp_ns = stamp_ns
             try:
                 rows.append((stamp_ns, self.draw(message)))
             except ValueError as error:
                 self.problem = self.problem or str(error)
-        self.context.log_rows(self._entities[frame], [row for row in rows if row[1]])
-        self._last = self._pending[-1]
-        self._pending.clear()
+        self.context.log_rows(self._entities[drawn_in], [row for row in rows if row[1]])
+        self._last = messages[-1]
 
     def keep(self, most: int) -> None:
         """Drop the oldest messages that were not drawn, but for so many."""
         while len(self._pending) > most:
             self._pending.popleft()
 
-    def _move(self, frame: str) -> None:
-        """Draw in a frame from the next message on, in place of what is drawn in another."""
+    def _move(self, frame: str, stamp_ns: int) -> None:
+        """Draw in a frame from a time on, in place of what is drawn in another."""
         if self._entities:
-            self.log(self._pending[0][0], rr.Clear(recursive=True))
+            self.log(stamp_ns, rr.Clear(recursive=True))
         if frame not in self._entities:
             if len(self._entities) > _MOST_FRAMES:
                 self._entities.popitem()
@@ -334,9 +373,14 @@ class Drawing(Generic[L]):
 
     def replace(self, before: "Drawing[L]") -> None:
         """Draw anew what another look has drawn, and what it waited with."""
-        self.frame, self._entities = before.frame, before._entities
+        self.frame = self._frame_before = before.frame
+        self._entities = before._entities
         self._pending.extend([before._last] if before._last is not None else [])
         self._pending.extend(before._pending)
+
+
+def _frame(message: Any) -> str:
+    return str(message.header.frame_id.lstrip("/"))
 
 
 def topic_entity(key: str, topic: str) -> str:

@@ -71,6 +71,7 @@ class PointsDrawing(Drawing[PointsLook]):
     """Draws the points of one topic."""
 
     order: ClassVar[Sequence[str]]  # of the transformers that auto takes
+    placed = True
     few: ClassVar[bool] = False  # points: to transform them costs less than to log where they are
 
     @abstractmethod
