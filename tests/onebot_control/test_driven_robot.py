@@ -84,6 +84,11 @@ SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description
         ({"left_wheel_names": ["arm"], **SET}, 'left_wheel_names: .*no joint "arm" that turns'),
         ({"right_wheel_names": ["arm"], **SET}, 'right_wheel_names: .*no joint "arm" that turns'),
         ({"right_wheel_names": ["caster_joint"]}, 'no joint "caster_joint" that turns'),
+        ({"wheel_radius": 1e-320}, "left_radius must be at least 1e-06 m, not 9.99989e-321 m"),
+        (
+            {"wheel_separation": 1e-200, "wheel_separation_multiplier": 1e-200},
+            "separation must be at least 1e-06 m, not 0 m",
+        ),
     ],
 )
 def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: str) -> None:
