@@ -410,6 +410,48 @@ def test_the_command_key_lets_go(peer: Peer, page: Page) -> None:
         wait_to_stop(page, heard)
 
 
+def test_what_takes_the_keys_lets_go(peer: Peer, page: Page) -> None:
+    """A menu, a list or a drag swallows the key's release; a finger that rests opens no menu."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    robots = [peer.node.create_subscription(Twist, f"/{n}/cmd_vel", print, 1) for n in "ab"]
+
+    def ask(selector: str, event: str) -> None:
+        page.driver.execute_script(
+            "document.querySelector(arguments[0]).dispatchEvent("
+            "new MouseEvent(arguments[1], {bubbles: true, cancelable: true}))",
+            selector,
+            event,
+        )
+
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        wait_for(lambda: page.find("#robot select").is_displayed(), "the list of robots")
+        for take in (
+            lambda: page.act().context_click(page.find("#view")).perform(),
+            lambda: page.act().move_to_element(page.find("#robot select")).click().perform(),
+            lambda: ask("#readout", "dragstart"),
+        ):
+            page.drive_by_keys("w", moving(heard))
+            take()
+            wait_to_stop(page, heard)
+            assert page.said()[-1] == "release" and page.body("hand") == ""
+            page.release_keys("w")
+            page.act().send_keys(Keys.ESCAPE).perform()
+            page.find("#view").click()
+        controls = {"#pad": (0, -60), "#linear input": (0, -60), "#linear [name=plus]": (0, 0)}
+        for selector, (right, down) in controls.items():
+            page.drive_by_mouse(selector, right, down, moving(heard))
+            releases = page.said().count("release")
+            ask(selector, "contextmenu")
+            page.wait_for_states(3)
+            assert page.said().count("release") == releases, "no menu opens there"
+            ask("#view", "contextmenu")
+            wait_to_stop(page, heard)
+            page.let_go()
+    for robot in robots:
+        peer.node.destroy_subscription(robot)
+
+
 def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer: Peer, page: Page) -> None:
     """Wherever the focus is, with Ctrl too; what is held has to be let go first."""
     heard = peer.hear(Twist, TOPIC, 1000)
