@@ -180,6 +180,7 @@ class SteeringPage(Node):
         self._arbiter = ThreadSafeArbiter(settings.limits(()), self._commands.publish)
         self._view = ViewProxy()
         self._rejected = 0
+        self._timeouts = 0  # of drivers, that were logged
         self._tools = ToolPublishers(self)
         self._ground = Ground(self, self._odometry)
         self._thread = OtherThread(self)
@@ -270,9 +271,9 @@ class SteeringPage(Node):
         )
 
     def _check_driver(self) -> None:
-        timeouts = self._arbiter.timeouts
         self._arbiter.check_timeout()
-        if self._arbiter.timeouts > timeouts:
+        if self._timeouts != self._arbiter.timeouts:
+            self._timeouts = self._arbiter.timeouts
             self.get_logger().warning(
                 "stopped: no message from the page that drives", throttle_duration_sec=_WARN_EVERY
             )
