@@ -280,6 +280,7 @@ BEGINNINGS = (
     "",
     "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ",
     "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\n{",
+    "POST /tools/click HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\n{",
     "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
 )
 
@@ -292,7 +293,7 @@ def test_connections_that_do_nothing_end_and_lock_nobody_out(peer):
         for number in range(300):
             one = opened.enter_context(socket.create_connection(("127.0.0.1", port), 60.0))
             with suppress(ConnectionError):
-                one.sendall(BEGINNINGS[number % 4].encode())
+                one.sendall(BEGINNINGS[number % len(BEGINNINGS)].encode())
             idle.append(one)
         with PageClient(address_of(node)) as page:
             robot = Commands(peer, page)

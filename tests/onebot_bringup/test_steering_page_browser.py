@@ -24,6 +24,7 @@ from onebot_bringup.steering.server import STATIC
 from onebot_control.poses import yaw_of
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description.packages import package_share
+from tests.onebot_bringup.steering_support import PageClient
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, steering
@@ -676,6 +677,16 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page
         assert (pose.position.x, pose.position.y) == pytest.approx((1.0, 0.0), abs=0.02)
         assert yaw_of(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
         assert not pressed("[data-tool=goal]") and pressed("[name=map]")
+
+        # Another page switches to another robot while this one aims.
+        with PageClient(node.address) as other:
+            for topic in ("/robot2/cmd_vel", "/cmd_vel"):
+                page.find("[data-tool=goal]").click()
+                page.hold("#ground svg", 0, -50)
+                other.send("topic", topic=topic)
+                wait_for(lambda: "Another robot" in page.text("#ground [role=status]"), "the note")
+                page.let_go()
+                page.find("[data-tool=goal]").click()
 
         page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
         page.find("[data-tool=point]").click()
