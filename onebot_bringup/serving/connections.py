@@ -26,11 +26,14 @@ async def body_of(request: web.Request) -> bytes:
 
     Raises:
         HTTPRequestTimeout: it was not received in whole within seconds.
+        HTTPBadRequest: its connection was closed before.
     """
     try:
         return await asyncio.wait_for(request.read(), _BODY_TIMEOUT)
     except asyncio.TimeoutError:
         raise web.HTTPRequestTimeout from None
+    except ConnectionError:  # nobody reads the response; but aiohttp would log a traceback
+        raise web.HTTPBadRequest from None
 
 
 class Connections:
