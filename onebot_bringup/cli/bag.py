@@ -115,8 +115,9 @@ def record(parser: Parser, argv: Sequence[str]) -> int:
         "--compression-format", choices=("zstd", "none"), default="zstd", help="of the messages"
     )
     parser.add_argument(
-        "--use-sim-time", action="store_true", help="stamp messages with the time of /clock"
-    )
+        "--use-sim-time", action="store_true",
+        help="stamp messages with the time of /clock; recording begins with it",
+    )  # fmt: skip
     args = parser.parse(argv)
     topics = [*args.names, *args.topics]
     if not (topics or args.regex or args.all):
