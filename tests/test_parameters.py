@@ -69,8 +69,8 @@ def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
         **{f"motions.{joint}.position": 0.5},
     )
     found = described(node)
-    assert float_range(found["rate"]) == (0.0, 1000.0)
-    assert "above 0" in found["rate"].additional_constraints
+    assert float_range(found["rate"]) == (0.001, 1000.0)
+    assert "from 0.001" in found["rate"].additional_constraints
     assert "hold" in found[f"motions.{joint}.position"].description
     assert node.get_parameter("source_list").value == []
     new = Parameter(f"zeros.{joint}", value=0.1)
