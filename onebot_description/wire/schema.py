@@ -251,7 +251,7 @@ class _Program:
         self._name, self._leaves = name, leaves
         self.smallest = sum(leaf.smallest for leaf in leaves.values())
         inner = (leaf.program.depth for leaf in leaves.values() if leaf.program)
-        self.depth = 1 + max(inner, default=0)  # of arrays in arrays: _schema.c calls itself
+        self.depth: int = 1 + max(inner, default=0)  # of arrays in arrays: _schema.c calls itself
         self._on_wire = [(leaf.element, leaf.count) for leaf in leaves.values()]
         self._constant = all(leaf.kind == _COPIED for leaf in leaves.values())
         in_row = [(e.element, e.count) if e.kind == _COPIED else (4, 2) for e in leaves.values()]

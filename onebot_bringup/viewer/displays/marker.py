@@ -9,7 +9,7 @@ the fixed frame, where its frame was at its own stamp. One whose lifetime is ove
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any, NamedTuple
@@ -77,7 +77,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    stamps_ns: Integers  # of their headers; 0 for none
+    stamps_ns: Callable[[], Integers]  # of their headers, which few need; 0 for none
     points: Integers  # how many
     poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
@@ -95,7 +95,7 @@ class Incoming(NamedTuple):
             markers.action,
             markers.frame_locked,
             _nanoseconds(markers.lifetime),
-            _nanoseconds(markers.header.stamp),
+            lambda: _nanoseconds(markers.header.stamp),
             markers.points.counts,
             markers.pose.array().copy(),  # in one piece, since all that follows takes less then
             markers.scale.array().copy(),
@@ -127,7 +127,7 @@ class Incoming(NamedTuple):
             actions,
             locked,
             lifetimes,
-            stamps,
+            lambda: stamps,
             points,
             np.array([marker.pose.array() for marker in markers]),
             np.array([marker.scale.array() for marker in markers]),
@@ -374,6 +374,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         if not all(float(np.vdot(each, each)) <= LARGEST**2 for each in numbers):  # or it is NaN
             sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
+            incoming.poses[~sound] = _IDENTITY
             drawn = incoming.actions == ADD
             self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
@@ -474,14 +475,13 @@ class MarkerDrawing(Drawing[MarkerLook]):
     ) -> Batch:
         """Return the markers as they are drawn."""
         poses = incoming.poses
-        drawn = (incoming.actions == ADD) & (kinds != _NOT_DRAWN)
-        if not drawn.all():
-            poses[~drawn] = _IDENTITY  # its numbers may be none
+        if not (incoming.actions == ADD).all():
+            poses[incoming.actions != ADD] = _IDENTITY
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
         if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
             self._make_unit(incoming, lengths)
         for frame, moving in moved.items():
-            for at_ns, rows in _by_stamp(moving, incoming.stamps_ns[moving]):
+            for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
                 pose = self.context.frames.pose(frame, self._fixed, at_ns or stamp_ns)
                 assert pose is not None
                 turn = from_rpy(to_rpy(pose[:3, :3]))
