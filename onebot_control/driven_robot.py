@@ -253,9 +253,14 @@ class DrivenRobot:
         """Return the wheels' geometry: that of ``config``, or where it is 0 the description's.
 
         Raises:
-            OneBotError: the description does not determine it.
+            OneBotError: the description does not determine it, or it cannot be driven by.
         """
-        return self.wheels.geometry(config.wheel_separation, config.wheel_radius)
+        geometry = self.wheels.geometry(config.wheel_separation, config.wheel_radius)
+        try:
+            config.kinematics(geometry)
+        except ValueError as error:
+            raise OneBotError(f"wheels, with their multipliers: {error}") from None
+        return geometry
 
     def broadcasting(self, config: ControlConfig) -> JointStateBroadcaster:
         """Return what chooses the joint states to publish by ``config``.

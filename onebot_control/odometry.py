@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 # Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
 _STRAIGHT = 1e-6
+_LEAST = 1e-6  # m; what follows from shorter lengths need not be finite
 
 
 @dataclass(frozen=True)
@@ -21,11 +22,11 @@ class DiffDriveKinematics:
     right_radius: float  # of those on the right, m
 
     def __post_init__(self) -> None:
-        """Check that all are above 0."""
+        """Check that they are finite, and not too short."""
         for name in ("separation", "left_radius", "right_radius"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be above 0, not {value}")
+            if not (math.isfinite(value) and value >= _LEAST):
+                raise ValueError(f"{name} must be at least {_LEAST:g} m, not {value:g} m")
 
     def wheel_velocities(self, linear: float, angular: float) -> tuple[float, float]:
         """Return the velocities of the left and the right wheels, rad/s.

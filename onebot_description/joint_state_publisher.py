@@ -16,7 +16,7 @@ Subscribes:
     each topic of source_list (sensor_msgs/msg/JointState, best effort, depth 10).
 
 Parameters (all can be changed while it runs; a change takes effect or is refused with the reason):
-    rate (double or integer, Hz, default 10): above 0 and up to 1000.
+    rate (double or integer, Hz, default 10): 0.001 to 1000.
     publish_default_positions (bool, default true): for joints that nothing moves.
     publish_default_velocities (bool, default false): also when nothing moves.
     publish_default_efforts (bool, default false): zeros.
@@ -43,6 +43,7 @@ from array import array
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -291,6 +292,7 @@ class JointFiles:
         self._unsuitable: Parameters | None = None  # those refused because of the robot
         self._unread = self._redescribed = False  # what files hold is to be applied
         self._reading: Future[Parameters] | None = None
+        self._expanding: tuple[str, Future[Description]] | None = None  # and its file
         self._watch = FileWatch(())
 
     def watch(self) -> None:
@@ -311,7 +313,7 @@ class JointFiles:
 
     def _watched(self) -> list[Path]:
         state = self._state()
-        from_file = self._description_file or is_path(state.values.get("robot_description", ""))
+        from_file = self._description_file or is_path(self._description_path)
         described = state.description.files if state.description and from_file else ()
         return [*self._parameters.live.files, *described]
 
@@ -332,9 +334,18 @@ class JointFiles:
         if self._reading is not None and self._reading.done():
             reading, self._reading = self._reading, None
             self._finish(reading)
-        if self._redescribed and self._reading is None:  # which comes after the parameters
-            self._redescribed = False
-            self._reload_description()
+        if self._redescribed and self._reading is None and self._expanding is None:
+            self._redescribed = False  # after the parameters
+            path = self._description_path
+            self._expanding = path, in_background(partial(load_description, path))
+        if self._expanding is not None and self._expanding[1].done():
+            (path, expanding), self._expanding = self._expanding, None
+            if path == self._description_path:  # no other file was given meanwhile
+                self._finish_description(path, expanding)
+
+    @property
+    def _description_path(self) -> str:
+        return self._description_file or self._state().values.get("robot_description", "")
 
     def _finish(self, reading: "Future[Parameters]") -> None:
         try:
@@ -374,10 +385,9 @@ class JointFiles:
         if live.warning:
             log.warning(live.warning)
 
-    def _reload_description(self) -> None:
-        path = self._description_file or self._state().values["robot_description"]
+    def _finish_description(self, path: str, expanding: "Future[Description]") -> None:
         try:
-            description = load_description(path)
+            description = expanding.result()
         except DescriptionError as error:
             self._node.get_logger().error(f"{path} not applied, {_GOES_ON}:\n{error}")
         else:

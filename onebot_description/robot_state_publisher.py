@@ -17,8 +17,8 @@ Subscribes:
 
 Parameters (all can be changed while it runs):
     robot_description (string, required unless FILE is given): the URDF.
-    publish_frequency (double or integer, Hz, default 0.0): the most often a joint is published; 0.0
-        is every message. 0 to 1000.
+    publish_frequency (double or integer, Hz, default 0.0): the most often a joint is published,
+        0.001 to 1000; 0.0 is every message.
     ignore_timestamp (bool, default false): publish whatever the stamp is.
     frame_prefix (string, default ""): prepended as it is to every frame.
 
@@ -27,7 +27,7 @@ Floating and planar joints are published at their origin, static: their pose is 
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rcl_interfaces.msg import SetParametersResult
@@ -53,10 +53,18 @@ from onebot_description.node import (
     split_robots,
     warn_of_two_robots,
 )
-from onebot_description.parameters.reader import declare, parameter, read, refuse_undeclared
+from onebot_description.parameters.reader import (
+    Problem,
+    declare,
+    parameter,
+    read,
+    refuse_undeclared,
+)
 from onebot_description.wire.cdr import NANO
 from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
+
+_LEAST_HERTZ = 0.001
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,12 @@ class StateParameters:
     )
     ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
     frame_prefix: str = parameter("", "prepended to every frame as it is")
+
+    def check(self) -> Iterator[Problem]:
+        """Report an interval that is longer than time."""
+        if 0.0 < self.publish_frequency < _LEAST_HERTZ:
+            text = f"{self.publish_frequency:g} is below {_LEAST_HERTZ:g}"
+            yield Problem("publish_frequency", f"{text}; write 0 for every message, or more")
 
 
 class RobotStatePublisher(Node):

@@ -15,7 +15,8 @@ Parameters:
     regex (string, ""): record only topics with this regular expression in their name, and topics.
     exclude_regex (string, ""): and of all that, none with this one in their name.
     compression (string, "zstd"): of the chunks of messages; or none.
-    use_sim_time (bool, false): stamp the messages with simulated time.
+    use_sim_time (bool, false): stamp the messages with simulated time; recording begins with the
+        first message on /clock.
 """
 
 import re
@@ -122,8 +123,8 @@ class BagRecorder(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_POLL_PERIOD, self._topics.poll, clock=steady)
         self.create_timer(_WRITE_PERIOD, self._write, clock=steady)
-        self._topics.poll()
         self.get_logger().info(f"recording to {self._bag.folder}")
+        self._topics.poll()
 
     @ends_node
     def _write(self) -> None:
@@ -196,7 +197,7 @@ class TopicRecorder:
     """
 
     def __init__(self, node: Node, bag: BagWriter, selection: Selection) -> None:
-        """Subscribe on ``node`` to what is known already; ``poll`` finds the rest.
+        """Prepare; ``poll`` subscribes.
 
         Args:
             node: makes the subscriptions.
@@ -211,13 +212,18 @@ class TopicRecorder:
         self._counts: dict[str, Any] = {}
         self._polls = 0
         self._warned: set[str] = set()
-        for name, (kind, transient_local) in _KNOWN.items():
-            topic = node.resolve_topic_name(name)
-            if selection.has(topic):
-                self._record(topic, kind, _LATCHED if transient_local else _DEFAULT)
 
     def poll(self) -> None:
-        """Subscribe to new topics, and again where the publishers of one have changed."""
+        """Subscribe to new topics, and again where the publishers of one have changed.
+
+        Nothing is subscribed to before simulated time is known: what is latched would be stamped
+        with 0, and to play the recording would take decades.
+        """
+        if not self._now():
+            self._warn("waiting for the first message on /clock, as use_sim_time is true")
+            return
+        if not self._polls:
+            self._subscribe_to_known()
         self._polls += 1
         if self._polls % _POLLS == 0:
             self._counts.clear()
@@ -228,6 +234,12 @@ class TopicRecorder:
                 if self._counts.get(topic) != counts:
                     self._counts[topic] = counts
                     self._update(topic)
+
+    def _subscribe_to_known(self) -> None:
+        for name, (kind, transient_local) in _KNOWN.items():
+            topic = self._node.resolve_topic_name(name)
+            if self._selection.has(topic):
+                self._record(topic, kind, _LATCHED if transient_local else _DEFAULT)
 
     def _update(self, topic: str) -> None:
         """Subscribe by the publishers of ``topic``, or else by its other subscribers."""

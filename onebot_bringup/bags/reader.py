@@ -26,6 +26,7 @@ from onebot_bringup.bags.writer import METADATA, Qos
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_description.errors import OneBotError, natural_order
 from onebot_description.parameters import bounded_yaml
+from onebot_description.wire.cdr import NANO
 
 # rosbag2's own compression, of files or of each message, beside that of the chunks in an MCAP file.
 _ZSTD = "zstd"
@@ -42,6 +43,7 @@ _DAMAGE = (
 _CDR = "cdr"
 _MSG = "ros2msg"  # the encoding of definitions that are .msg text, not IDL
 _MOST = 1 << 30  # bytes of a record: more is taken to be damage
+_INFINITE_S = 2**31 - 1  # s: this or more stands for an infinite duration; in Foxy it is this
 _LOGGED = b"\2\2"  # in the header of a SQLite file: it is written by way of a log
 _FOOTER = struct.Struct("<QQI8s")  # start of the summary and of its offsets, checksum, magic
 _CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to here
@@ -89,7 +91,7 @@ class Bag:
         files: those with the messages, in their order.
         storage: how they are stored, as rosbag2 names it: mcap or sqlite3.
         distro: of the ROS that recorded it, in lower case; "" if that is not known.
-        topics: the type of each topic, ``package/msg/Type``.
+        topics: the type of each topic, ``package/msg/Type``; the first one, if it has several.
         definitions: of the types, as far as they are in the files in .msg text.
         counts: of the messages of each topic.
         offered: what the publishers of each topic offered; empty if that was not recorded.
@@ -121,7 +123,7 @@ class Bag:
         for contents in found:
             self.definitions = {**contents.definitions, **self.definitions}
             for name, topic in contents.topics.items():
-                self.topics[name] = topic.type
+                self.topics.setdefault(name, topic.type)
                 self.counts[name] = self.counts.get(name, 0) + topic.count
                 self.offered.setdefault(name, []).extend(_offered(topic.offered))
         self.count = sum(contents.count for contents in found)
@@ -285,7 +287,7 @@ class _Contents:
 
 def _offered(text: str) -> list[Qos]:
     """What publishers offer, of that YAML; empty if it is none."""
-    with suppress(yaml.YAMLError, ValueError, TypeError, AttributeError):
+    with suppress(yaml.YAMLError, ValueError, TypeError, AttributeError, OverflowError):
         return [
             Qos(  # in words, or the numbers of rmw
                 reliability="best_effort"
@@ -295,10 +297,25 @@ def _offered(text: str) -> list[Qos]:
                 if one.get("durability") in ("transient_local", 1)
                 else "volatile",
                 depth=int(one.get("depth", 0)),
+                liveliness="manual_by_topic"
+                if one.get("liveliness") in ("manual_by_topic", 3)
+                else "automatic",
+                deadline=_limit(one.get("deadline")),
+                lifespan=_limit(one.get("lifespan")),
+                lease=_limit(one.get("liveliness_lease_duration")),
             )
             for one in bounded_yaml.load(text) or ()
         ]
     return []
+
+
+def _limit(duration: Mapping[str, Any] | None) -> int | None:
+    """A duration, ns; None for an infinite one, or none."""
+    if duration is None:
+        return None
+    seconds, rest = int(duration.get("sec", 0)), int(duration.get("nsec", 0))
+    limit = seconds * NANO + rest
+    return limit if seconds < _INFINITE_S and 0 < limit < _INFINITE_S * NANO else None
 
 
 def _mcap_contents(path: Path) -> _Contents:
@@ -462,7 +479,7 @@ def _sqlite_contents(path: Path) -> _Contents:
             for row in found:
                 topic = dict(zip(columns, row, strict=True))
                 offered = str(topic.get("offered_qos_profiles") or "")
-                contents.topics[topic["name"]] = _Topic(topic["type"], offered)
+                contents.topics.setdefault(topic["name"], _Topic(topic["type"], offered))
             if database.execute(_HAS_DEFINITIONS).fetchone():
                 contents.definitions.update(database.execute(_DEFINITIONS))
             for extent in database.execute(_EXTENTS):

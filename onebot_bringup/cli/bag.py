@@ -6,7 +6,7 @@ import re
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,11 +18,14 @@ from onebot_description.errors import OneBotError, did_you_mean
 
 if TYPE_CHECKING:
     from onebot_bringup.bags.reader import Bag
+    from onebot_bringup.bags.writer import Qos
 
 _NANO = 1_000_000_000
 _DEPTH = 1000  # of a publisher: what is kept for late subscribers of a latched topic
 _CLOCK = "/clock"
 _CLOCK_RATE = 40.0  # Hz, ros2 bag play's
+_MOST_CLOCK_RATE = 10_000.0  # Hz: more than can be published
+_LEAST_ROUND = 0.1  # s of a loop
 
 
 def info(parser: Parser, argv: Sequence[str]) -> int:
@@ -112,8 +115,9 @@ def record(parser: Parser, argv: Sequence[str]) -> int:
         "--compression-format", choices=("zstd", "none"), default="zstd", help="of the messages"
     )
     parser.add_argument(
-        "--use-sim-time", action="store_true", help="stamp messages with the time of /clock"
-    )
+        "--use-sim-time", action="store_true",
+        help="stamp messages with the time of /clock; recording begins with it",
+    )  # fmt: skip
     args = parser.parse(argv)
     topics = [*args.names, *args.topics]
     if not (topics or args.regex or args.all):
@@ -166,9 +170,11 @@ def _add_play_arguments(parser: Parser) -> None:
     parser.add_argument(
         "--exclude-topics", nargs="+", default=[], metavar="TOPIC", help="play all but these"
     )
-    parser.add_argument("-e", "--regex", type=_regex, help="play topics with this in their name")
     parser.add_argument(
-        "-x", "--exclude-regex", type=_regex, help="play no topics with this in their name"
+        "-e", "--regex", type=_regex, help="play topics whose whole name this matches: .*/scan"
+    )
+    parser.add_argument(
+        "-x", "--exclude-regex", type=_regex, help="play no topics whose whole name this matches"
     )
     parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end")
     parser.add_argument(
@@ -180,12 +186,20 @@ def _add_play_arguments(parser: Parser) -> None:
     )  # fmt: skip
     parser.add_argument("--playback-duration", type=positive, metavar="S", help="end after S s")
     parser.add_argument(
-        "-d", "--delay", type=not_negative, default=0.0, metavar="S", help="wait S s first"
-    )
+        "-d", "--delay", type=not_negative, default=0.0, metavar="S",
+        help="wait S s first, in a loop each time",
+    )  # fmt: skip
     parser.add_argument(
-        "--clock", nargs="?", type=positive, const=_CLOCK_RATE, metavar="HZ",
+        "--clock", nargs="?", type=_clock_rate, const=_CLOCK_RATE, metavar="HZ",
         help=f"publish the recording's time on {_CLOCK}, HZ times a second ({_CLOCK_RATE:g})",
     )  # fmt: skip
+
+
+def _clock_rate(text: str) -> float:
+    rate = positive(text)
+    if rate > _MOST_CLOCK_RATE:
+        raise argparse.ArgumentTypeError(f"{text} is above {_MOST_CLOCK_RATE:g} Hz")
+    return rate
 
 
 def _regex(text: str) -> re.Pattern[str]:
@@ -205,6 +219,7 @@ class _Player:
         if args.playback_duration is not None:
             self._end = min(self._end, self._begin + int(args.playback_duration * _NANO))
         self._publishers: dict[str, Any] = {}
+        self._other_types: set[str] = set()  # topics that have messages of another type, too
         self._clock: Any = None
         self._next_tick = self._begin
 
@@ -216,28 +231,34 @@ class _Player:
         """
         self._advertise()
         self._session.discover()  # those who are there already get the first message
-        self._session.spin_until(time.monotonic() + self._args.delay)
         seconds = max(0, self._end - self._begin) / _NANO
         print(f"playing {self._bag.source}: {seconds:.1f} s of {len(self._publishers)} topics")
-        self._play()
+        self._play_once()
         while self._args.loop:
-            self._play()
+            self._play_once()
         self._finish()
+
+    def _play_once(self) -> None:
+        start = time.monotonic()
+        self._session.spin_until(start + self._args.delay)
+        self._play()
+        if self._args.loop:
+            # A recording of one moment would flood its topics.
+            self._session.spin_until(start + _LEAST_ROUND)
 
     def _advertise(self) -> None:
         from rosgraph_msgs.msg import Clock
 
-        node = self._session.node
         for topic in self._chosen():
-            if (kind := self._class(topic)) is not None:
-                self._publishers[topic] = node.create_publisher(kind, topic, self._qos(topic))
+            if (publisher := self._publisher(topic)) is not None:
+                self._publishers[topic] = publisher
         if not self._publishers:
             raise OneBotError(f"{self._bag.source} has nothing to play")
         if self._begin > self._bag.end_ns:
             length = (self._bag.end_ns - self._bag.start_ns) / _NANO
             raise OneBotError(f"--start-offset is beyond the end: it has {length:.1f} s")
         if self._args.clock is not None:
-            self._clock = node.create_publisher(Clock, _CLOCK, 10)
+            self._clock = self._session.node.create_publisher(Clock, _CLOCK, 10)
 
     def _chosen(self) -> list[str]:
         args, known = self._args, self._bag.topics
@@ -251,39 +272,29 @@ class _Player:
         args = self._args
         if topic in args.exclude_topics or (topic == _CLOCK and args.clock is not None):
             return False
-        if args.exclude_regex is not None and args.exclude_regex.search(topic):
+        if args.exclude_regex is not None and args.exclude_regex.fullmatch(topic):
             return False
-        if args.regex is not None and args.regex.search(topic):
+        if args.regex is not None and args.regex.fullmatch(topic):
             return True
         return topic in args.topics if args.topics else args.regex is None
 
-    def _class(self, topic: str) -> Any:
-        """Its message class; None, with a warning, if that is not installed."""
+    def _publisher(self, topic: str) -> Any:
+        """Its publisher; None, with a warning, if ROS refuses the name or the type."""
         from onebot_bringup.introspection.interfaces import message_class
+        from onebot_description.topic_subscription import RCLError
 
         try:
-            return message_class(self._bag.topics[topic])
-        except OneBotError as error:
-            print(f"warning: {topic} is not played: {error}", file=sys.stderr)
+            self._session.full_name(topic)
+            kind = message_class(self._bag.topics[topic])
+            qos = played_qos(self._bag.offered[topic])
+            return self._session.node.create_publisher(kind, topic, qos)
+        except (OneBotError, RCLError) as error:
+            reason = str(error).partition("\n")[0]
+            print(f"warning: {topic} is not played: {reason}", file=sys.stderr)
             return None
 
-    def _qos(self, topic: str) -> Any:
-        """What its publishers offered; reliable and latched only if all of them were."""
-        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-        offered = self._bag.offered[topic]
-        reliable = all(qos.reliability == "reliable" for qos in offered)
-        return QoSProfile(
-            depth=_DEPTH,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL
-            if self._is_latched(topic)
-            else DurabilityPolicy.VOLATILE,
-        )
-
     def _is_latched(self, topic: str) -> bool:
-        offered = self._bag.offered[topic]
-        return bool(offered) and all(qos.durability == "transient_local" for qos in offered)
+        return _are_latched(self._bag.offered[topic])
 
     def _play(self) -> None:
         latched = set(filter(self._is_latched, self._publishers))
@@ -293,7 +304,10 @@ class _Player:
             return started + (stamp - self._begin) / _NANO / rate
 
         self._next_tick = self._begin
-        for topic, _, stamp, data in self._bag.messages(list(self._publishers)):
+        for topic, kind, stamp, data in self._bag.messages(list(self._publishers)):
+            if kind != self._bag.topics[topic]:
+                self._warn_of_type(topic, kind)
+                continue
             if stamp < self._begin and topic not in latched:
                 continue
             if stamp > self._end:
@@ -302,6 +316,13 @@ class _Player:
             self._publishers[topic].publish(data)
         self._wait(self._end, due)
         _warn_of(self._bag)
+
+    def _warn_of_type(self, topic: str, kind: str) -> None:
+        """Print a warning, one for each topic."""
+        if topic not in self._other_types:
+            self._other_types.add(topic)
+            played = self._bag.topics[topic]
+            print(f"warning: {topic} is played as {played}, not as {kind} as well", file=sys.stderr)
 
     def _wait(self, stamp: int, due: Callable[[int], float]) -> None:
         """Wait until a message is due; meanwhile publish the clock."""
@@ -312,7 +333,7 @@ class _Player:
         while self._clock is not None and self._next_tick <= stamp:
             self._session.spin_until(due(self._next_tick))
             self._clock.publish(Clock(clock=time_message(self._next_tick)))
-            self._next_tick += int(_NANO / self._args.clock * self._args.rate)
+            self._next_tick += max(1, int(_NANO / self._args.clock * self._args.rate))
         self._session.spin_until(due(stamp))
 
     def _finish(self) -> None:
@@ -322,6 +343,39 @@ class _Player:
         for publisher in self._publishers.values():
             if publisher.get_subscription_count():
                 publisher.wait_for_all_acked(Duration(seconds=1.0))
+
+
+def _are_latched(offered: Sequence["Qos"]) -> bool:
+    return bool(offered) and all(qos.durability == "transient_local" for qos in offered)
+
+
+def played_qos(offered: Sequence["Qos"]) -> Any:
+    """Return the QoS that suits whoever has subscribed to the recorded publishers.
+
+    It is reliable if any of them was (which suits those who want best effort, too), latched if all
+    were, and has their deadline, liveliness and lifespan if these were the same.
+    """
+    from rclpy.duration import Duration, Infinite
+    from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+
+    def duration(values: Iterable[int | None]) -> Duration:
+        known = set(values)
+        limit = known.pop() if len(known) == 1 else None
+        return Infinite if limit is None else Duration(nanoseconds=limit)
+
+    reliable = not offered or any(qos.reliability == "reliable" for qos in offered)
+    manual = bool(offered) and all(qos.liveliness == "manual_by_topic" for qos in offered)
+    return QoSProfile(
+        depth=_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL
+        if _are_latched(offered)
+        else DurabilityPolicy.VOLATILE,
+        deadline=duration(qos.deadline for qos in offered),
+        lifespan=duration(qos.lifespan for qos in offered),
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC if manual else LivelinessPolicy.AUTOMATIC,
+        liveliness_lease_duration=duration(qos.lease for qos in offered),
+    )
 
 
 COMMANDS = {

@@ -2,11 +2,12 @@
 
 import argparse
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from onebot_description.errors import UsageError, did_you_mean
+from onebot_description.errors import OneBotError, UsageError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,35 @@ class Parser(argparse.ArgumentParser):
 
             complete_parser(self)
         words = list(argv)
+        for word in words:
+            if not _is_unicode(word):
+                self.error(f"{str(os.fsencode(word))[1:]} is not UTF-8")
         start = words.index("--ros-args") if "--ros-args" in words else len(words)
         parsed = self.parse_args(words[:start])
         parsed.ros_args = words[start:]
         return parsed
+
+
+def _is_unicode(word: str) -> bool:
+    """Whether an argument of the command line was UTF-8, the only encoding of ROS."""
+    return not any("\ud800" <= character <= "\udfff" for character in word)
+
+
+def add_allow_non_finite(parser: Parser) -> None:
+    """Add the option that infinities and NaN are advised to be given with."""
+    parser.add_argument("--allow-non-finite", action="store_true", help="accept .nan and .inf")
+
+
+def read_stdin() -> str:
+    """Return what stdin has.
+
+    Raises:
+        OneBotError: it is not UTF-8.
+    """
+    try:
+        return sys.stdin.read()
+    except UnicodeDecodeError:
+        raise OneBotError("standard input is not UTF-8") from None
 
 
 def positive(text: str) -> float:
@@ -107,15 +133,17 @@ def not_negative(text: str) -> float:
 
 def count(text: str) -> int:
     """Parse an integer above zero, for ``type=``."""
-    value = int(text)
+    value = natural(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not above zero")
     return value
 
 
-def natural(text: str) -> int:
-    """Parse an integer that is zero or more, for ``type=``."""
+def natural(text: str, most: int = 2**31 - 1) -> int:
+    """Parse an integer that is zero or more, for ``type=``; by default one that C can take."""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is less than zero")
+    if value > most:
+        raise argparse.ArgumentTypeError(f"{text} is above {most}")
     return value

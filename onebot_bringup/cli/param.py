@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Any
 
-from onebot_bringup.cli.options import Parser, Subcommand, dispatch
+from onebot_bringup.cli.options import Parser, Subcommand, add_allow_non_finite, dispatch
 from onebot_bringup.cli.session import Session, add_spin_time
 from onebot_bringup.introspection import parameter_values
 from onebot_bringup.introspection.parameter_client import ParameterClient
@@ -101,13 +101,14 @@ def set_values(parser: Parser, argv: Sequence[str]) -> int:
     parser.add_argument(
         "pairs", nargs="+", metavar="PARAMETER VALUE", help="the value in YAML: 0.5, true, [a, b]"
     )
+    add_allow_non_finite(parser)
     args = parser.parse(_guard_negative(argv))
     if len(args.pairs) % 2:
         raise UsageError(f"parameters come as name and value; {args.pairs[-1]} has no value")
     pairs = list(zip(args.pairs[::2], args.pairs[1::2], strict=True))
     with Session(args.ros_args) as session:
         client = ParameterClient(session, session.find_node(args.node))
-        results = client.set(pairs)
+        results = client.set(pairs, finite=not args.allow_non_finite)
     for (name, _), result in zip(pairs, results, strict=True):
         _print_result(f"{name}: " if len(pairs) > 1 else "", result)
     return 0 if all(result.successful for result in results) else 1
@@ -116,8 +117,10 @@ def set_values(parser: Parser, argv: Sequence[str]) -> int:
 def _guard_negative(argv: Sequence[str]) -> list[str]:
     """Keep a value such as -1e-3 from being parsed as an option."""
     words = list(argv)
-    options = [word for word in words if word in ("-h", "--help")]
-    return words if options or "--" in words or "--ros-args" in words else ["--", *words]
+    if {"-h", "--help", "--", "--ros-args"} & set(words):
+        return words
+    options = [word for word in words if word == "--allow-non-finite"]
+    return [*options, "--", *(word for word in words if word not in options)]
 
 
 def _print_result(prefix: str, result: Any) -> None:

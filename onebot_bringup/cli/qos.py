@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import not_negative
+from onebot_bringup.cli.options import natural, not_negative
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser, default: str) -> None:
     """Add the options; ``default`` describes the profile without them in the help."""
     group = parser.add_argument_group("quality of service", f"Without these: {default}.")
     group.add_argument("--qos-profile", choices=PRESETS, help="a preset to start from")
-    group.add_argument("--qos-depth", type=int, metavar="N", help="queue size")
+    group.add_argument("--qos-depth", type=natural, metavar="N", help="queue size")
     group.add_argument("--qos-history", choices=_HISTORY)
     group.add_argument("--qos-reliability", choices=_RELIABILITY)
     group.add_argument("--qos-durability", choices=_DURABILITY)

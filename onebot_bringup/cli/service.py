@@ -5,7 +5,14 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from onebot_bringup.cli.options import Parser, Subcommand, dispatch, positive
+from onebot_bringup.cli.options import (
+    Parser,
+    Subcommand,
+    add_allow_non_finite,
+    dispatch,
+    positive,
+    read_stdin,
+)
 from onebot_bringup.cli.session import Session, add_spin_time
 from onebot_description.errors import OneBotError, did_you_mean, nearest
 
@@ -56,13 +63,15 @@ def call_service(parser: Parser, argv: Sequence[str]) -> int:
     )
     parser.add_argument("--stdin", action="store_true", help="read the values from stdin")
     parser.add_argument("-r", "--rate", type=positive, metavar="HZ", help="call again and again")
+    add_allow_non_finite(parser)
     args = parser.parse(argv)
     from onebot_bringup.introspection.interfaces import full_name, service_class
     from onebot_bringup.introspection.message_text import fill, stamp
 
     kind = service_class(args.type)
     request = kind.Request()
-    times = fill(request, sys.stdin.read() if args.stdin else args.values)
+    values = read_stdin() if args.stdin else args.values
+    times = fill(request, values, finite=not args.allow_non_finite)
     with Session(args.ros_args) as session:
         name = session.full_name(args.service)
         client = session.node.create_client(kind, name)

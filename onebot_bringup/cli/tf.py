@@ -95,7 +95,7 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
     parser.add_argument("-1", "-o", "--once", action="store_true", help="print it once and exit")
     parser.add_argument("-t", "--timeout", type=positive, metavar="S", help="give up after S s")
     parser.add_argument(
-        "-p", "--precision", type=natural, default=3, metavar="N", help="digits after the point (3)"
+        "-p", "--precision", type=digits, default=3, metavar="N", help="digits after the point (3)"
     )
     args = parser.parse(argv)
     with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
@@ -109,6 +109,11 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
             due = max(due + period, time.monotonic())
             transforms.spin(lambda: False, due - time.monotonic())
             _await_transform(transforms, args, None)
+
+
+def digits(text: str) -> int:
+    """Parse a number of digits, for ``type=``."""
+    return natural(text, most=100)
 
 
 def _add_frames(parser: Parser, nargs: str | None = None) -> None:

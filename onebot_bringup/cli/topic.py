@@ -10,11 +10,13 @@ from onebot_bringup.cli import qos
 from onebot_bringup.cli.options import (
     Parser,
     Subcommand,
+    add_allow_non_finite,
     count,
     dispatch,
     natural,
     not_negative,
     positive,
+    read_stdin,
 )
 from onebot_bringup.cli.session import Session, add_spin_time, await_class, types_of
 from onebot_bringup.introspection.rates import Bandwidth, Delays, Intervals
@@ -414,13 +416,13 @@ def _add_pub_arguments(parser: Parser) -> None:
         help="wait before exit (0.1 s)",
     )
     parser.add_argument("-n", "--node-name", metavar="NAME", help="name of the publishing node")
-    parser.add_argument("--allow-non-finite", action="store_true", help="accept .nan and .inf")
+    add_allow_non_finite(parser)
     qos.add_arguments(parser, "default (reliable, volatile, depth 10)")
 
 
 def _values(args: Namespace) -> str:
     if args.stdin:
-        return sys.stdin.read()
+        return read_stdin()
     return args.values or ""
 
 

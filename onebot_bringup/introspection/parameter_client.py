@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from onebot_bringup.introspection.parameter_values import NOT_SET, parse_value
+from onebot_bringup.introspection.parameter_values import NOT_SET, is_finite, parse_value
 from onebot_description.errors import OneBotError, did_you_mean
 
 _REPEAT = 1.0  # s without a response until a request is sent again
@@ -97,13 +97,16 @@ class ParameterClient:
             )
         return value
 
-    def set(self, pairs: Sequence[tuple[str, str]], *, same_types: bool = False) -> list[Any]:
+    def set(
+        self, pairs: Sequence[tuple[str, str]], *, same_types: bool = False, finite: bool = False
+    ) -> list[Any]:
         """Set parameters to values in YAML; return a SetParametersResult each.
 
         Args:
             pairs: names and values.
             same_types: a value is read as one of the type that the parameter has now, as far as
                 that can be, also where the node would let it have another.
+            finite: refuse infinities and NaN.
         """
         from rcl_interfaces.msg import Parameter, ParameterValue
 
@@ -113,6 +116,10 @@ class ParameterClient:
             if same_types and declared == NOT_SET:
                 declared = self.values([name])[0].type
             field, kind, value = parse_value(text, declared)
+            if finite and not is_finite(value):
+                raise OneBotError(
+                    f'{name} is a finite number, not "{text}"; --allow-non-finite lets it through'
+                )
             request.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
         return list(self._call("SetParameters", parameters=request).results)
 

@@ -78,6 +78,12 @@ def parse_value(text: str, declared: int = NOT_SET) -> tuple[str, int, Any]:
     return _TYPES[kind][0], kind, value
 
 
+def is_finite(value: Any) -> bool:
+    """Whether a value, or list, has neither infinities nor NaN."""
+    values = value if isinstance(value, list) else [value]
+    return all(math.isfinite(one) for one in values if isinstance(one, float))
+
+
 def _unquoted(text: str) -> str:
     """Remove quotes as YAML does, and change nothing else."""
     found = _load(text)

@@ -14,11 +14,26 @@ from aiohttp import web
 from aiohttp.typedefs import Handler
 
 IDLE_TIMEOUT = 5.0  # s for the head of a request, and between two requests
-BODY_TIMEOUT = 5.0  # s for the body of a request
+_BODY_TIMEOUT = 5.0  # s for the body of a request
 _MOST = 256  # connections of a server; Linux lets a process have 1024 files
 _MOST_OF_A_PEER = 128  # a browser has about ten for a page and its view
 # Set in a request that its server bounds otherwise: its connection makes room for no other.
 KEEP = web.RequestKey("keep", bool)
+
+
+async def body_of(request: web.Request) -> bytes:
+    """Return the body of a request.
+
+    Raises:
+        HTTPRequestTimeout: it was not received in whole within seconds.
+        HTTPBadRequest: its connection was closed before.
+    """
+    try:
+        return await asyncio.wait_for(request.read(), _BODY_TIMEOUT)
+    except asyncio.TimeoutError:
+        raise web.HTTPRequestTimeout from None
+    except ConnectionError:  # nobody reads the response; but aiohttp would log a traceback
+        raise web.HTTPBadRequest from None
 
 
 class Connections:

@@ -1,7 +1,9 @@
 """Which requests a server takes: under its own names, from pages of its own.
 
 A page of another site can make a browser send requests here, and its name can be made to lead to
-127.0.0.1 (DNS rebinding). Browsers say where a request is from (Origin) and goes to (Host).
+127.0.0.1 (DNS rebinding). Browsers say where a request is from (Origin) and goes to (Host); where
+they say no Origin, as for a picture, they say to servers on this computer whether it is from
+another site (Sec-Fetch-Site).
 """
 
 import re
@@ -33,6 +35,18 @@ def refusal(address: str, host: str, origin: str | None, allowed: Iterable[str])
     return ""
 
 
+def foreign_refusal(request: web.Request) -> str:
+    """Return why a request of another site is rejected; "" if it is accepted.
+
+    A link to the page itself may be anywhere. What has an Origin is judged by that.
+    """
+    site, mode, target = (request.headers.get(f"Sec-Fetch-{n}") for n in ("Site", "Mode", "Dest"))
+    link = request.path == "/" and (mode, target) == ("navigate", "document")
+    if site not in ("cross-site", "same-site") or "Origin" in request.headers or link:
+        return ""
+    return "Pages of other sites have no access to this robot."
+
+
 def is_own_name(address: str, host: str) -> bool:
     """Return whether a Host header can be of the server that listens on ``address``.
 
@@ -51,7 +65,8 @@ def guard(address: str) -> Middleware:
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         host = request.headers.get("Host", "")
         own = [f"http://{host}"]
-        if problem := refusal(address, host, request.headers.get("Origin"), own):
+        problem = refusal(address, host, request.headers.get("Origin"), own)
+        if problem := problem or foreign_refusal(request):
             return web.Response(status=403, text=f"{problem}\n")
         return await handler(request)
 

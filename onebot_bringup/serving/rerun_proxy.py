@@ -4,7 +4,6 @@ Every response gets a Content-Security-Policy, which keeps the page from connect
 computers (Rerun's page sends usage statistics).
 """
 
-import asyncio
 import re
 from pathlib import Path
 from urllib.parse import quote
@@ -13,7 +12,7 @@ import aiohttp
 from aiohttp import web
 from yarl import URL
 
-from onebot_bringup.serving.connections import BODY_TIMEOUT
+from onebot_bringup.serving.connections import body_of
 from onebot_bringup.serving.origin import guard
 from onebot_bringup.serving.ports import LOOPBACK
 
@@ -76,10 +75,7 @@ class RerunProxy:
         """
         if path not in _READS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
-        try:
-            body = await asyncio.wait_for(request.read(), BODY_TIMEOUT)
-        except asyncio.TimeoutError:
-            raise web.HTTPRequestTimeout from None
+        body = await body_of(request)
         headers = {
             name: value
             for name, value in request.headers.items()

@@ -198,7 +198,11 @@ class ThreadSafeArbiter:
             self._arbiter.check_timeout(time.monotonic())
 
     def tick(self) -> None:
-        """Publish the present command, if any; to be called at the fixed rate."""
+        """Publish the present command, if any; to be called at the fixed rate.
+
+        Not of a driver that has timed out: after a stall, this may come before the check.
+        """
+        self.check_timeout()
         with self._lock:
             self._publish_next()
 

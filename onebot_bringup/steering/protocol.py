@@ -154,6 +154,9 @@ def json_object(text: str, most: int = MAX_LENGTH) -> dict[str, Any]:
         raise ProtocolError(f"a message has at most {most} characters")
     try:
         found = json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
+        json.dumps(found, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        raise ProtocolError("a message must be Unicode, without half characters") from None
     except (ValueError, RecursionError):
         raise ProtocolError("a message must be JSON, with finite numbers") from None
     if not isinstance(found, dict):

@@ -13,6 +13,7 @@ from typing import Any
 from aiohttp import WebSocketError, WSMsgType, web
 
 from onebot_bringup.serving.connections import KEEP
+from onebot_bringup.serving.origin import foreign_refusal
 from onebot_bringup.steering.access import Access, other_site
 from onebot_bringup.steering.arbiter import ThreadSafeArbiter
 from onebot_bringup.steering.command_topic import CommandedRobot
@@ -121,7 +122,7 @@ class SteeringServer:
             refusal = access.view_refusal(host, origin)
         else:
             token, cookie = request.query.get("token"), request.cookies.get(access.cookie_name)
-            refusal = access.refusal(host, origin, token, cookie)
+            refusal = foreign_refusal(request) or access.refusal(host, origin, token, cookie)
         if refusal:
             return web.Response(status=403, text=f"{refusal}\n")
         answer: web.StreamResponse = await handler(request)
@@ -167,16 +168,18 @@ class SteeringServer:
 
     def _make_room(self, peer: str) -> None:
         """Close the page that has been idle longest if there are too many, or of one computer."""
-        crowds: dict[str, list[_Page]] = {}
-        for page in self._pages.values():
-            crowds.setdefault(page.peer, []).append(page)
-        crowd = crowds.get(peer, [])
-        if len(crowd) < _MOST_OF_A_PEER:
-            if len(self._pages) < _MAX_PAGES:
-                return
-            crowd = max(crowds.values(), key=len)
         driver = self._context.arbiter.state.driver
-        idle = min((page for page in crowd if page.name != driver), key=lambda page: page.active)
+        crowds: dict[str, list[_Page]] = {}  # of those that do not drive
+        for page in self._pages.values():
+            if page.name != driver:
+                crowds.setdefault(page.peer, []).append(page)
+        if sum(page.peer == peer for page in self._pages.values()) >= _MOST_OF_A_PEER:
+            crowd = crowds[peer]
+        elif len(self._pages) >= _MAX_PAGES:
+            crowd = max(crowds.values(), key=len)
+        else:
+            return
+        idle = min(crowd, key=lambda page: page.active)
         del self._pages[idle.socket]
         reason = b"another page was opened"
         closing = idle.socket.close(code=GAVE_WAY, message=reason, drain=False)

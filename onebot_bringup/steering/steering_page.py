@@ -180,6 +180,7 @@ class SteeringPage(Node):
         self._arbiter = ThreadSafeArbiter(settings.limits(()), self._commands.publish)
         self._view = ViewProxy()
         self._rejected = 0
+        self._timeouts = 0  # of drivers, that were logged
         self._tools = ToolPublishers(self)
         self._ground = Ground(self, self._odometry)
         self._thread = OtherThread(self)
@@ -270,9 +271,9 @@ class SteeringPage(Node):
         )
 
     def _check_driver(self) -> None:
-        timeouts = self._arbiter.timeouts
         self._arbiter.check_timeout()
-        if self._arbiter.timeouts > timeouts:
+        if self._timeouts != self._arbiter.timeouts:
+            self._timeouts = self._arbiter.timeouts
             self.get_logger().warning(
                 "stopped: no message from the page that drives", throttle_duration_sec=_WARN_EVERY
             )
@@ -336,9 +337,11 @@ class SteeringPage(Node):
         self._set_view(view)
 
     def ground(self, frame: str) -> Mapping[str, Any]:
-        """Return what a page's map shows, see ``Ground.fields``; prepare for its clicks."""
-        self._tools.prepare(namespace_of(self._commands.topic))
-        return self._ground.fields(frame)
+        """Return what a page's map shows, and of which robot; prepare for its clicks."""
+        topic = self._commands.topic
+        self._tools.prepare(namespace_of(topic))
+        fields = self._ground.fields(frame)
+        return {**fields, "command_topic": topic} if fields else {}
 
     def map_picture(self) -> Callable[[], bytes] | None:
         """Return what makes the picture of the map."""
@@ -346,11 +349,20 @@ class SteeringPage(Node):
 
     def reaches_all(self, click: Click) -> bool:
         """Whether all who subscribe to a click's topic have discovered its publisher."""
-        return self._tools.reaches_all(click, namespace_of(self._commands.topic))
+        return self._tools.reaches_all(click, self._namespace(click))
 
     def click(self, click: Click) -> tuple[str, int]:
-        """Publish a click to the robot that is steered."""
-        return self._tools.publish(click, namespace_of(self._commands.topic))
+        """Publish a click to the robot that is steered.
+
+        Raises:
+            OneBotError: it is for another one.
+        """
+        return self._tools.publish(click, self._namespace(click))
+
+    def _namespace(self, click: Click) -> str:
+        if click.command_topic != self._commands.topic:
+            raise OneBotError("another robot is steered now")
+        return namespace_of(click.command_topic)
 
     def nodes(self) -> Mapping[str, Any]:
         """Return the nodes with parameters, the viewer, and what it shows."""

@@ -1,6 +1,7 @@
 """The requests of the page's tools and panels, below /tools/: JSON over HTTP.
 
-    GET ground[?frame=F]: the robot and the map in a frame, see ``Ground.fields``.
+    GET ground[?frame=F]: the robot and the map in a frame, see ``Ground.fields``, and the
+        ``command_topic`` of that robot.
     GET map.png: the picture of that map.
     POST click: publishes a click, see ``Click``; responds with ``topic`` and ``subscribers``.
     GET nodes: ``nodes`` with parameters, the robot's controllers first; the ``viewer``, "" for
@@ -13,6 +14,7 @@ A request that fails has ``error``, a sentence, and a status from 400 on.
 
 import asyncio
 import json
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -25,6 +27,7 @@ from rclpy.node import Node
 
 from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import text_of, type_label
+from onebot_bringup.serving.connections import body_of
 from onebot_bringup.steering.protocol import ProtocolError, json_object
 from onebot_bringup.steering.tools import Click, parse_click
 from onebot_description.errors import OneBotError
@@ -57,22 +60,28 @@ class OtherThread:
         return self.call(lambda: self._node.create_client(kind, name))
 
     def destroy_client(self, client: Any) -> None:
-        """Destroy it."""
-        self.call(lambda: self._node.destroy_client(client))
+        """Destroy it, as soon as the node's thread can: nobody waits for that."""
+        executor = self._node.executor
+        if executor is not None:
+            executor.create_task(self._node.destroy_client, client)
 
     def call(self, action: Callable[[], T]) -> T:
         """Return what ``action`` returns in the node's thread.
 
         Raises:
-            OneBotError: the node does not spin, or ends.
+            OneBotError: the node does not spin, or ends; what has not begun then never does.
         """
         done: Future[T] = Future()
         executor = self._node.executor
-        if executor is not None:
-            executor.create_task(partial(_run, action, done))
-            self.spin(done.done, _TIMEOUT)
-        if not done.done():
+        try:
+            if executor is not None:
+                executor.create_task(partial(_run, action, done))
+                self.spin(done.done, _TIMEOUT)
+        finally:
+            cancelled = done.cancel()
+        if cancelled:
             raise OneBotError("the page's node does not answer at the moment")
+        self.spin(done.done, math.inf)  # it runs
         return done.result()
 
     def spin(self, until: Callable[[], Any], timeout: float) -> Any:
@@ -89,6 +98,8 @@ class OtherThread:
 
 
 def _run(action: Callable[[], T], done: "Future[T]") -> None:
+    if not done.set_running_or_notify_cancel():
+        return
     try:
         done.set_result(action())
     except Exception as error:
@@ -99,7 +110,7 @@ class ToolNode(Protocol):
     """What the node does for a tool; called in its thread."""
 
     def ground(self, frame: str) -> Mapping[str, Any]:
-        """See ``Ground.fields``."""
+        """See ``Ground.fields``; with the ``command_topic`` of the robot."""
 
     def map_picture(self) -> Callable[[], bytes] | None:
         """Return what makes the picture of the map, in any thread; None without a map."""
@@ -108,7 +119,11 @@ class ToolNode(Protocol):
         """Whether all who subscribe to a click's topic have discovered its publisher."""
 
     def click(self, click: Click) -> tuple[str, int]:
-        """Publish a click; return the topic and the number of its subscribers."""
+        """Publish a click; return the topic and the number of its subscribers.
+
+        Raises:
+            OneBotError: it is for another robot than the one that is steered.
+        """
 
     def nodes(self) -> Mapping[str, Any]:
         """Return ``nodes``, ``viewer`` and ``shown``."""
@@ -150,7 +165,7 @@ class ToolRequests:
         return await _json(partial(self._thread.call, self._node.nodes))
 
     async def _click(self, request: web.Request) -> web.Response:
-        text = await request.text()
+        text = await _text(request)
 
         def publish() -> Mapping[str, Any]:
             thread, click = self._thread, parse_click(text)
@@ -167,7 +182,7 @@ class ToolRequests:
             return await _json(lambda: {"parameters": rows_of(self._client(node))})
 
     async def _set_parameters(self, request: web.Request) -> web.Response:
-        text = await request.text()
+        text = await _text(request)
 
         def change() -> Mapping[str, Any]:
             node, values = parse_values(text)
@@ -186,6 +201,11 @@ class ToolRequests:
         if node not in self._thread.call(self._node.nodes)["nodes"]:
             raise OneBotError(f'there is no node "{node}"')
         return ParameterClient(self._thread, node)
+
+
+async def _text(request: web.Request) -> str:
+    """Return the body; what is no UTF-8 in it is refused where it is parsed."""
+    return (await body_of(request)).decode(errors="surrogateescape")
 
 
 async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:

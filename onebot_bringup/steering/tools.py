@@ -44,6 +44,7 @@ class Click:
     x: float  # m
     y: float  # m
     yaw: float  # rad; a point has none
+    command_topic: str  # of the robot that it is for
 
 
 def parse_click(text: str) -> Click:
@@ -53,14 +54,17 @@ def parse_click(text: str) -> Click:
         ProtocolError: it is none.
     """
     fields = json_object(text)
-    if set(fields) != {"tool", "frame", "x", "y", "yaw"}:
-        raise ProtocolError("a click has tool, frame, x, y and yaw, no others")
-    tool, frame = fields["tool"], fields["frame"]
+    if set(fields) != {"tool", "frame", "x", "y", "yaw", "command_topic"}:
+        raise ProtocolError("a click has tool, frame, x, y, yaw and command_topic, no others")
+    tool, frame, topic = fields["tool"], fields["frame"], fields["command_topic"]
     if not isinstance(tool, str) or tool not in TOOLS:
         raise ProtocolError(f"tool must be one of {', '.join(TOOLS)}", "tool")
     if not isinstance(frame, str) or not 0 < len(frame) <= _LONGEST_FRAME:
         raise ProtocolError("frame must be the name of a frame, such as map", "frame")
-    return Click(tool, frame, *(finite_number(name, fields) for name in ("x", "y", "yaw")))
+    if not isinstance(topic, str):
+        raise ProtocolError("command_topic must be the name of a topic", "command_topic")
+    x, y, yaw = (finite_number(name, fields) for name in ("x", "y", "yaw"))
+    return Click(tool, frame, x, y, yaw, topic)
 
 
 def message_of(click: Click, stamp: Any) -> Any:

@@ -90,11 +90,17 @@ class RvizConfig:
             self.ignored.append(f'{kind or "a display"} "{display.get("Name", "")}"')
             return
         prefix = f"{key}.topics.{topic}"
+        shown = self.values.get(f"{prefix}.visible")  # by another display of it
+        if shown and not enabled:
+            return
+        if shown is False:
+            kept = self.values.items()
+            self.values = {k: value for k, value in kept if not k.startswith(f"{prefix}.")}
         self.values[f"{prefix}.visible"] = enabled
         self.values |= _qos(_mapping(display.get("Topic")), prefix)
         if "hidden_namespaces" in _fields(key):
             spaces = _mapping(display.get("Namespaces"))
-            hidden = [name for name, shown in spaces.items() if shown is False]
+            hidden = [str(name) for name, drawn in spaces.items() if drawn is False]
             self.values[f"{prefix}.hidden_namespaces"] = hidden
         fields = _fields(key)
         for name, value in _flat(display):

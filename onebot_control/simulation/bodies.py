@@ -55,11 +55,14 @@ class Body:
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
     collisions: list[tuple[Shape, Floats]] = field(default_factory=list)  # pose (4, 4) in the body
     friction: float | None = None  # lateral, the minimum of its links'
+    meshes: list[tuple[Mesh, Link]] = field(default_factory=list)  # of the collisions
 
     def add(self, link: Link, pose: Floats) -> None:
         """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""
         for collision in link.collisions:
             self.collisions.append((collision.shape, pose @ matrix(collision.origin)))
+            if isinstance(collision.shape, Mesh):
+                self.meshes.append((collision.shape, link))
         if link.friction is not None:
             least = link.friction if self.friction is None else self.friction
             self.friction = min(link.friction, least)

@@ -123,10 +123,12 @@ def _fixed(joint: Joint, position: float) -> Joint:
 
 def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
     radius = tyre.radius if tyre else 1.0
+    # Of a robot without any mass nothing is known, and it is refused for that when it is loaded.
+    slipping = weight * radius or math.inf
     return replace(
         joint,
         kind="continuous",
-        effort=joint.effort or weight * radius,
+        effort=joint.effort or slipping,
         velocity=joint.velocity or None,
         damping=0.0,
         friction=0.0,

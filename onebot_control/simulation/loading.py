@@ -18,7 +18,7 @@ from onebot_control.simulation.bodies import (
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
 from onebot_control.simulation.shapes import as_obj
-from onebot_description.description.description import Description, Mesh
+from onebot_description.description.description import Description, Link, Mesh
 from onebot_description.errors import OneBotError, listing
 
 # The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
@@ -217,14 +217,12 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
         The file of each mesh by URI.
 
     Raises:
-        OneBotError: meshes cannot be read; each is named with its link.
+        OneBotError: meshes cannot be read; each is named with its links.
     """
-    meshes = {
-        shape.uri: (shape, body.link)
-        for body in bodies
-        for shape, _ in body.collisions
-        if isinstance(shape, Mesh)
-    }
+    meshes: dict[str, tuple[Mesh, list[Link]]] = {}
+    for body in bodies:
+        for mesh, link in body.meshes:
+            meshes.setdefault(mesh.uri, (mesh, []))[1].append(link)
     if not meshes:
         yield {}
         return
@@ -232,13 +230,13 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
     from tempfile import TemporaryDirectory
 
     written: dict[str, str] = {}
-    failures: dict[str, list[str]] = {}  # reason to links
+    failures: dict[str, list[Link]] = {}  # reason to links
     with TemporaryDirectory() as folder:
-        for uri, (mesh, link) in meshes.items():
+        for uri, (mesh, links) in meshes.items():
             try:
                 text = as_obj(mesh, convex)
             except OneBotError as error:
-                failures.setdefault(str(error), []).append(link)
+                failures.setdefault(str(error), []).extend(links)
                 continue
             copy = Path(folder) / f"{len(written)}.obj"
             copy.write_text(text, encoding="utf-8")
@@ -246,7 +244,8 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
         if failures:
             raise OneBotError(
                 "\n".join(
-                    f"link {listing(links)}: collision mesh {reason}"
+                    f"{links[0].where}: link {listing(link.name for link in links)}: "
+                    f"collision mesh {reason}"
                     for reason, links in failures.items()
                 )
             )

@@ -19,6 +19,7 @@ from onebot_description.parameters.reader import REQUIRED, Problem, group, param
 
 Poses = Mapping[str, Mapping[str, float]]
 
+_MIN_RATE = 0.001
 MAX_RATE = 1000.0
 """Hz; a faster timer only wastes processor time."""
 
@@ -154,7 +155,7 @@ class Sequence:
 class JointsConfig:
     """All parameters of joint_state_publisher; positions in rad or m."""
 
-    rate: float = parameter(10.0, "messages per second, Hz", above=0.0, at_most=MAX_RATE)
+    rate: float = parameter(10.0, "messages per second, Hz", at_least=_MIN_RATE, at_most=MAX_RATE)
     publish_default_positions: bool = parameter(True, "publish positions that nothing moves")
     publish_default_velocities: bool = parameter(False, "publish velocities even if nothing moves")
     publish_default_efforts: bool = parameter(False, "publish zeros as efforts")

@@ -16,6 +16,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.writer import Qos
 from onebot_bringup.cli.replay import run as replay
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_description.errors import OneBotError
@@ -156,6 +157,55 @@ def test_recordings_of_older_distros(tmp_path):
     assert (bag.definitions, bag.offered, bag.warnings) == ({}, {"/words": []}, [])
     assert "string data" in bag.definition("std_msgs/msg/String")
     assert words_of(bag) == [cdr(f"word {index}") for index in range(20)]
+
+
+QOS = "[{{reliability: best_effort, liveliness: {}, deadline: {}, lifespan: {}, \
+liveliness_lease_duration: {}}}]"
+
+
+@pytest.mark.parametrize(
+    ("text", "offered"),
+    [
+        (
+            QOS.format(
+                "manual_by_topic", "{sec: 1, nsec: 5}", "{nsec: 500000000, sec: 0}", "{sec: 2}"
+            ),
+            [
+                Qos(
+                    "best_effort",
+                    liveliness="manual_by_topic",
+                    deadline=1_000_000_005,
+                    lifespan=500_000_000,
+                    lease=2_000_000_000,
+                )
+            ],
+        ),
+        (
+            # Infinite: of today, and in Foxy of Fast DDS and of Connext.
+            QOS.format(
+                1,
+                "{sec: 9223372036, nsec: 854775807}",
+                "{sec: 2147483647, nsec: 4294967295}",
+                "{sec: 2147483647, nsec: 2147483647}",
+            ),
+            [Qos("best_effort")],
+        ),
+        (
+            QOS.format(3, "{sec: 0, nsec: 0}", "{sec: 0, nsec: -5}", "null"),
+            [Qos("best_effort", liveliness="manual_by_topic")],
+        ),
+        (QOS.format(1, "5", "1", "1"), []),
+        (QOS.format(1, "{sec: .inf}", "null", "null"), []),
+        ("[{depth: .inf}]", []),
+        ("", []),
+    ],
+    ids=["all", "infinite", "none", "numbers", "inf", "depth", "empty"],
+)
+def test_offered_qos(tmp_path, text, offered):
+    """Words and numbers; a duration that is none is infinite."""
+    foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
+    change(tmp_path / "bag", f"UPDATE topics SET offered_qos_profiles = '{text}'")
+    assert Bag(tmp_path / "bag").offered["/words"] == offered
 
 
 def test_nothing_is_left_beside_a_file(tmp_path):

@@ -187,22 +187,34 @@ def test_only_wanted_topics(tmp_path, ros_domain):
 
 
 def test_simulated_time(tmp_path, ros_domain):
-    """With use_sim_time the messages are stamped by /clock."""
+    """With use_sim_time all messages are stamped by /clock, latched ones of before it, too."""
     folder = tmp_path / "run"
-    with Peer(ros_domain) as peer, record(folder, use_sim_time=True):
-        clock = peer.publisher(Clock, "/clock")
-        words = peer.publisher(String, "/words")
-        tick = Clock()
-        tick.clock.sec = 42
+    with Peer(ros_domain) as peer:
+        peer.node.create_publisher(String, "robot_description", LATCHED).publish(String())
+        words = peer.node.create_publisher(String, "/words", MANY)
+        with record(folder, use_sim_time=True) as node:
+            clock = peer.publisher(Clock, "/clock")
+            wait_for(lambda: "waiting for the first message on /clock" in node.output, "a notice")
+            assert words.get_subscription_count() == 0
+            tick = Clock()
+            tick.clock.sec = 42
 
-        def both():
-            clock.publish(tick)
-            words.publish(String())
-            return any(
-                name == "/words" and stamp == 42 * 10**9 for name, stamp, _ in read_growing(folder)
-            )
+            def recorded():
+                clock.publish(tick)
+                words.publish(String())
+                return counted(folder, "/words") and counted(folder, "/robot_description")
 
-        wait_for(both, "a message at simulated time 42")
+            wait_for(recorded, "both topics")
+            assert node.output.count("waiting for") == 1
+    assert {stamp for _, stamp, _ in read_all(folder)[0]} == {42 * 10**9}
+
+
+def test_no_simulated_time(tmp_path, ros_domain):
+    """Without /clock nothing is recorded, and Ctrl-C ends it."""
+    with record(tmp_path / "run", use_sim_time=True) as node:
+        wait_for(lambda: "waiting for the first message on /clock" in node.output, "a notice")
+        assert node.interrupt() == 0
+        assert "recorded 0 messages of 0 topics" in node.output
 
 
 @pytest.mark.parametrize(

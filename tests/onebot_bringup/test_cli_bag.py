@@ -8,6 +8,8 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from rclpy.duration import Duration, Infinite
+from rclpy.qos import LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
@@ -15,6 +17,8 @@ from std_msgs.msg import String
 
 from onebot_bringup.bags.bag_recorder import Selection
 from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.writer import Qos
+from onebot_bringup.cli.bag import played_qos
 from tests.onebot_bringup.bag_support import LATCHED as LATCHED_QOS
 from tests.onebot_bringup.bag_support import cdr, write_words
 from tests.onebot_bringup.cli_support import onebot, output_of, running
@@ -23,6 +27,7 @@ from tests.support import PATIENCE, wait_for
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
+BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 
 
 def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,6 +89,62 @@ def test_what_a_recording_knows(tmp_path: Path) -> None:
     assert Bag(cut).counts == ours.counts and Bag(cut).end_ns == ours.end_ns
 
 
+def add_what_is_not_played(folder: Path) -> None:
+    """Names and types that ROS refuses, a second type of a topic, and publishers that disagree."""
+    offered = """[{reliability: best_effort, deadline: {sec: 0, nsec: 500000000}},
+        {reliability: reliable, deadline: {sec: 0, nsec: 500000000}}]"""
+    with closing(sqlite3.connect(next(folder.glob("*.db3")))) as database, database:
+        database.execute(
+            "UPDATE topics SET offered_qos_profiles = ? WHERE name = '/words'", [offered]
+        )
+        for name, kind in (("/a b", "String"), ("/rosout", "String"), ("/words", "Empty")):
+            number = database.execute(
+                "INSERT INTO topics(name, type, serialization_format, offered_qos_profiles,"
+                " type_description_hash) VALUES (?, ?, 'cdr', '', '')",
+                [name, f"std_msgs/msg/{kind}"],
+            ).lastrowid
+            database.executemany(
+                "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)",
+                [(number, START + 1, b"\0\1\0\0\0")] * 2,
+            )
+
+
+@pytest.mark.parametrize(
+    ("offered", "expected"),
+    [
+        ([], QoSProfile(depth=1000)),
+        ([Qos("best_effort")] * 2, QoSProfile(depth=1000, reliability=BEST_EFFORT)),
+        ([Qos("best_effort"), Qos("reliable")], QoSProfile(depth=1000)),
+        ([LATCHED_QOS, Qos()], QoSProfile(depth=1000)),
+        ([LATCHED_QOS] * 2, QoSProfile(depth=1000, durability=LATCHED.durability)),
+        (
+            [Qos(deadline=1, lease=2, lifespan=3, liveliness="manual_by_topic")] * 2,
+            QoSProfile(
+                depth=1000,
+                deadline=Duration(nanoseconds=1),
+                liveliness_lease_duration=Duration(nanoseconds=2),
+                lifespan=Duration(nanoseconds=3),
+                liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+            ),
+        ),
+        (
+            [Qos(deadline=1, lease=2, lifespan=3, liveliness="manual_by_topic"), Qos()],
+            QoSProfile(depth=1000),
+        ),
+    ],
+)
+def test_qos_that_suits_every_subscriber(offered: list[Qos], expected: QoSProfile) -> None:
+    """Of the recorded publishers: more reliable than one of them harms none."""
+    played = played_qos(offered)
+    for name in ("depth", "reliability", "durability"):
+        assert getattr(played, name) == getattr(expected, name)
+    manual = LivelinessPolicy.MANUAL_BY_TOPIC
+    assert (played.liveliness == manual) == (expected.liveliness == manual)
+    for name in ("deadline", "lifespan", "liveliness_lease_duration"):
+        limit = getattr(expected, name)
+        assert getattr(played, name) == (limit if limit.nanoseconds else Infinite)
+
+
 def problems(command) -> list[str]:
     """What a command has reported, but that discovery takes long, as it may on a busy machine."""
     return [line for line in command.err.splitlines() if not line.startswith("looking for ")]
@@ -92,11 +153,13 @@ def problems(command) -> list[str]:
 def test_play(tmp_path: Path, ros_domain: int) -> None:
     """Each message in its time and order, latched ones for who comes later, and the clock.
 
-    What is not installed is left out with one line.
+    What is not installed or not to be published is left out with one line each.
     """
     folder = recording(tmp_path / "run")
+    add_what_is_not_played(folder)
     with Peer(ros_domain) as peer:
-        heard = peer.hear(String, "/speech")
+        deadline = Duration(seconds=1)  # which a publisher without one does not meet
+        heard = peer.hear(String, "/speech", QoSProfile(depth=100, deadline=deadline))
         clock = peer.hear(Clock, "/clock")
         words = ("--clock", "50", "-r", "2", "-m", "/words:=/speech")
         started = time.monotonic()
@@ -110,8 +173,14 @@ def test_play(tmp_path: Path, ros_domain: int) -> None:
         stamps = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
         assert {b - a for a, b in zip(stamps, stamps[1:], strict=False)} == {SECOND // 25}
         assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
-    [warning] = problems(command)
-    assert warning.startswith('warning: /odd is not played: no message type "odd_msgs/msg/Odd"')
+    expected = (
+        '/odd is not played: no message type "odd_msgs/msg/Odd"',
+        '/a b is not played: "/a b" is no name: ',
+        "/rosout is not played: ",
+        "/words is played as std_msgs/msg/String, not as std_msgs/msg/Empty as well",
+    )
+    for line, start in zip(problems(command), expected, strict=True):
+        assert line.startswith(f"warning: {start}")
     assert f"playing {folder}: 1.8 s of 2 topics\n" in command.out
 
 
@@ -119,15 +188,33 @@ def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
     """Only some topics, from an offset on, for a while, in a loop until Ctrl-C (exit code 0)."""
     folder = recording(tmp_path / "run")
     with Peer(ros_domain) as peer:
-        heard = peer.hear(String, "/words")
+        heard: list[tuple[String, int]] = []
+        peer.node.create_subscription(
+            String, "/words", lambda word, info: heard.append((word, info["source_timestamp"])), 100
+        )
         once = peer.hear(String, "/once", LATCHED)
-        part = ("--start-offset", "0.5", "--playback-duration", "0.4", "-x", "odd", "--loop")
+        part = "--start-offset 0.5 --playback-duration 0.4 -x .*odd --loop --delay 0.5".split()
         with running(tmp_path, "bag", "play", str(folder), *part) as command:
             wait_for(lambda: len(heard) >= 5 and once, "two rounds")
             assert command.interrupt() == 0 and "Traceback" not in command.err
     expected = ["word 3", "word 4"] * 3
-    assert [word.data for word in heard][:5] == expected[:5]
+    assert [word.data for word, _ in heard][:5] == expected[:5]
+    sent = [stamp for _, stamp in heard]
+    assert sent[2] - sent[1] >= SECOND // 2  # it waits each time
     assert not problems(command)
+
+
+def test_loop_of_one_moment(tmp_path: Path, ros_domain: int) -> None:
+    """A recording without duration is not published as fast as can be."""
+    folder = recording(tmp_path / "run")
+    with Peer(ros_domain) as peer:
+        heard = peer.hear(String, "/words")
+        started = time.monotonic()
+        words = ("-l", "--start-offset", "1.8", "-e", "/words")
+        with running(tmp_path, "bag", "play", str(folder), *words) as command:
+            wait_for(lambda: len(heard) >= 5, "some rounds")
+            assert command.interrupt() == 0
+        assert len(heard) <= 1 + (time.monotonic() - started) / 0.1
 
 
 @pytest.mark.parametrize(
@@ -138,6 +225,8 @@ def test_play_a_part_again_and_again(tmp_path: Path, ros_domain: int) -> None:
         (("--topics", "/odd"), 1, "has nothing to play"),
         (("-r", "0"), 2, "not above zero"),
         (("-e", "("), 2, "is no regular expression"),
+        (("-e", "word"), 1, "has nothing to play"),  # the whole name
+        (("--clock", "1e12"), 2, "1e12 is above 10000 Hz"),
     ],
 )  # fmt: skip
 def test_play_mistakes(

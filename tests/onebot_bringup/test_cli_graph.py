@@ -1,5 +1,8 @@
 """``onebot node, param, service, interface``, on real DDS, in the forms that ros2 prints."""
 
+import io
+import math
+
 import pytest
 import rclpy
 import yaml
@@ -13,6 +16,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
+from onebot_bringup.cli.main import main
 from onebot_bringup.introspection.parameter_values import DOUBLE, INTEGER, STRING, parse_value
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import onebot, output_of
@@ -125,6 +129,18 @@ def test_param_set(ros_domain: int) -> None:
         assert fixed.returncode == 1 and "Setting parameter failed: " in fixed.stderr
         odd = onebot("param", "set", "/robot", "rate")
         assert odd.returncode == 2
+        field = "{parameters: [{name: rate, value: {type: 3, double_value: .inf}}]}"
+        service = "/robot/set_parameters", "rcl_interfaces/srv/SetParameters"
+        for words in (
+            ("service", "call", *service, field),
+            ("param", "set", "/robot", "rate", ".inf"),
+        ):
+            node.set_parameters([Parameter("rate", value=1.0)])
+            refused = onebot(*words)
+            assert refused.returncode == 1 and "a finite number" in refused.stderr
+            assert node.get_parameter("rate").value == 1.0
+            output_of(*words, "--allow-non-finite")
+            assert node.get_parameter("rate").value == math.inf
 
 
 @pytest.mark.parametrize(
@@ -195,6 +211,39 @@ def test_interfaces() -> None:
     listed = output_of("interface", "list")
     assert "Messages:\n" in listed and "    geometry_msgs/msg/Twist\n" in listed
     assert "Services:\n" in listed and "    std_srvs/srv/SetBool\n" in listed
+
+
+BIG = "99999999999999999999"
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (["topic", "echo", "--qos-depth", "-1", "/x"], "-1 is less than zero"),
+        (["topic", "echo", "--qos-depth", BIG, "/x"], f"{BIG} is above 2147483647"),
+        (["topic", "hz", "-w", BIG, "/x"], f"{BIG} is above 2147483647"),
+        (["tf", "echo", "a", "b", "-p", "3000000000"], "3000000000 is above 100"),
+        (["param", "set", "/x", "name", "\udcff"], "'\\xff' is not UTF-8"),
+        (["param", "get", "/x", "\udcff"], "'\\xff' is not UTF-8"),
+    ],
+)
+def test_impossible_options(
+    words: list[str], answer: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What C or ROS cannot take is refused on one line, before anything starts."""
+    assert main(words) == 2
+    error, see = capsys.readouterr().err.splitlines()
+    assert answer in error and see == f"see: onebot {words[0]} {words[1]} --help"
+
+
+@pytest.mark.parametrize("words", [["topic", "pub", "/x"], ["service", "call", "/x"]])
+def test_values_that_are_no_text(
+    words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = "std_srvs/srv/SetBool" if words[0] == "service" else "std_msgs/msg/String"
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"\xff"), "utf-8"))
+    assert main([*words, kind, "--stdin"]) == 1
+    assert capsys.readouterr().err == "error: standard input is not UTF-8\n"
 
 
 @pytest.mark.parametrize("group", ["topic", "node", "param", "service", "interface"])

@@ -257,8 +257,15 @@ def test_pages_that_do_nothing_give_way_to_a_new_one(peer):
             opened.enter_context(raw_page(address_of(node)))
         wait_for(lambda: idle.closed, "the idle page to give way")
         assert idle.close_code == 4000
+        opened.close()
+        wait_for(lambda: driver.state["pages"] == 1, "the end of the others")
+        driver.let_go()  # a slow machine may have lost its grip
+        driver.hold(0.3)
+        wait_for(lambda: driver.state["you"], "it to drive")
+        for number in range(63):
+            opened.enter_context(raw_page(address_of(node), f"127.0.1.{number + 1}"))
         with PageClient(address_of(node)) as page:
-            assert page.state["driver"] == driver.id and driver.state["you"]
+            assert not driver.closed
             page.send("stop")
             robot.come_to_rest()
 
@@ -280,6 +287,7 @@ BEGINNINGS = (
     "",
     "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ",
     "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\n{",
+    "POST /tools/click HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\n{",
     "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
 )
 
@@ -292,7 +300,7 @@ def test_connections_that_do_nothing_end_and_lock_nobody_out(peer):
         for number in range(300):
             one = opened.enter_context(socket.create_connection(("127.0.0.1", port), 60.0))
             with suppress(ConnectionError):
-                one.sendall(BEGINNINGS[number % 4].encode())
+                one.sendall(BEGINNINGS[number % len(BEGINNINGS)].encode())
             idle.append(one)
         with PageClient(address_of(node)) as page:
             robot = Commands(peer, page)
@@ -328,6 +336,12 @@ def test_foreign_hosts_and_origins_are_refused(ros_domain):
         address = address_of(node)
         assert _status(address, "/", Host="evil.example")[0] == 403
         assert _status(address, "/", Origin="http://evil.example")[0] == 403
+        link = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+        for site, status in {"cross-site": 403, "same-site": 403, "same-origin": 200}.items():
+            for path in ("/", "/tools/nodes", "/static/page.js"):
+                found = _status(address, path, **{"Sec-Fetch-Site": site})
+                assert found[0] == status, (site, path)
+            assert _status(address, "/", **{"Sec-Fetch-Site": site}, **link)[0] == 200
         for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
             with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
                 PageClient(address, **headers)

@@ -24,6 +24,7 @@ from onebot_bringup.steering.server import STATIC
 from onebot_control.poses import yaw_of
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description.packages import package_share
+from tests.onebot_bringup.steering_support import PageClient
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, steering
@@ -410,6 +411,48 @@ def test_the_command_key_lets_go(peer: Peer, page: Page) -> None:
         wait_to_stop(page, heard)
 
 
+def test_what_takes_the_keys_lets_go(peer: Peer, page: Page) -> None:
+    """A menu, a list or a drag swallows the key's release; a finger that rests opens no menu."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    robots = [peer.node.create_subscription(Twist, f"/{n}/cmd_vel", print, 1) for n in "ab"]
+
+    def ask(selector: str, event: str) -> None:
+        page.driver.execute_script(
+            "document.querySelector(arguments[0]).dispatchEvent("
+            "new MouseEvent(arguments[1], {bubbles: true, cancelable: true}))",
+            selector,
+            event,
+        )
+
+    with steering(**LIMITS) as node:
+        page.open(node.address)
+        wait_for(lambda: page.find("#robot select").is_displayed(), "the list of robots")
+        for take in (
+            lambda: page.act().context_click(page.find("#view")).perform(),
+            lambda: page.act().move_to_element(page.find("#robot select")).click().perform(),
+            lambda: ask("#readout", "dragstart"),
+        ):
+            page.drive_by_keys("w", moving(heard))
+            take()
+            wait_to_stop(page, heard)
+            assert page.said()[-1] == "release" and page.body("hand") == ""
+            page.release_keys("w")
+            page.act().send_keys(Keys.ESCAPE).perform()
+            page.find("#view").click()
+        controls = {"#pad": (0, -60), "#linear input": (0, -60), "#linear [name=plus]": (0, 0)}
+        for selector, (right, down) in controls.items():
+            page.drive_by_mouse(selector, right, down, moving(heard))
+            releases = page.said().count("release")
+            ask(selector, "contextmenu")
+            page.wait_for_states(3)
+            assert page.said().count("release") == releases, "no menu opens there"
+            ask("#view", "contextmenu")
+            wait_to_stop(page, heard)
+            page.let_go()
+    for robot in robots:
+        peer.node.destroy_subscription(robot)
+
+
 def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer: Peer, page: Page) -> None:
     """Wherever the focus is, with Ctrl too; what is held has to be let go first."""
     heard = peer.hear(Twist, TOPIC, 1000)
@@ -634,6 +677,16 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page
         assert (pose.position.x, pose.position.y) == pytest.approx((1.0, 0.0), abs=0.02)
         assert yaw_of(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
         assert not pressed("[data-tool=goal]") and pressed("[name=map]")
+
+        # Another page switches to another robot while this one aims.
+        with PageClient(node.address) as other:
+            for topic in ("/robot2/cmd_vel", "/cmd_vel"):
+                page.find("[data-tool=goal]").click()
+                page.hold("#ground svg", 0, -50)
+                other.send("topic", topic=topic)
+                wait_for(lambda: "Another robot" in page.text("#ground [role=status]"), "the note")
+                page.let_go()
+                page.find("[data-tool=goal]").click()
 
         page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
         page.find("[data-tool=point]").click()
@@ -921,7 +974,9 @@ def test_a_foreign_page_is_refused(peer: Peer, page: Page, tmp_path: Path) -> No
             for name in ("127.0.0.1", "localhost"):
                 page.driver.get(address.replace("127.0.0.1", name))
                 wait_for(lambda: page.driver.title == "refused", "the refusal")
-        page.open(node.address)
+            # A link to the page is none of its requests.
+            page.driver.execute_script("location = arguments[0]", node.address)
+            wait_for(lambda: page.connected, "the page to connect")
         page.wait_for_states(2)
         assert heard == []
 

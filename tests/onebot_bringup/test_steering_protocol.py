@@ -74,6 +74,7 @@ def test_each_message_is_understood(text, meant):
         '{"type":"topic","topic":7}',
         '{"type":"release"}' + " " * 2000,
         "[" * 1000,
+        '{"type":"topic","topic":"\\ud800"}',
         '{"type":"release"}{"type":"stop"}',
     ],
 )

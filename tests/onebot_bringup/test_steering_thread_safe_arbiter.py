@@ -114,6 +114,16 @@ def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:
     assert steered.arbiter.timeouts == 1
 
 
+def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
+    """The next tick may come before the next check: its command is zero, too."""
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.sent()
+    steered.now += COMMAND_TIMEOUT + 0.001
+    for _ in range(ZEROS + 2):
+        steered.arbiter.tick()
+    assert steered.sent() == [ZERO] * ZEROS and steered.arbiter.timeouts == 1
+
+
 def test_silence_counts_from_the_last_word(steered: Steered) -> None:
     """Saying the same again keeps the robot going."""
     for _ in range(10):

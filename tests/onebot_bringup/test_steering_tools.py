@@ -3,8 +3,10 @@
 import io
 import json
 import math
+import threading
 from array import array
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -27,19 +29,28 @@ from rcl_interfaces.msg import (
     ParameterValue,
     SetParametersResult,
 )
+from rcl_interfaces.srv import GetParameters
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
 from onebot_bringup.steering.ground import Ground, PublishedMap
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
-from onebot_bringup.steering.tool_requests import parse_values, shown_topics
+from onebot_bringup.steering.tool_requests import OtherThread, parse_values, shown_topics
 from onebot_bringup.steering.tools import Click, message_of, parse_click
+from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.steering_support import address_of, steering
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for
 
-CLICK = {"tool": "goal", "frame": "map", "x": 1.5, "y": -2, "yaw": math.pi / 2}
+CLICK = {
+    "tool": "goal",
+    "frame": "map",
+    "x": 1.5,
+    "y": -2,
+    "yaw": math.pi / 2,
+    "command_topic": "/robot1/cmd_vel",
+}
 
 
 @pytest.mark.parametrize(
@@ -52,11 +63,15 @@ CLICK = {"tool": "goal", "frame": "map", "x": 1.5, "y": -2, "yaw": math.pi / 2}
         ({"frame": None}, "frame must be"),
         ({"x": "1"}, "x must be a number"),
         ({"yaw": 1e999}, "yaw must be a finite number|not valid JSON"),
-        ({"z": 0.0}, "tool, frame, x, y and yaw, no others"),
+        ({"z": 0.0}, "tool, frame, x, y, yaw and command_topic, no others"),
+        ({"command_topic": None}, "command_topic must be the name of a topic"),
+        ({"frame": "\ud800"}, "must be Unicode"),
     ],
 )
 def test_a_click_that_is_none_is_refused(changes: dict[str, Any], problem: str) -> None:
-    assert parse_click(json.dumps(CLICK)) == Click("goal", "map", 1.5, -2.0, math.pi / 2)
+    assert parse_click(json.dumps(CLICK)) == Click(
+        "goal", "map", 1.5, -2.0, math.pi / 2, "/robot1/cmd_vel"
+    )
     with pytest.raises(ProtocolError, match=problem):
         parse_click(json.dumps({**CLICK, **changes}))
 
@@ -64,14 +79,14 @@ def test_a_click_that_is_none_is_refused(changes: dict[str, Any], problem: str) 
 def test_clicks_become_the_messages_of_rviz() -> None:
     """In type, frame, stamp, pose and covariance."""
     stamp = Time(sec=5)
-    goal = message_of(Click("goal", "map", 1.0, 2.0, math.pi / 2), stamp)
+    goal = message_of(Click("goal", "map", 1.0, 2.0, math.pi / 2, "/cmd_vel"), stamp)
     assert isinstance(goal, PoseStamped)
     assert (goal.header.frame_id, goal.header.stamp) == ("map", stamp)
     assert (goal.pose.position.x, goal.pose.position.y, goal.pose.position.z) == (1.0, 2.0, 0.0)
     turn = goal.pose.orientation
     assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((0.0, 0.0, 0.5**0.5, 0.5**0.5))
 
-    estimate = message_of(Click("estimate", "map", 1.0, 2.0, math.pi / 2), stamp)
+    estimate = message_of(Click("estimate", "map", 1.0, 2.0, math.pi / 2, "/cmd_vel"), stamp)
     assert isinstance(estimate, PoseWithCovarianceStamped)
     assert estimate.pose.pose == goal.pose and estimate.header == goal.header
     wanted = {0: 0.25, 7: 0.25, 35: math.radians(15.0) ** 2}
@@ -79,7 +94,7 @@ def test_clicks_become_the_messages_of_rviz() -> None:
         {index: wanted.get(index, 0.0) for index in range(36)}
     )
 
-    point = message_of(Click("point", "odom", 1.0, 2.0, 0.0), stamp)
+    point = message_of(Click("point", "odom", 1.0, 2.0, 0.0, "/cmd_vel"), stamp)
     assert isinstance(point, PointStamped) and point.header.frame_id == "odom"
     assert (point.point.x, point.point.y, point.point.z) == (1.0, 2.0, 0.0)
 
@@ -211,6 +226,44 @@ def be_localised(peer: Peer) -> Any:
     return lambda: moved.publish(odometry)
 
 
+def test_what_a_page_was_told_has_failed_does_not_happen_later(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A node that is busy for long does it never; what it has begun by then is waited for."""
+    monkeypatch.setattr("onebot_bringup.steering.tool_requests._TIMEOUT", 0.1)
+    thread, executor = OtherThread(peer.node), peer.node.executor
+    busy, free = threading.Event(), threading.Event()
+
+    def block() -> str:
+        busy.set()
+        free.wait(PATIENCE)
+        return "done"
+
+    assert executor is not None
+    clients = len(list(peer.node.clients))
+    executor.create_task(block)
+    busy.wait(PATIENCE)
+    late: list[str] = []
+    with pytest.raises(OneBotError, match="does not answer at the moment"):
+        thread.call(lambda: late.append("published"))
+    with pytest.raises(OneBotError, match="does not answer at the moment"):
+        thread.create_client(GetParameters, "/nobody/get_parameters")
+    free.set()
+    client = wait_for(lambda: _client(thread), "the node")
+    busy.clear()
+    free.clear()
+    threading.Timer(0.5, free.set).start()
+    assert thread.call(block) == "done"
+    thread.destroy_client(client)
+    wait_for(lambda: len(list(peer.node.clients)) == clients, "the end of the client")
+    assert late == []
+
+
+def _client(thread: OtherThread) -> Any:
+    with suppress(OneBotError):  # 0.1 s are short on a busy machine
+        return thread.create_client(GetParameters, "/nobody/get_parameters")
+
+
 def test_the_ground_is_shown_when_transforms_had_time_to_come(peer: Peer) -> None:
     """Before, a click would be in another frame than a moment later."""
     ground = Ground(peer.node, OdometryTopic(peer.node, ""))
@@ -251,7 +304,10 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(peer: Peer) -> None:
             "topic": "/robot1/clicked_point",
             "subscribers": 0,
         }
+        assert ground["command_topic"] == CLICK["command_topic"]
         count = len(goals)
+        status, reason = request.raw("click", {**CLICK, "command_topic": "/robot2/cmd_vel"})
+        assert status == 409 and b"another robot is steered now" in reason
         assert request.raw("click", {**CLICK, "x": None})[0] == 400
         assert request.raw("click", CLICK, Origin="http://evil.example")[0] == 403
         assert request.raw("click", CLICK, Host="evil.example")[0] == 403
@@ -288,6 +344,8 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(peer: Peer) -> None:
             "range": [0.0, 2.0],
         }
         assert rows["fixed"]["read_only"] and "long" not in rows
+        for values in ({"speed": "\ud800"}, {"\ud800": "1"}):
+            assert request.raw("parameters", {"node": "/peer", "values": values})[0] == 400
         values = {"speed": "1", "lights": "true"}
         found = request("parameters", {"node": "/peer", "values": values})
         assert found == {"refused": {"lights": "no lights"}}

@@ -37,6 +37,24 @@ def test_lines_have_their_level_node_and_time(tmp_path):
     assert chunk == START_NS, "their stamps, not when they came"
 
 
+def test_another_level_writes_no_line_again(tmp_path):
+    """It is of the lines that follow."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    shown = RobotView(recording.stream, parse_view("log: {visible: true}"))
+    describe(shown, ARM)
+    shown.offer({"/rosout": LOG})
+    for number, level in enumerate(("warn", "debug")):
+        take(shown, "/rosout", line(20, f"{number}"))
+        shown.tick(START_NS)
+        shown.set_view(parse_view(f"log: {{visible: true, level: {level}}}"))
+    take(shown, "/rosout", line(10, "2"))
+    shown.tick(START_NS)
+    shown.finish()
+    recording.close()
+    texts = column(tmp_path / "x.rrd", "/log/rosout", "TextLog:text")
+    assert [text[0] for text in texts if text] == ["[planner] 0", "[planner] 2"]
+
+
 def test_a_line_of_a_megabyte_is_cut(tmp_path):
     """It is a line all the same."""
     file, _ = show(tmp_path, "log: {visible: true}", ("/rosout", line(40, "x" * 1_000_000)))

@@ -155,6 +155,19 @@ def test_an_update_of_an_older_map_is_ignored(tmp_path):
     assert [cells.tolist() for cells in shown.cells()] == [[[1, 1]], [[3]]]
 
 
+def test_updates_come_through_after_the_clock_is_set_back(tmp_path):
+    """As in RViz, which does not compare their stamps with the map's."""
+    shown = Shown(tmp_path)
+    shown.take(grid([[1, 1]]))
+    shown.tick()
+    shown.now = START_NS - 50 * SECOND
+    for value in (2, 3):
+        shown.update(0, 0, [[value]])
+        shown.tick()
+    found = [cells.tolist() for cells in shown.cells()]
+    assert sorted(found) == [[[1, 1]], [[2, 1]], [[3, 1]]]
+
+
 @pytest.mark.parametrize(
     ("place", "cells", "cut"),
     [
@@ -171,6 +184,8 @@ def test_bad_updates_are_refused(tmp_path, place, cells, cut):
     shown.take(grid(np.zeros((3, 4))))
     shown.tick()
     shown.update(*place, cells, cut=cut)
+    shown.tick()
+    shown.update(9, 9, [[1]])
     shown.tick()
     shown.update(0, 0, [[1]])
     shown.tick()

@@ -544,6 +544,43 @@ def test_what_is_wrong_is_said_once(tmp_path, kind, fields, drawn, said):
         np.testing.assert_allclose(turns, [[0, 0, 0, 1]] * 2)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_numbers_that_are_none_cost_nothing_of_other_markers(tmp_path):
+    """A neighbour's quaternion is checked as ever; a colour that is none is the marker's own."""
+    shown = Shown(tmp_path)
+    bad = marker(number=1, at=(np.nan, 0, 0), turn=(np.nan, 0.0, 0.0, 1.0))
+    colors = [(np.nan,) * 4, GREEN, GREEN]
+    triangle = marker(Marker.TRIANGLE_LIST, 2, points=SQUARE, colors=colors)
+    said = shown.send(marker(turn=(0.0,) * 4), bad, triangle)
+    assert [sentence.partition("its")[2] for sentence in said] == [
+        " numbers are not finite: not drawn",
+        " quaternion is zero: taken as no turn",
+    ]
+    file = shown.end()
+    assert flat(rows(file, "cubes", "InstancePoses3D:quaternions")) == [0, 0, 0, 1]
+    assert rows(file, "triangles", "Mesh3D:vertex_colors") == [[0xFF0000FF] + [0x00FF00FF] * 2]
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        (lambda n: {"points": SQUARE * n, "colors": [RED]}, "1 colours for 3 points"),
+        (lambda n: {"kind": 99 + n}, "its type 100 is unknown"),
+        (lambda n: {"kind": Marker.MESH_RESOURCE, "mesh_resource": f"file:///{n}.stl"}, "/1.stl"),
+    ],
+    ids=["colours", "type", "mesh"],
+)
+def test_a_problem_with_other_numbers_each_time_is_said_once(tmp_path, fields, said):
+    """Else it would keep all others from being said: a view has a hundred warnings at most."""
+    shown = Shown(tmp_path)
+    sentences = []
+    for n in range(1, 4):
+        sentences += shown.send(marker(**{"kind": Marker.LINE_STRIP} | fields(n)))
+    [first] = sentences
+    assert said in first
+    shown.end()
+
+
 def test_bad_messages_are_reported(tmp_path):
     """And cost nothing of the others."""
     shown = Shown(tmp_path)

@@ -163,6 +163,7 @@ def test_foreign_pages_get_neither_the_page_nor_the_recording():
         for foreign in (
             {"Origin": "http://evil.example"},
             {"Origin": "null"},
+            {"Sec-Fetch-Site": "cross-site"},
             {"Origin": own.replace(str(page.port), "1")},
             {"Host": "evil.example"},
             {"Host": f"evil.example:{page.port}", "Origin": f"http://evil.example:{page.port}"},

@@ -1,5 +1,6 @@
 """Simulation and controller together, one cycle at a time."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,14 +11,16 @@ from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_control.simulation import JointStates
-from onebot_description.description import load_description
+from onebot_description.description import load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import (
+    CASTER,
     IdealPlant,
     config,
     ideal_drive,
     robot,
+    urdf,
     wheel,
 )
 
@@ -84,6 +87,11 @@ SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description
         ({"left_wheel_names": ["arm"], **SET}, 'left_wheel_names: .*no joint "arm" that turns'),
         ({"right_wheel_names": ["arm"], **SET}, 'right_wheel_names: .*no joint "arm" that turns'),
         ({"right_wheel_names": ["caster_joint"]}, 'no joint "caster_joint" that turns'),
+        ({"wheel_radius": 1e-320}, "left_radius must be at least 1e-06 m, not 9.99989e-321 m"),
+        (
+            {"wheel_separation": 1e-200, "wheel_separation_multiplier": 1e-200},
+            "separation must be at least 1e-06 m, not 0 m",
+        ),
     ],
 )
 def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: str) -> None:
@@ -93,6 +101,18 @@ def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: s
         ideal_drive(**wrong)
     with pytest.raises(OneBotError, match=said):
         DrivenRobot.of(robot(), config(**wrong))
+
+
+def test_a_robot_without_mass_is_refused_for_that() -> None:
+    """By each of its bodies, and not for the motors that it has no weight for."""
+    parts = (wheel("left", 0.15), wheel("right", -0.15), CASTER)
+    bare = re.sub(r"<inertial>.*?</inertial>|<limit[^>]*>", "", urdf(*parts), flags=re.DOTALL)
+    with pytest.raises(OneBotError) as refused:
+        DrivenRobot.of(parse_description(bare), config())
+    for link, line in zip(
+        ("base_link", "left_wheel", "right_wheel"), str(refused.value).splitlines(), strict=True
+    ):
+        assert f'link "{link}"' in line and "an <inertial> with mass and inertia" in line
 
 
 def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:

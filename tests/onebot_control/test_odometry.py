@@ -491,10 +491,10 @@ def test_body_motion_is_that_of_the_formula() -> None:
     assert kinematics.body_motion(1.0, 0.0) == pytest.approx((0.05, -0.25))
 
 
-@pytest.mark.parametrize("wrong", [0.0, -0.1, math.nan, math.inf])
+@pytest.mark.parametrize("wrong", [0.0, -0.1, 1e-7, 1e-320, math.nan, math.inf])
 @pytest.mark.parametrize("name", ["separation", "left_radius", "right_radius"])
 def test_geometry_no_robot_has_is_refused(name: str, wrong: float) -> None:
-    """Lengths are above 0 and finite; the error names the one that is not."""
+    """Lengths are at least 1 um and finite; the error names the one that is not."""
     lengths = {"separation": 0.3, "left_radius": 0.1, "right_radius": 0.1}
-    with pytest.raises(ValueError, match=f"{name} must be above 0"):
+    with pytest.raises(ValueError, match=f"{name} must be at least 1e-06 m, not"):
         DiffDriveKinematics(**{**lengths, name: wrong})

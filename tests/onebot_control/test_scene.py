@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from onebot_control.simulation import RobotSpawn, Simulation, World
+from onebot_control.simulation.scene import load_scene
 from onebot_description.description import parse_description
 from onebot_description.description.worlds import load_world
 from onebot_description.errors import OneBotError
@@ -36,6 +37,7 @@ def scene(*parts):
 
 
 WALL = part("wall", "0.1 4 0.4", "0.65 0 0.2")
+_SECOND = part("second", xyz="0.37 0 0.1", kind="floating", mass=1.0)
 BOX = part("box", xyz="0.5 0 0.1", kind="floating", mass=1.0, friction=0.5)
 
 
@@ -264,6 +266,17 @@ def test_meshes_that_stand_still_are_not_filled(tmp_path):
             [part("door", kind="planar"), part("ice", friction=-1.0)],
             ['"to_door" is planar', "<lateral_friction>: -1 must be 0 or more"],
         ),
+        (
+            [BOX.replace("0.5 0 0.1", "0.5 0 0")],
+            ['"to_box": link "box" starts 0.1 m deep in the ground, .*; raise its <origin>'],
+        ),
+        (
+            [WALL, BOX.replace("0.5 0 0.1", "0.52 0 0.1"), _SECOND],
+            [
+                '"to_box": link "box" starts 0.02 m deep in link "wall", .*; move its <origin>',
+                '"to_second": link "second" starts 0.05 m deep in link "box", ',
+            ],
+        ),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(parts, texts):
@@ -277,6 +290,19 @@ def test_what_cannot_be_simulated_is_refused(parts, texts):
         )
 
 
+@pytest.mark.parametrize("deep", [0.0, 0.009])
+def test_a_box_that_starts_a_little_in_something_is_pushed_out_of_it(deep):
+    """Out of the ground, of a wall and of another box, by that and no more."""
+    sunk = part("sunk", xyz=f"0 2 {0.1 - deep}", kind="floating", mass=1.0)
+    second = part("second", xyz=f"0 2 {0.3 - deep}", kind="floating", mass=1.0)
+    leaning = BOX.replace("0.5 0 0.1", f"{0.5 + deep} 0 0.1")
+    with among(scene(WALL, leaning, sunk, second), x=-1.0) as simulation:
+        go(simulation, 0.0, 1.0)
+        places = [at for at, _ in simulation.scene.poses]
+    for at, expected in zip(places, [(0.5, 0, 0.1), (0, 2, 0.1), (0, 2, 0.3)], strict=True):
+        assert at == pytest.approx(expected, abs=1e-3)
+
+
 def test_the_worlds_that_ship():
     """Read without a problem or a warning; a robot stands at 0, 0 and drives straight on."""
     for name in ("maze", "ramp"):
@@ -288,10 +314,16 @@ def test_the_worlds_that_ship():
 
 
 def test_a_world_is_named_or_a_path(tmp_path):
-    """The error lists those that ship."""
+    """The error lists those that ship; one that cannot be simulated is refused when it is read."""
     with pytest.raises(OneBotError, match=r'no world "mase" \(did you mean "maze"\? .*ramp\); wri'):
         load_world("mase")
     with pytest.raises(OneBotError, match=r"mase\.urdf"):
         load_world(str(tmp_path / "mase.urdf"))
     package = "package://onebot_description/worlds/maze.urdf.xacro"
-    assert load_world(package) == load_world("maze")
+    assert load_world(package) == load_world("maze") == load_scene("maze")
+    lost = part("lost").replace('box size="0.2 0.2 0.2"', 'mesh filename="no.stl"')
+    for number, unfit in enumerate((BOX.replace("0.5 0 0.1", "0.5 0 0"), lost)):
+        file = tmp_path / f"{number}.urdf"
+        file.write_text(f'<robot name="scene"><link name="world"/>\n{unfit}</robot>')
+        with pytest.raises(OneBotError, match=rf"^{file}:2: "):
+            load_scene(str(file))

@@ -1,6 +1,7 @@
 """Any robot loads faithfully or is refused by one clear error; nothing reaches stdout."""
 
 import logging
+import re
 from pathlib import Path
 
 import numpy as np
@@ -107,8 +108,9 @@ def test_missing_collision_meshes_are_named_and_visual_ones_are_not_needed():
     with pytest.raises(OneBotError) as caught:
         simulate(parse_description(broken))
     message = str(caught.value)
-    assert message.startswith(
-        'link base_link, caster_wheel: collision mesh no ROS package "no_such_package"'
+    assert re.match(
+        r'<string>:\d+: link base_link, caster_wheel: collision mesh no ROS package "no_such_pack',
+        message,
     )
     visual = f"<visual><geometry>{lost.format('c')}</geometry></visual>"
     shown = robot().urdf.replace("<collision>", f"{visual}<collision>", 1)

@@ -20,6 +20,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_description import joint_state_publisher
+from onebot_description.description import Description, load_description
+from onebot_description.joint_state_publisher import JointStatePublisher
 from tests.support import PATIENCE, wait_for
 
 JOINT = "base_link__link_01"
@@ -249,7 +252,7 @@ def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, m
     """Each set takes effect or is refused with the reason; motions can be built up key by key."""
     start(mrm, "--ros-args", "-p", "rate:=50.0")
     listener.hears(lambda s: True, "the first message")
-    assert "above 0" in listener.set("rate", 0)
+    assert "0.001" in listener.set("rate", 1e-12)
     assert 'no pose "up"' in listener.set("pose", "up")
     assert 'no such parameter (did you mean "rate"?' in listener.set("rates", 5)
     assert 'no joint "elbow"' in listener.set("poses.up.elbow", 0.1)
@@ -368,6 +371,41 @@ def test_a_saved_description_is_taken_up(start: Start, listener: Listener, mrm: 
     listener.hears(lambda s: list(s.name) == ["renamed"], "the new name")
 
 
+def test_it_publishes_while_a_saved_description_is_expanded(
+    start_node: Callable[..., Node],
+    listener: Listener,
+    mrm: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A xacro may take long; here it takes until some messages have been received."""
+    node = start_node(lambda: JointStatePublisher(mrm), rate=50)
+    expanding, go_on = threading.Event(), threading.Event()
+
+    def expand(path: str) -> Description:
+        expanding.set()
+        assert go_on.wait(PATIENCE)
+        return load_description(path)
+
+    monkeypatch.setattr(joint_state_publisher, "load_description", expand)
+    Path(mrm).write_text(MRM.replace(JOINT, "renamed"))
+
+    def spin_until(done: Callable[[], object], what: str) -> None:
+        def spun() -> object:
+            rclpy.spin_once(node, timeout_sec=0.05)
+            return done()
+
+        wait_for(spun, what)
+
+    try:
+        spin_until(expanding.is_set, "the file to be read")
+        reached = len(listener.states)
+        spin_until(lambda: len(listener.states) > reached + 5, "messages")
+    finally:
+        go_on.set()
+    assert list(listener.states[-1].name) == [JOINT]
+    spin_until(lambda: list(listener.states[-1].name) == ["renamed"], "the new name")
+
+
 @pytest.mark.parametrize("description_first", [True, False])
 def test_a_joint_can_be_renamed_in_both_files(
     start: Start, listener: Listener, mrm: str, tmp_path: Path, description_first: bool
@@ -440,7 +478,7 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["-p", "rate:=0"], "rate: 0 is not above 0; write a number above 0 and up to 1000"),
+        (["-p", "rate:=0"], "rate: 0 is below 0.001; write a number from 0.001 to 1000"),
         (["-p", "motions.elbow.position:=0.1"], f'no joint "elbow" (joints that move: {JOINT})'),
         (["-p", "pose:=home"], 'pose: no pose "home"'),
         (["-p", "speed:=1"], "speed: no such parameter"),

@@ -135,6 +135,8 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
         assert not result.successful and "empty" in result.reason
         [result] = peer.set_parameters("robot_state_publisher", frame_prefix=5)
         assert "frame_prefix: 5 is a number; write a string" in result.reason
+        [result] = peer.set_parameters("robot_state_publisher", publish_frequency=1e-300)
+        assert "1e-300 is below 0.001; write 0 for every message" in result.reason
         [result] = peer.set_parameters("robot_state_publisher", publish_frequency=2000.0)
         assert not result.successful
         moving.clear()

@@ -16,8 +16,9 @@ const TURNED = 8; // pixels; a shorter drag has no heading
 export class GroundMap {
   /**
    * @param {HTMLElement} pane with an svg, the buttons of the zoom, and a status.
-   * @param {(tool: string, place: {frame: string, x: number, y: number, yaw: number}) => void}
-   *   placed called with a place on the ground in m and rad, when it was released.
+   * @param {(tool: string, place: {frame: string, command_topic: string, x: number, y: number,
+   *   yaw: number}) => void} placed called with a place on the ground in m and rad, and the robot
+   *   that it is for, when it was released.
    */
   constructor(pane, placed) {
     this.pane = pane;
@@ -27,12 +28,12 @@ export class GroundMap {
     this.typed = pane.querySelector(".typed");
     this.parts = {};
     for (const part of this.drawing.children) this.parts[part.getAttribute("class")] = part;
-    this.ground = { frame: "", robot: null, map: null };
+    this.ground = { frame: "", command_topic: "", robot: null, map: null };
     this.center = { x: 0, y: 0 };
     this.scale = 80;
     this.follows = true; // the robot stays in the middle
     this.tool = "";
-    this.place = null; // pressed, in m and rad
+    this.place = null; // pressed, in m and rad of the ground then
     this.pointers = new Map(); // the last positions of those that are down, pixels
     const on = (type, act) => this.drawing.addEventListener(type, act);
     on("pointerdown", (event) => this.press(event));
@@ -91,6 +92,11 @@ export class GroundMap {
   show(ground) {
     if (ground.map && ground.map.version !== this.ground.map?.version) {
       this.parts.map.setAttribute("href", toolAddress("map.png", { version: ground.map.version }));
+    }
+    const { frame, command_topic } = this.ground;
+    if (this.place && (frame !== ground.frame || command_topic !== ground.command_topic)) {
+      this.place = null;
+      this.say("Another robot, or another frame, is shown now: press again.");
     }
     this.ground = ground;
     if (this.follows && ground.robot && !this.place) this.center = { ...ground.robot };
@@ -171,7 +177,8 @@ export class GroundMap {
   }
 
   publish(place) {
-    if (this.ground.frame) this.placed(this.tool, { frame: this.ground.frame, ...place });
+    const { frame, command_topic } = this.ground;
+    if (frame) this.placed(this.tool, { frame, command_topic, ...place });
     else this.say("Nothing is published: neither odometry nor transforms say which frame this is.");
   }
 

@@ -46,6 +46,13 @@ window.addEventListener("blur", letGo);
 window.addEventListener("pagehide", letGo);
 document.addEventListener("visibilitychange", () => document.hidden && letGo());
 document.addEventListener("freeze", letGo);
+// Nor while a menu, a list or a drag has the keys; where its default is prevented, none opens.
+for (const type of ["contextmenu", "dragstart"]) {
+  window.addEventListener(type, (event) => event.defaultPrevented || letGo());
+}
+for (const type of ["pointerdown", "focusin"]) {
+  window.addEventListener(type, ({ target }) => target.closest?.("select") && letGo());
+}
 // The view's frame has the keys after a click in it, until the mouse is back; say so.
 document.querySelector("aside").addEventListener("pointerenter", () => {
   if (framed()) view.giveBackFocus();

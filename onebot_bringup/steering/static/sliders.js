@@ -48,6 +48,8 @@ class Axis {
     this.settled = 0;
     this.range.addEventListener("pointerdown", (event) => this.hold(event));
     this.range.addEventListener("input", () => this.slide());
+    // A finger that rests asks for a menu, which would end the press.
+    this.range.addEventListener("contextmenu", (event) => event.preventDefault());
     for (const [name, sign] of Object.entries({ minus: -1, zero: 0, plus: 1 })) {
       const button = group.querySelector(`button[name=${name}]`);
       button.addEventListener("pointerdown", (event) => this.hold(event, sign));

@@ -63,6 +63,11 @@ class LogDrawing(Drawing[LogLook]):
         text = f"[{message.name}] {message.msg}"
         return [rr.TextLog(shortened(text, _LONGEST), level=_level(message.level))]
 
+    def replace(self, before: Drawing[LogLook]) -> None:
+        """Go on after the lines of before, which stay."""
+        self._entities = before._entities
+        self._pending.extend(before._pending)
+
     def layout(self) -> LayoutPart:
         """Return its view."""
         return LayoutPart(wide=(LogView(self.entity, self.topic),))

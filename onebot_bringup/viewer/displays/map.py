@@ -74,7 +74,7 @@ class MapDrawing(Drawing[MapLook]):
 
     repeated = True
     _grid: CurrentMap | None = None
-    _grid_ns = 0
+    whole_ns = 0  # the time of a map that has come since the last flush
     _own = False  # the cells are a copy, to write to
 
     def style(self) -> Sequence[rr.AsComponents]:
@@ -91,26 +91,30 @@ class MapDrawing(Drawing[MapLook]):
         try:
             grid = _grid(message)
         except ValueError as error:
-            self.problem = str(error)
+            self.problem = self.problem or str(error)
             return
-        self._own = False
+        self._own, self.whole_ns = False, stamp_ns
         self._take(stamp_ns, grid)
 
     def update(self, stamp_ns: int, message: Any) -> None:
-        """Add an update, which is ignored before there is a map, or where that is newer."""
-        if self._grid is None or stamp_ns < self._grid_ns:
+        """Add an update, which is ignored before there is a map.
+
+        Or if it is older than one that came at about the same time, on its own topic. Of others,
+        as in RViz, the stamps do not matter: the clock may have been set back.
+        """
+        if self._grid is None or stamp_ns < self.whole_ns:
             return
         try:
             grid = self._updated(self._grid, message)
         except ValueError as error:
-            self.problem = str(error)
+            self.problem = self.problem or str(error)
             return
         if self._pending and self._pending[-1][1].cells is grid.cells:
             self._pending.pop()  # with an update before it
         self._take(stamp_ns, grid)
 
     def _take(self, stamp_ns: int, grid: CurrentMap) -> None:
-        self._grid, self._grid_ns = grid, stamp_ns
+        self._grid = grid
         super().add(stamp_ns, grid)
 
     def _updated(self, grid: CurrentMap, update: Any) -> CurrentMap:
@@ -139,7 +143,7 @@ class MapDrawing(Drawing[MapLook]):
         """Go on with the map of before."""
         super().replace(before)
         if isinstance(before, MapDrawing):
-            self._grid, self._grid_ns = before._grid, before._grid_ns
+            self._grid = before._grid
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and where they lie."""
@@ -218,3 +222,10 @@ class MapDisplay(MessageDisplay[MapLook]):
         assert isinstance(drawing, MapDrawing)
         for stamp_ns, message in messages:
             drawing.update(stamp_ns, message)
+
+    def flush(self) -> None:
+        """Log what has come; an update that comes later is of this map, or of a later one."""
+        super().flush()
+        for drawing in self.items.values():
+            assert isinstance(drawing, MapDrawing)
+            drawing.whole_ns = 0

@@ -9,7 +9,7 @@ the fixed frame, where its frame was at its own stamp. One whose lifetime is ove
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any, NamedTuple
@@ -77,7 +77,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    stamps_ns: Integers  # of their headers; 0 for none
+    stamps_ns: Callable[[], Integers]  # of their headers, which few need; 0 for none
     points: Integers  # how many
     poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
@@ -95,7 +95,7 @@ class Incoming(NamedTuple):
             markers.action,
             markers.frame_locked,
             _nanoseconds(markers.lifetime),
-            _nanoseconds(markers.header.stamp),
+            lambda: _nanoseconds(markers.header.stamp),
             markers.points.counts,
             markers.pose.array().copy(),  # in one piece, since all that follows takes less then
             markers.scale.array().copy(),
@@ -127,7 +127,7 @@ class Incoming(NamedTuple):
             actions,
             locked,
             lifetimes,
-            stamps,
+            lambda: stamps,
             points,
             np.array([marker.pose.array() for marker in markers]),
             np.array([marker.scale.array() for marker in markers]),
@@ -257,7 +257,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         """Draw nothing yet."""
         super().__init__(context, entity, look, color)
         self.in_arrays = False  # its messages are of many markers
-        self.problems: dict[str, str] = {}  # the first of each kind
+        self.problems: dict[str, str] = {}  # the first of each kind, which are few
         self._layers: dict[LayerKey, Layer] = {}
         self._where: dict[MarkerId, LayerKey] = {}
         self._changed: dict[str, Layer] = {}  # by entity, since they were logged
@@ -374,6 +374,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         if not all(float(np.vdot(each, each)) <= LARGEST**2 for each in numbers):  # or it is NaN
             sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
+            incoming.poses[~sound] = _IDENTITY
             drawn = incoming.actions == ADD
             self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
@@ -430,7 +431,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             try:
                 self._layers[key] = Layer(self.context, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
-                self._report(incoming, row, str(error))
+                self._report(incoming, row, str(error), "mesh")
                 return None
         return key
 
@@ -475,12 +476,12 @@ class MarkerDrawing(Drawing[MarkerLook]):
         """Return the markers as they are drawn."""
         poses = incoming.poses
         if not (incoming.actions == ADD).all():
-            poses[incoming.actions != ADD] = _IDENTITY  # nobody has checked its numbers
+            poses[incoming.actions != ADD] = _IDENTITY
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
         if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
             self._make_unit(incoming, lengths)
         for frame, moving in moved.items():
-            for at_ns, rows in _by_stamp(moving, incoming.stamps_ns[moving]):
+            for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
                 pose = self.context.frames.pose(frame, self._fixed, at_ns or stamp_ns)
                 assert pose is not None
                 turn = from_rpy(to_rpy(pose[:3, :3]))
@@ -499,12 +500,11 @@ class MarkerDrawing(Drawing[MarkerLook]):
 
     def _make_unit(self, incoming: Incoming, lengths: Floats) -> None:
         """Give quaternions the length of one; without any, as in RViz, there is no turn."""
-        turns, drawn = incoming.poses[:, 3:], incoming.actions == ADD
-        none = lengths == 0
+        turns, none = incoming.poses[:, 3:], lengths == 0
         turns[none] = (0.0, 0.0, 0.0, 1.0)
         turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
-        self._report(incoming, none & drawn, "its quaternion is zero: taken as no turn")
-        odd = (np.abs(lengths - 1.0) > _UNIT) & ~none & drawn
+        self._report(incoming, none, "its quaternion is zero: taken as no turn")
+        odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
         self._report(incoming, odd, "its quaternion is not of unit length")
 
     def _part(self, incoming: Incoming, row: int, kind: int) -> MarkerContent:
@@ -516,7 +516,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             colors = colors.repeat(3, axis=0)
         if len(colors) not in (0, len(points)):
             text = f"it has {len(colors)} colours for {len(points)} points: its own is used"
-            self._report(incoming, row, text)
+            self._report(incoming, row, text, "colours")
             colors = colors[:0]
         if not (np.abs(points) <= LARGEST).all():
             self._report(incoming, row, "its points are not finite: not drawn")
@@ -542,7 +542,8 @@ class MarkerDrawing(Drawing[MarkerLook]):
             how = KINDS.get(kind)
             if how is None:
                 if kind != _NOT_DRAWN:
-                    self._report(incoming, rows, f"its type {kind} is unknown: not drawn")
+                    text = f"its type {kind} is unknown: not drawn"
+                    self._report(incoming, rows, text, "type")
                 continue
             flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
             self._report(incoming, rows & flat, "its scale is zero")
@@ -555,15 +556,22 @@ class MarkerDrawing(Drawing[MarkerLook]):
             if incoming.messages[row].texture_resource:
                 self._report(incoming, row, "its texture is not drawn")
 
-    def _report(self, incoming: Incoming, which: Any, text: str) -> None:
-        """Keep what is wrong with a row, or with the first of a mask."""
+    def _report(self, incoming: Incoming, which: Any, text: str, kind: str = "") -> None:
+        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
+
+        Args:
+            incoming: the markers.
+            which: the row, or a mask.
+            text: what is wrong.
+            kind: where the text has what may be another with every message.
+        """
         if isinstance(which, np.ndarray):
             [*rows] = np.flatnonzero(which)[:1]
         else:
             rows = [which]
         for row in rows:
             space = printable(shortened(incoming.spaces[row]))
-            self.problems.setdefault(text, f'id {incoming.ids[row]} of "{space}": {text}')
+            self.problems.setdefault(kind or text, f'id {incoming.ids[row]} of "{space}": {text}')
 
     # --- time -------------------------------------------------------------------------------------
 
@@ -643,7 +651,7 @@ def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
             found[row] = MeshVariant(uri, None if own else int(rgba(colors)[0]))
         else:
             given = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
-            found[row] = int(rgba(given)[0]) & 255
+            found[row] = int(rgba(np.where(np.isnan(given), colors, given))[0]) & 255
     return found
 
 

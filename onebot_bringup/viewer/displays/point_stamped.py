@@ -53,6 +53,13 @@ class PointStampedDrawing(Drawing[PointStampedLook]):
             self._kept.append(place)
         return [rr.Points3D.from_fields(positions=np.array(self._kept))]
 
+    def replace(self, before: Drawing[PointStampedLook]) -> None:
+        """Draw also what was kept."""
+        super().replace(before)
+        if isinstance(before, PointStampedDrawing):
+            self._kept.extend(before._kept)
+            self._kept_in, self._last = before._kept_in, before._last
+
 
 class PointStampedDisplay(MessageDisplay[PointStampedLook]):
     """Draws points."""
