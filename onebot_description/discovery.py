@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
+from onebot_description.shared_memory import remove_broken_ports
 
 RANGE, SERVER = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER"
 LOCALHOST, SUBNET = "localhost", "subnet"
@@ -84,12 +85,13 @@ def configure_discovery(*, whole_graph: bool = False) -> None:
     looks for that computer, for 3 s each time, packets fill the socket's buffer, and the control
     loop would stand still. What is dropped and was reliable is sent again.
 
-    A profile of the user's own is left as it is.
+    A profile of the user's own is left as it is. Ports that would stop the start are removed.
 
     Args:
         whole_graph: with a discovery server, discover also what has no topic in common with this
             process: for introspection. In a large fleet it is much.
     """
+    remove_broken_ports()
     if whole_graph and server():
         os.environ.setdefault(_SUPER_CLIENT, "TRUE")
     if any(os.environ.get(name) for name in _PROFILES):

@@ -10,6 +10,7 @@ from typing import TypeVar
 import pytest
 
 from onebot_bringup.introspection.domains import claimed_domain
+from onebot_description.shared_memory import remove_broken_ports
 
 T = TypeVar("T")
 
@@ -88,6 +89,7 @@ def skip_for(missing: str) -> None:
 @contextmanager
 def used_domain() -> Iterator[int]:
     """A ROS_DOMAIN_ID that nobody else has, with discovery kept on this host."""
+    remove_broken_ports()
     with claimed_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from onebot_bringup.cli.main import version
 from onebot_bringup.cli.options import Parser, positive
-from onebot_bringup.introspection.shared_memory import FOLDER, find_segments, remove_segments
 from onebot_description.discovery import RANGE, SERVER, use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.shared_memory import FOLDER, find_segments, remove_segments
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 

@@ -11,12 +11,12 @@ from pathlib import Path
 from onebot_bringup.cli.options import Parser, count, not_negative, positive
 from onebot_bringup.cli.session import Session
 from onebot_bringup.introspection.domains import claimed_domain
-from onebot_bringup.introspection.shared_memory import remove_stale_in_background
 from onebot_bringup.soak.faults import FAULTS, GENTLE, NETWORK, possible, shuffled
 from onebot_bringup.soak.network import enter_own_network
 from onebot_bringup.soak.watch import Tolerances, Watch, clock
 from onebot_bringup.soak.watched_bringup import WatchedBringup
 from onebot_description.errors import OneBotError
+from onebot_description.shared_memory import remove_stale_in_background
 
 _GENTLE = 0.6  # of the time with faults that leave all processes running: leaks show
 _PROGRESS = 30.0  # s

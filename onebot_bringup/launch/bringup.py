@@ -10,7 +10,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from onebot_bringup.introspection.shared_memory import remove_stale_in_background
 from onebot_bringup.launch.arguments import (
     Argument,
     Arguments,
@@ -31,6 +30,7 @@ from onebot_bringup.launcher.process import NodeProcess
 from onebot_control.poses import prefixed
 from onebot_description.discovery import discovery_variables
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.shared_memory import remove_stale_in_background
 from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from onebot_bringup.introspection.shared_memory import FOLDER
+from onebot_description.shared_memory import FOLDER
 
 _PROC = Path("/proc")
 _INTERPRETER = b"onebot_bringup.launcher.interpreter"

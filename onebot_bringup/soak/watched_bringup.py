@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from onebot_bringup.cli.session import Session
-from onebot_bringup.introspection.shared_memory import YOUNG, find_segments
 from onebot_bringup.soak.processes import (
     BringupProcess,
     segments,
@@ -24,6 +23,7 @@ from onebot_bringup.soak.watch import OdometryCheck, Watch, clock
 from onebot_control.poses import PlanarPose
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
+from onebot_description.shared_memory import YOUNG, find_segments
 
 STOPPED = 6.5  # s; the launcher promises 5
 _STARTED, _SETTLED = 60.0, 3.0  # s until a robot is there, and until its rates are judged

@@ -22,7 +22,7 @@ from onebot_bringup.cli.doctor import (
     ports,
     shared_memory,
 )
-from onebot_bringup.introspection.shared_memory import (
+from onebot_description.shared_memory import (
     FOLDER,
     find_segments,
     remove_stale_in_background,

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_bringup.introspection.shared_memory import FOLDER
+from onebot_description.shared_memory import FOLDER
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import LATCHED, NodeProcess, Peer

@@ -1,7 +1,7 @@
-"""Shared memory of Fast DDS: the segments that processes use, and those that killed ones left.
+"""Shared memory of Fast DDS: the segments that processes use, and what failed ones left.
 
 Each participant has a segment ``fastrtps_<16 digits>``, and keeps a file of that name and ``_el``
-locked while it lives.
+locked while it lives. It receives at ports, ``fastrtps_port<number>``, that others use again.
 """
 
 import fcntl
@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 FOLDER = Path("/dev/shm")
 _SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
+_PORT = re.compile(r"fastrtps_port[0-9]+")
+_READY = (2).to_bytes(4, "little")  # first in a port: Boost's InitializedSegment
 YOUNG = 10.0  # s; a participant that starts has not locked its file yet
 
 
@@ -52,6 +54,21 @@ def remove_segments(segments: Iterable[Path]) -> int:
             removed += 1
             _lock_of(path).unlink(missing_ok=True)
     return removed
+
+
+def remove_broken_ports(folder: Path = FOLDER) -> None:
+    """Remove ports that were never finished, as where shared memory was full.
+
+    A process that opens one waits for its end for minutes, within ``rclpy.init`` or
+    ``create_node``, also after it was removed: call it before.
+    """
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if _PORT.fullmatch(entry.name):
+                with suppress(OSError):  # it was removed just now, or is another user's
+                    is_old = time.time() - entry.stat().st_mtime > YOUNG
+                    if is_old and not Path(entry.path).read_bytes().startswith(_READY):
+                        os.unlink(entry.path)
 
 
 def remove_stale_in_background(folder: Path = FOLDER) -> threading.Thread:
