@@ -13,8 +13,9 @@ follow --robot are one node's, those that follow --ros-args are all nodes'.
 Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
         linear.x and angular.z count. See cmd_vel_type.
-    ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): puts the robot there, at rest; frame_id is
-        world_frame_id (or empty) or the odometry's. The odometry does not change.
+    ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): puts the robot there, at rest, unless
+        something is in the way; frame_id is world_frame_id (or empty) or the odometry's. The
+        odometry does not change.
     ~/set_odometry (geometry_msgs/msg/PoseStamped, depth 10): sets the odometry to this pose.
     robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or a path as
         the parameter gives it; a changed one is applied where the robot is.
@@ -37,7 +38,8 @@ Publishes (reliable, depth 10, unless noted):
 
 Services:
     ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command; the
-        boxes of the world go back, too, unless a robot is in their place.
+        boxes of the world go back, too, unless a robot is in their place. Refused where another
+        robot is at the start.
     ~/reset_odometry (std_srvs/srv/Trigger): odometry zero here and now.
     ~/pause (std_srvs/srv/SetBool): true stops simulated time, false lets it go on.
     ~/step (std_srvs/srv/Trigger): one control cycle of a paused simulation.
@@ -58,7 +60,7 @@ Parameters: those of diff_drive_controller, and (* is read at the start only)
     real_time_factor (double, default 1.0): simulated seconds a second; 0.0 is as fast as possible.
     world_frame_id (string, default world): frame of ~/ground_truth and parent of odom_frame_id;
         empty gives the truth in the odometry's frame and leaves odom_frame_id without parent, but
-        is world where there is one.
+        is world where there is one, and then it is read at the start only.
     joint_state_broadcaster.joints, .interfaces, .extra_joints (string[]), .frame_id (string,
         default base_link): joint_state_broadcaster's.
 left_wheel_names* and right_wheel_names* are found in the URDF where they are empty, the default;

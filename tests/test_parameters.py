@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -11,6 +12,7 @@ from rclpy.parameter import Parameter
 from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
+from onebot_control import control_loop
 from onebot_control.parameters import default_control_file
 from onebot_control.velocity_controller import velocity_controllers
 from onebot_description.description import load_description
@@ -78,7 +80,9 @@ def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
     assert "rest position" in described(node)[f"zeros.{joint}"].description
 
 
-def test_velocity_controller(start_node: Callable[..., Node]) -> None:
+def test_velocity_controller(
+    start_node: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What is read at the start only is read-only; no range where NaN is "no limit"."""
     arguments = RosArguments((default_control_file(),))
     node = start_node(lambda: velocity_controllers((), str(ONEBOT), arguments)[0], x=1)
@@ -100,6 +104,10 @@ def test_velocity_controller(start_node: Callable[..., Node]) -> None:
     remedy = "use_stamped_vel: no longer a parameter; write cmd_vel_type"
     assert remedy in refused(node, "use_stamped_vel")
     assert refused(node, "linear.x") == "linear.x: no such parameter"
+    # A control loop that does not answer is a warning, and no error in the node's callback.
+    node.driving.stop()
+    monkeypatch.setattr(control_loop, "_PATIENCE", 0.0)
+    assert node.set_parameters([Parameter("cmd_vel_timeout", value=0.7)])[0].successful
 
 
 def test_steering_page(start_node: Callable[..., Node]) -> None:

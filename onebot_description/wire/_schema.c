@@ -218,8 +218,11 @@ static uint64_t hash(const unsigned char *bytes, uint64_t size) {
 static PyObject *decode(const struct text *text, uint64_t width) {
   const char *bytes = (const char *)text->bytes;
   uint64_t size = text->size;
+  if (width == 1) {
+    const char *nul = memchr(bytes, 0, size); /* where rclpy ends it, too */
+    return PyUnicode_DecodeUTF8(bytes, nul ? nul - bytes : (intptr_t)size, "replace");
+  }
   if (size && !bytes[size - 1] && !bytes[size - width]) size -= width; /* the closing NUL */
-  if (width == 1) return PyUnicode_DecodeUTF8(bytes, (intptr_t)size, "replace");
   int little_endian = -1;
   return PyUnicode_DecodeUTF16(bytes, (intptr_t)size, "replace", &little_endian);
 }

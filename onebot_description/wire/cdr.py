@@ -103,13 +103,12 @@ class Reader:
 
     def string(self) -> str:
         """Read a string (UTF-8, as rclpy writes it)."""
-        length = self.u32()
-        end = self.offset + length
-        if end > len(self._data):
+        [length] = self._unpack(_U32)
+        data, at = self._data, self.offset
+        self.offset = end = at + length
+        if end > len(data):
             raise WireError("truncated string")
-        text = self._data[self.offset : end]
-        self.offset = end
-        return _decode(text)
+        return _decode(data, at, end)
 
     def count(self, smallest: int) -> int:
         """Read a sequence's length, whose elements take at least ``smallest`` bytes each."""
@@ -188,7 +187,7 @@ def _split(text: bytes) -> tuple[str, ...]:
     while at < len(text):
         [length] = _U32.unpack_from(text, at)
         at += _U32.size + length
-        strings.append(_decode(text[at - length : at]))
+        strings.append(_decode(text, at - length, at))
     return tuple(strings)
 
 
@@ -196,12 +195,18 @@ def _split(text: bytes) -> tuple[str, ...]:
 _strings = Remembered(_split, len)
 
 
-def _decode(text: bytes) -> str:
-    """Return a string without the NUL that closes it."""
+def _decode(data: bytes, at: int, end: int) -> str:
+    """Return the string in some bytes, without the NUL that closes it.
+
+    Without one, or with another before it, it is left to rclpy.
+    """
     try:
-        return text[:-1].decode()
+        text = data[at : end - 1].decode()
     except UnicodeDecodeError as error:
         raise WireError("string is not UTF-8") from error
+    if "\0" in text or (at != end and data[end - 1]):
+        raise WireError("string is not closed by its only NUL")
+    return text
 
 
 class Writer:

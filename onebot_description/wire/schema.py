@@ -250,6 +250,8 @@ class _Program:
         self.number = number
         self._name, self._leaves = name, leaves
         self.smallest = sum(leaf.smallest for leaf in leaves.values())
+        inner = (leaf.program.depth for leaf in leaves.values() if leaf.program)
+        self.depth: int = 1 + max(inner, default=0)  # of arrays in arrays: _schema.c calls itself
         self._on_wire = [(leaf.element, leaf.count) for leaf in leaves.values()]
         self._constant = all(leaf.kind == _COPIED for leaf in leaves.values())
         in_row = [(e.element, e.count) if e.kind == _COPIED else (4, 2) for e in leaves.values()]
@@ -257,6 +259,8 @@ class _Program:
         self.row_size = end + -end % max(size for size, _ in in_row)
         if max(self.smallest, self.row_size) > _MAX_SIZE:
             raise DefinitionError(f"{name}: its arrays are larger than two gigabytes")
+        if self.depth > _MAX_DEPTH:
+            raise DefinitionError(f"{name}: more than {_MAX_DEPTH} types in each other")
         self.root = self._group(self._offsets)
         self._strides = [self._stride(phase) for phase in range(_PHASES)]
         self._layouts: dict[int, _Group] = {}

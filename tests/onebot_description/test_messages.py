@@ -1,5 +1,7 @@
 """Messages are read as rclpy wrote them, from plain CDR and from any other encoding."""
 
+import struct
+
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
@@ -14,7 +16,7 @@ from geometry_msgs.msg import (
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
@@ -226,6 +228,17 @@ def test_names_that_repeat_are_the_same_objects():
     assert other.children == ["rx", "sx"]
     data = serialize_message(JointState(name=["a"], position=[1.0]))
     assert decode_joint_state(data).names is decode_joint_state(data).names
+
+
+@pytest.mark.parametrize("text", [b"a\0b\0", b"abc", b"ab\0\0", b"\0a", b"\0", b"", b"a\xff"])
+def test_strings_end_as_with_rclpy(text):
+    """By the first NUL, or without any."""
+    string = struct.pack("<I", len(text)) + text + bytes(-len(text) % 4)
+    data = b"\0\1\0\0" + struct.pack("<iI", 1, 2) + string
+    data += struct.pack("<I", 2) + 2 * string + bytes(12)
+    theirs = deserialize_message(data, JointState)
+    ours = one_joint_state(data)
+    assert (ours.frame_id, ours.names) == (theirs.header.frame_id, tuple(theirs.name))
 
 
 def test_padding_may_hold_anything():

@@ -10,10 +10,11 @@ import pytest
 from geometry_msgs.msg import Point, PoseStamped, TwistWithCovariance
 from hypothesis import HealthCheck, given, settings
 from nav_msgs.msg import Path
+from rclpy.serialization import deserialize_message
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosidl_parser.definition import AbstractNestedType, NamespacedType
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.introspection.interfaces import (
@@ -344,6 +345,14 @@ def test_wstrings_and_bounded_types():
     assert (message.d.tolist(), message["class"], message["lambda"]) == ([-1], 254, 255)
 
 
+@pytest.mark.parametrize("text", [b"a\0b\0", b"abc", b"ab\0\0", b"\0a", b"\0", b"", b"a\xff"])
+def test_a_string_ends_as_with_rclpy(text):
+    """By its first NUL, or without any."""
+    data = ENCAPSULATION + struct.pack("<I", len(text)) + text
+    ours = Schema.of("std_msgs/msg/String", "string data").read(data).data
+    assert ours == deserialize_message(data, String).data
+
+
 def test_text_that_is_no_utf_8_is_replaced():
     data = ENCAPSULATION + struct.pack("<I", 3) + b"a\xff\0"
     assert Schema.of("std_msgs/msg/String", "string data").read(data).data == "a\ufffd"
@@ -461,7 +470,15 @@ def test_a_definition_that_grows_without_bound_is_refused():
     )
     wide += f"{section.format(9)}int8 x"
     deep = "A0 a" + "".join(f"{section.format(at)}A{at + 1} f" for at in range(5000))
-    for definition, problem in ((wide, "more than 10000 fields"), (deep, "more than 64 types")):
+    # Where the inner types come first, no type is within many others when it is compiled.
+    chain = "".join(f"A{at}[] f{at}\n" for at in range(60, -1, -30))
+    chain += "".join(f"{section.format(at)}A{at + 1}[] f" for at in range(90))
+    chain += f"{section.format(90)}int8 x"
+    for definition, problem in (
+        (wide, "more than 10000 fields"),
+        (deep, "more than 64 types"),
+        (chain, "more than 64 types"),
+    ):
         with pytest.raises(DefinitionError, match=problem):
             Schema.of("test/msg/T", definition)
 
