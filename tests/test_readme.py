@@ -105,7 +105,7 @@ def _run(command, tmp_path):
 def _run_node(command, name, domain, folder):
     with Peer(domain) as peer, RunningCommand(f"exec {command}", folder) as running:
         # A node of that name may be left for a moment of a robot whose test has ended.
-        wait_for(lambda: running.output and name in peer.node.get_node_names(), name)
+        wait_for(lambda: running.has_ros and name in peer.node.get_node_names(), name)
 
 
 @pytest.mark.slow
@@ -166,6 +166,11 @@ class RunningCommand:
     @property
     def output(self):
         return Path(self._log.name).read_text()
+
+    @property
+    def has_ros(self):
+        """Whether it has called rclpy.init: it uses a segment of shared memory then."""
+        return "/fastrtps_" in Path(f"/proc/{self.process.pid}/maps").read_text()
 
     def __enter__(self):
         return self
