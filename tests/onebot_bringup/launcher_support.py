@@ -20,6 +20,8 @@ with Launcher("test", {grace}) as launcher:
     sys.exit(launcher.run({nodes}))
 """
 
+# A script waits for a signal; signal.pause() would miss one that came just before it.
+IDLE = "while True:\n    time.sleep(0.05)\n"
 # Beyond any deadline of the tests: on a slow machine, too, a node has the time to stop by itself.
 PATIENT = "Grace(terminate=300.0, kill=300.0, give_up=300.0)"
 

@@ -10,7 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.onebot_bringup.launcher_support import RunningLauncher, alive, command_of, number_in
+from tests.onebot_bringup.launcher_support import (
+    IDLE,
+    RunningLauncher,
+    alive,
+    command_of,
+    number_in,
+)
 from tests.support import PATIENCE, wait_for
 
 Start = Callable[[str], RunningLauncher]
@@ -41,7 +47,7 @@ def scripts(tmp_path: Path) -> None:
     """Write the scripts that these tests run into ``tmp_path``."""
     (tmp_path / "talker.py").write_text(TALKER)
     (tmp_path / "ticker.py").write_text(TICKER)
-    (tmp_path / "once.py").write_text("import signal\nprint('hello')\nsignal.pause()\n")
+    (tmp_path / "once.py").write_text(f"import time\nprint('hello')\n{IDLE}")
 
 
 @pytest.fixture

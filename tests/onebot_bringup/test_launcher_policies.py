@@ -11,18 +11,17 @@ from hypothesis import strategies as st
 
 from onebot_bringup.launcher.launcher import Launcher, Restarts
 from onebot_bringup.launcher.process import NodeProcess, Restart, describe_exit
-from tests.onebot_bringup.launcher_support import RunningLauncher, alive, number_in
+from tests.onebot_bringup.launcher_support import IDLE, RunningLauncher, alive, number_in
 from tests.support import wait_for
 
 Start = Callable[[str], RunningLauncher]
 
-RUNS = """
-import os, signal
+RUNS = f"""
+import os, time
 from pathlib import Path
-Path("runs.pid").write_text(f"{os.getpid()}\\n")
+Path("runs.pid").write_text(str(os.getpid()) + "\\n")
 print("ready")
-signal.pause()
-"""
+{IDLE}"""
 FAILS = """
 import sys
 print("about to fail")
@@ -100,13 +99,15 @@ def test_the_launcher_ends_when_nothing_is_left(start: Start, tmp_path: Path) ->
 
 def test_an_error_while_stopping_is_a_failure(start: Start, tmp_path: Path) -> None:
     """Such as that of a recorder, which cannot write the rest: the disk is full."""
-    recorder = RUNS.replace(
-        "signal.pause()",
-        """try:
-    signal.pause()
+    recorder = """
+import time
+try:
+    print("ready")
+    while True:
+        time.sleep(0.05)
 except KeyboardInterrupt:
-    raise SystemExit("error: cannot record") from None""",
-    )
+    raise SystemExit("error: cannot record") from None
+"""
     (tmp_path / "recorder.py").write_text(recorder)
     launcher = start("[script('recorder', 'recorder.py', 'ignore')]")
     launcher.wait_for_out("ready")

@@ -12,7 +12,7 @@ import pytest
 from onebot_bringup.launcher import guard
 from onebot_bringup.launcher.launcher import Grace
 from onebot_bringup.launcher.process import RunningProcess, spawn
-from tests.onebot_bringup.launcher_support import RunningLauncher, alive, number_in
+from tests.onebot_bringup.launcher_support import IDLE, RunningLauncher, alive, number_in
 from tests.support import wait_for
 
 Start = Callable[..., RunningLauncher]
@@ -32,9 +32,8 @@ def stop(number, frame):
 signal.signal(signal.SIGINT, stop)
 report("polite.pid")
 print("ready")
-while True:
-    signal.pause()
 """
+    + IDLE
 )
 STUBBORN = (
     REPORT_PID
@@ -43,9 +42,8 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
 report("stubborn.pid")
 print("ready")
-while True:
-    signal.pause()
 """
+    + IDLE
 )
 PARENT = (
     REPORT_PID
@@ -55,8 +53,8 @@ while not Path("stubborn.pid").is_file():
     time.sleep(0.01)
 report("parent.pid")
 print("ready")
-signal.pause()
 """
+    + IDLE
 )
 
 
@@ -190,8 +188,8 @@ def test_interrupt_at_any_time_of_the_start_is_clean(
     start: Start, tmp_path: Path, delay: float
 ) -> None:
     """However early Ctrl-C comes, it ends the nodes, silently and with exit code 0."""
-    imports = "import asyncio, http.server, signal, unittest.mock, xml.dom.minidom\n"
-    (tmp_path / "importer.py").write_text(imports + "signal.pause()\n")
+    imports = "import asyncio, http.server, time, unittest.mock, xml.dom.minidom\n"
+    (tmp_path / "importer.py").write_text(imports + IDLE)
     launcher = start("[python_node('a', 'importer'), python_node('b', 'importer')]")
     launcher.wait_for_out("starting")
     begin = time.monotonic()
