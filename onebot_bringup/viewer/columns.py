@@ -4,6 +4,7 @@ One ``send_columns`` costs about as much for fifty messages as one ``rr.log`` fo
 Times are those of the messages, on the timeline ``ros_time``.
 """
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -180,6 +181,17 @@ class StampColumn:
 def _is_ready(values: NDArray[Any]) -> bool:
     """Whether numbers lie side by side, and where Arrow wants them."""
     return bool(values.flags.c_contiguous and values.ctypes.data % 8 == 0)
+
+
+def empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """Return an array to be filled with what is logged, in memory that Arrow uses again.
+
+    New memory from the system, as large arrays get it, takes longer than to fill it.
+    """
+    found: NDArray[Any] = np.frombuffer(
+        pa.allocate_buffer(math.prod(shape) * np.dtype(dtype).itemsize), dtype
+    )
+    return found.reshape(shape)
 
 
 def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.Array:

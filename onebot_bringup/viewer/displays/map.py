@@ -7,11 +7,10 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, one_row
+from onebot_bringup.viewer.columns import BytesMaker, ReadyColumn, empty, one_row
 from onebot_bringup.viewer.displays.display import (
     LARGEST,
     SELDOM,
@@ -154,9 +153,9 @@ class MapDrawing(Drawing[MapLook]):
 
 def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
     """Return cells as an image, whose first row is the upper one."""
-    memory = np.frombuffer(pa.allocate_buffer(cells.size), np.uint8)  # which Arrow uses again
-    memory.reshape(cells.shape)[...] = np.flipud(cells).view(np.uint8)
-    return _DATA.row(memory)
+    image = empty(cells.shape, np.uint8)
+    image[...] = np.flipud(cells).view(np.uint8)
+    return _DATA.row(image.reshape(-1))
 
 
 def _geometry(info: Any) -> Sequence[ReadyColumn]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_bringup.viewer.columns import empty
 from onebot_bringup.viewer.displays.message_display import MessageDisplay
 from onebot_bringup.viewer.displays.points import (
     AUTO,
@@ -107,7 +108,7 @@ def _structs(step: int, fields: dict[str, tuple[np.dtype[Any], int]]) -> np.dtyp
 
 def _positions(values: NDArray[Any]) -> Floats32:
     """Return (N, 3) numbers that lie side by side; three at once would take longer to copy."""
-    found = np.empty((len(values), 3), np.float32)
+    found: Floats32 = empty((len(values), 3), np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis, name in enumerate(_POSITION):
             found[:, axis] = values[name]

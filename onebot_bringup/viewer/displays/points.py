@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready
+from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, empty, ready
 from onebot_bringup.viewer.displays.display import LARGEST, LayoutPart, below
 from onebot_bringup.viewer.displays.message_display import Drawing, Look
 from onebot_bringup.viewer.settings import Color, color, height, one_of, setting
@@ -204,7 +204,8 @@ def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Col
         scaled -= scaled.dtype.type(low)
         scaled *= scaled.dtype.type(255.0 / (high - low) if high > low else 0.0)
         rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # any one for NaN
-    return table.take(rows, mode="wrap")  # which is the fastest: they are within it
+    found: Colors = empty(rows.shape, np.uint32)
+    return table.take(rows, out=found, mode="wrap")  # which is the fastest: they are within it
 
 
 def _bounds(values: NDArray[Any]) -> tuple[float, float]:
