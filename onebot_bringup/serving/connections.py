@@ -77,6 +77,8 @@ class Connections:
             self._transports[connection] = request.transport
         try:
             return await handler(request)
+        except ConnectionResetError:  # as in body_of
+            raise web.HTTPBadRequest from None
         finally:
             del self._requests[connection]
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+import struct
 import threading
 from collections.abc import Iterator
 
@@ -14,6 +15,10 @@ from onebot_bringup.serving.ports import listen
 from tests.support import PATIENCE, wait_for
 
 HEAD = "HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+WEBSOCKET = (
+    "HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
+)
 LARGE = 60_000  # bytes; less than what asyncio keeps before a handler has to wait
 
 
@@ -23,10 +28,12 @@ class Server:
     def __init__(self) -> None:
         self.release = threading.Event()
         self.begun = 0
+        self.ended = threading.Event()
         app = web.Application()
         app.router.add_get("/slow", self._slow)
         app.router.add_get("/page", self._page)
         app.router.add_get("/large", self._large)
+        app.router.add_get("/socket", self._socket)
         listener = listen("127.0.0.1", 0)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
         self._port = listener.getsockname()[1]
@@ -46,6 +53,15 @@ class Server:
     async def _large(self, _: web.Request) -> web.Response:
         self.begun += 1
         return web.Response(body=b"x" * LARGE)
+
+    async def _socket(self, request: web.Request) -> web.WebSocketResponse:
+        await self._slow(request)
+        found = web.WebSocketResponse()
+        try:
+            await found.prepare(request)
+        finally:
+            self.ended.set()
+        return found
 
     def connect(self, path: str = "", source: str = "127.0.0.1") -> socket.socket:
         """A connection, with a request of ``path``, if any, that has reached its handler."""
@@ -141,4 +157,18 @@ def test_a_client_that_speaks_no_http_is_refused_without_a_word_in_the_log(serve
     client.sendall(b"GET / HTTP/1.1\r\n\r\n")  # no Host
     assert client.recv(1000).startswith(b"HTTP/1.0 400 ")
     assert client.recv(1000) == b""
+    assert caplog.records == []
+
+
+def test_a_page_that_leaves_before_the_response_is_no_error(
+    server: Server, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As a browser that is closed while it connects."""
+    leaving = server.connect(f"/socket {WEBSOCKET}\r\nX: ")
+    leaving.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    leaving.close()
+    other = server.connect("/slow")  # the loop has seen the end by then
+    server.release.set()
+    assert other.recv(100) and server.ended.wait(PATIENCE)
+    server.thread.stop()
     assert caplog.records == []
