@@ -36,6 +36,11 @@ Publishes (reliable, depth 10, unless noted):
         or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Else they
         are the system's, and there is no /clock.
 
+    /diagnostics (diagnostic_msgs/msg/DiagnosticArray): each second the real-time factor in it, and
+        the control cycles that were missed; WARN where it is below 0.95 of real_time_factor.
+Velocities are by the clock that stamps them: in slow motion, on the system's time, they are lower
+than those of the simulation.
+
 Services:
     ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command; the
         boxes of the world go back, too, unless a robot is in their place. Refused where another
