@@ -82,7 +82,13 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.parameters import default_control_file, read_control_files
-from onebot_description.node import RosArguments, ros_args, run_described_node, split_robots
+from onebot_description.node import (
+    RosArguments,
+    at_stop,
+    ros_args,
+    run_described_node,
+    split_robots,
+)
 
 if TYPE_CHECKING:
     from onebot_control.driving import Driving
@@ -127,6 +133,7 @@ def velocity_controllers(
 
     each = [arguments.joined(own) for own in robots] or [arguments]
     driving = Driving(nodes, file, each)
+    at_stop(driving.stop)
     for node in nodes:
         node.driving = driving
     return nodes
