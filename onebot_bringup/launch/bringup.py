@@ -469,8 +469,9 @@ def _robots(robots: Sequence["PlacedRobot"], space: str) -> list[str]:
 
 
 def _viewer_hint(values: Mapping[str, str]) -> str:
+    steered = values.get("steer") == "true"
     hints = {
-        "web": "in the browser; rerun_viewer prints its address",
+        "web": "on that page" if steered else "in the browser; rerun_viewer prints its address",
         "native": "in a window of its own",
         "none": "none",
     }

@@ -451,13 +451,15 @@ def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], 
 
 
 def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
-    """A browser is opened for the view unless the steering page holds it."""
+    """Its address is named unless the steering page holds it, whose address waits for it."""
     given = {"viewer": "native", "save": "x.rrd", "view": "v.yaml", "frame_prefix": "r/"}
     found = parameters(make(**given).rerun_viewer())
     assert {name: found[name] for name in given} == given
-    assert found["open_browser"] is True
-    assert parameters(make(steer="true").rerun_viewer())["open_browser"] is False
-    assert parameters(make(False).rerun_viewer())["open_browser"] is True
+    assert found["embedded"] is False
+    assert parameters(make(steer="true").rerun_viewer())["embedded"] is True
+    assert parameters(make(False).rerun_viewer())["embedded"] is False
+    assert parameters(make(steer="true").steering_page())["await_view"] > 0.0
+    assert "await_view" not in parameters(make(steer="true", viewer="none").steering_page())
 
 
 def test_the_steering_page_has_a_port_before_it_starts(
