@@ -28,7 +28,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.cli.main import VERBS
 from onebot_description.description import load_description
-from tests.benchmarks.registry import BENCHMARKS
+from tests.benchmarks.__main__ import BENCHMARKS
 from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import PATIENCE, wait_for
