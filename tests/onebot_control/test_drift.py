@@ -56,7 +56,7 @@ def test_what_jumps_does_not_drift() -> None:
 def test_a_car_driven_by_its_rear_wheels() -> None:
     """Its odometry turns, and the car does not."""
     names = {f"{side}_wheel_names": [f"{side}_rear_wheel_joint"] for side in ("left", "right")}
-    car = load_description(ROBOTS / "deepracer.xacro")
+    car = load_description(ROBOTS / "warn_deepracer.xacro")
     drive = DrivenRobot.of(car, ControlConfig.from_parameters({**LIMITS, **names}))
     try:
         warning = drifted(drive, 0.2, 0.5)

@@ -204,6 +204,7 @@ def test_what_is_simulated() -> None:
 
 
 PUBLIC = Path(__file__).parents[1] / "robots"
+DEEPRACER = PUBLIC / "warn_deepracer.xacro"
 
 
 def drive(description: Description) -> list[tuple[float, float]]:
@@ -251,11 +252,15 @@ def test_several_wheels_a_side_skid(parts: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize(
     ("name", "separation", "radius"),
-    [("leo_rover", 0.614, 0.0625), ("scout_v2", 1.008, 0.16459), ("tracer", 0.34, 0.0457774)],
+    [
+        ("leo_rover", 0.614, 0.0625),
+        ("scout_v2", 1.008, 0.16459),
+        ("tracer", 0.34, 0.0457774),
+    ],
 )
 def test_public_robots_drive(name: str, separation: float, radius: float) -> None:
     """Chamfered tyres beside a smaller hub, and joints turned by 3.14 and -1.57."""
-    description = load_description(PUBLIC / f"{name}.xacro")
+    description = load_description(PUBLIC / f"good_{name}.xacro")
     assert Wheels(description).geometry() == pytest.approx((separation, radius), abs=1e-3)
     for odometry, truth in drive(description):
         assert truth == pytest.approx(odometry, rel=0.01)
@@ -268,7 +273,11 @@ HINGE = part("hinge", "0.2 0.2 0", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", ki
 @pytest.mark.parametrize(
     ("car", "hinge", "wheel"),
     [
-        (load_description(PUBLIC / "deepracer.xacro"), "left_steering_hinge", "left_front_wheel"),
+        (
+            load_description(PUBLIC / "warn_deepracer.xacro"),
+            "left_steering_hinge",
+            "left_front_wheel",
+        ),
         (base(*TWO, HINGE, part("tyre", "-0.05 0 0", BALL, parent="hinge")), "hinge", "tyre"),
     ],
 )
