@@ -168,6 +168,7 @@ class Driving:
             raise self._failure
         for robot in self.robots:
             robot.commands.follow()
+            robot.report_drift()
 
     def _fail(self, error: BaseException) -> None:
         self._failure = error
@@ -294,6 +295,11 @@ class RobotDriving:
         # Those of what robot_state_publisher has sent are in its log.
         notices = self.description.notices if self.description.files else ()
         return [*notices, *self._settings.warnings]
+
+    def report_drift(self) -> None:
+        """Warn once if the robot's odometry and the truth drift apart."""
+        if (loop := self._driving.loop) and (text := loop.fleet.robots[self._row].drift.warning):
+            self._warn(text, text, every=math.inf)
 
     def set_factor(self, factor: float) -> None:
         """Set real_time_factor."""
