@@ -13,6 +13,7 @@ from urllib.request import Request, urlopen
 
 import aiohttp
 import pytest
+from std_msgs.msg import String
 
 from tests.onebot_bringup.steering_support import (
     MODULE,
@@ -24,7 +25,7 @@ from tests.onebot_bringup.steering_support import (
     steered,
     steering,
 )
-from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for
 
 
@@ -423,6 +424,18 @@ def test_wrong_numbers_are_one_clear_error(ros_domain):
             "topic: is empty; write the name of the topic",
         ):
             assert complaint in node.output
+
+
+def test_the_address_is_printed_when_the_view_is_there(peer):
+    """For that long it waits, to be the last line; the page is there before."""
+    page = peer.node.create_publisher(String, "/rerun_viewer/page", LATCHED)
+    args = ros_args(port=0, open_browser="false", await_view=600.0)
+    with NodeProcess(MODULE, *args) as node:
+        wait_for(lambda: page.get_subscription_count(), "the node")
+        peer.set_parameters("/steering_page")  # waits until it spins
+        assert "open http" not in node.output
+        page.publish(String(data="http://127.0.0.1:9090/?url=x"))
+        assert urlopen(address_of(node), timeout=PATIENCE).status == 200
 
 
 def test_a_killed_server_leaves_no_process_and_pages_notice(ros_domain):
