@@ -90,6 +90,7 @@ def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
         (("/x", TWIST, "{liner: 1}"), 1, 'did you mean "linear"? fields: angular, linear'),
         (("/x", "geometry_msgs/msg/Twst"), 1, f'did you mean "{TWIST}"'),
         (("bad name", TWIST), 1, '"bad name" is no name'),
+        (("/rosout", TWIST, "-1"), 1, "a node has a topic as one type only"),
         (("/x",), 2, "TYPE"),
         (("/x", TWIST, "-r", "0"), 2, "not above zero"),
         (("/x", TWIST, "-1", "-t", "3"), 2, "not allowed with"),
