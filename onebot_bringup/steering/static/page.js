@@ -16,6 +16,12 @@ import { View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
 const MESSAGE_MS = 6000;
+const DRIVERS = {
+  you: "You drive",
+  other: "Another page drives",
+  locked: "Stopped and locked: drive to unlock",
+  nobody: "Nobody drives",
+};
 const element = (id) => document.getElementById(id);
 
 const connection = new Connection({ up, down, message: receive });
@@ -127,10 +133,13 @@ function receive(message) {
   }
 }
 
-function showDriver({ driver, you, pages }) {
-  document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
-  const who = you ? "You drive" : driver ? "Another page drives" : "Nobody drives";
-  write(element("driver"), pages > 1 ? `${who} · ${pages} pages open` : who);
+function showDriver({ driver, you, pages, locked, others }) {
+  const state = you ? "you" : driver ? "other" : locked ? "locked" : "nobody";
+  document.body.dataset.driver = state;
+  const words = [DRIVERS[state]];
+  if (pages > 1) words.push(`${pages} pages open`);
+  if (others.length) words.push(`commands also from ${others.join(", ")}`);
+  write(element("driver"), words.join(" · "));
 }
 
 /** Several robots' pages are told apart by it. */
