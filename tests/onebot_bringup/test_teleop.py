@@ -221,7 +221,7 @@ def test_drives_while_a_key_is_held(ros_domain: int) -> None:
 
 
 def test_space_locks_the_robot_and_a_driving_key_unlocks_it(ros_domain: int) -> None:
-    """A key that is held while somebody else locks the robot moves it no more, and unlocks nothing."""
+    """A key that is held while somebody else locks the robot neither moves nor unlocks it."""
     with Peer(ros_domain) as peer:
         heard, locks = peer.hear(Twist, TOPIC), peer.hear(Bool, f"{TOPIC}_lock")
         state = peer.node.create_publisher(Bool, f"{TOPIC}_locked", LATCHED)
@@ -232,10 +232,10 @@ def test_space_locks_the_robot_and_a_driving_key_unlocks_it(ros_domain: int) -> 
             wait_for(state.get_subscription_count, "the subscriber of the state")
             terminal.type(" ")
             terminal.says("(locked: a key that drives unlocks)")
-            assert locks == [Bool(data=True)]
+            wait_for(lambda: locks == [Bool(data=True)], "the lock")
             terminal.type("i")
             wait_for(lambda: heard and heard[-1].linear.x == 0.5, "a motion")
-            assert locks == [Bool(data=True), Bool(data=False)]
+            wait_for(lambda: locks == [Bool(data=True), Bool(data=False)], "the unlock")
             state.publish(Bool(data=True))
             wait_for(lambda: heard[-1] == Twist(), "a stop")
             terminal.type("i")
@@ -245,7 +245,7 @@ def test_space_locks_the_robot_and_a_driving_key_unlocks_it(ros_domain: int) -> 
             assert heard[-1] == Twist() and len(locks) == 2
             terminal.type("o")
             wait_for(lambda: heard[-1].angular.z, "another motion")
-            assert locks[2:] == [Bool(data=False)]
+            wait_for(lambda: locks[2:] == [Bool(data=False)], "the unlock")
 
 
 def test_speeds_are_shown_and_used(ros_domain: int) -> None:

@@ -16,12 +16,6 @@ import { View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
 const MESSAGE_MS = 6000;
-const DRIVERS = {
-  you: "You drive",
-  other: "Another page drives",
-  locked: "Stopped and locked: drive to unlock",
-  nobody: "Nobody drives",
-};
 const element = (id) => document.getElementById(id);
 
 const connection = new Connection({ up, down, message: receive });
@@ -134,12 +128,13 @@ function receive(message) {
 }
 
 function showDriver({ driver, you, pages, locked, others }) {
-  const state = you ? "you" : driver ? "other" : locked ? "locked" : "nobody";
-  document.body.dataset.driver = state;
-  const words = [DRIVERS[state]];
+  document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
+  const nobody = locked ? "Stopped and locked: drive to unlock" : "Nobody drives";
+  const words = [you ? "You drive" : driver ? "Another page drives" : nobody];
   if (pages > 1) words.push(`${pages} pages open`);
   if (others.length) words.push(`commands also from ${others.join(", ")}`);
   write(element("driver"), words.join(" · "));
+  element("driver").classList.toggle("locked", locked);
 }
 
 /** Several robots' pages are told apart by it. */
