@@ -492,7 +492,8 @@ class _Reading:
 
     def _missing(self, field: _Field, key: str) -> None:
         rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
-        what = f", {rule.description}" if rule.description else ""
+        choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
+        what = "".join(f", {text}" for text in (rule.description, choices) if text)
         if key:  # the group's, because only what is written has a line
             self._report(key, f"has no {field.name}{what}")
         else:
