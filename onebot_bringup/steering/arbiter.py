@@ -138,16 +138,20 @@ class DrivingState:
 class ThreadSafeArbiter:
     """An Arbiter with a lock that publishes its commands: stops and new drivers at once."""
 
-    def __init__(self, limits: Limits, publish: Callable[[Velocity], None]) -> None:
+    def __init__(
+        self, limits: Limits, publish: Callable[[Velocity], None], lock: Callable[[bool], None]
+    ) -> None:
         """Start without pages.
 
         Args:
             limits: of commands.
             publish: called with each command, from any thread, one call at a time.
+            lock: called likewise, with True when a page stops the robot, and with False before the
+                first command of a page that starts to drive.
         """
         self._lock = threading.Lock()
         self._arbiter = Arbiter(limits)
-        self._publish = publish
+        self._publish, self._lock_robot = publish, lock
         self.changed: Callable[[], None] = lambda: None  # called when pages need a new state
 
     @property
@@ -229,6 +233,10 @@ class ThreadSafeArbiter:
             stops = self._arbiter.stops
             yield
             after = self._state()
+            if stops != self._arbiter.stops:
+                self._lock_robot(True)
+            elif after.driver not in (None, before.driver):
+                self._lock_robot(False)
             if (before.driver, moving) != (after.driver, self._arbiter.moving) or (
                 stops != self._arbiter.stops
             ):

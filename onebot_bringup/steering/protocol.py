@@ -4,7 +4,7 @@ Page to server, each with a ``type``:
     drive: ``seq`` (integer), ``linear`` (m/s), ``angular`` (rad/s); sent repeatedly while a
         control is held, even if nothing changes: the robot stops after a timeout.
     release: the control was released.
-    stop: the stop button; every page loses control.
+    stop: the stop button; every page loses control, and the robot is locked until one drives.
     topic: ``topic``, the name of the command topic to publish on.
     limits: ``linear`` (m/s), ``angular`` (rad/s), chosen for all pages; null for the robot's own.
 
@@ -235,7 +235,8 @@ def state_text(fields: Mapping[str, Any]) -> str:
     Args:
         fields: ``driver`` (the name of the page that drives, or None), ``you``, ``pages``,
             ``topic``, ``topic_type``, ``topics``, ``robots`` (``name`` and ``topic`` of each),
-            ``listeners``, ``controllers``, ``limits`` (in force), ``chosen``, ``ceiling``,
-            ``ceiling_from``, ``braking``, ``command``, ``odometry`` and ``view``.
+            ``listeners``, ``others`` (nodes that publish commands, too), ``locked``,
+            ``controllers``, ``limits`` (in force), ``chosen``, ``ceiling``, ``ceiling_from``,
+            ``braking``, ``command``, ``odometry`` and ``view``.
     """
     return json.dumps({"type": "state", **fields}, allow_nan=False)

@@ -55,6 +55,8 @@ class RobotStatus:
     topics: tuple[str, ...] = ()  # the topics to choose from, those with subscribers first
     robots: tuple[CommandedRobot, ...] = ()  # to choose from
     listeners: int = 0  # the number of subscribers
+    others: tuple[str, ...] = ()  # the other nodes that publish commands
+    locked: bool = False  # it ignores all commands until a page drives again
     controllers: tuple[str, ...] = ()  # the nodes whose limits are known
     braking: Braking | None = None  # None if no controller is known
     odometry: Mapping[str, Any] | None = None  # its fields in the state
@@ -255,6 +257,8 @@ class SteeringServer:
             "topics": robot.topics,
             "robots": [asdict(each) for each in robot.robots],
             "listeners": robot.listeners,
+            "others": robot.others,
+            "locked": robot.locked,
             "controllers": robot.controllers,
             **_limit_fields(now.limits),
             "braking": asdict(robot.braking) if robot.braking is not None else None,

@@ -27,7 +27,8 @@ class Steered:
         monkeypatch.setattr("time.monotonic", lambda: self.now)
         self.published: list[Velocity] = []
         self.changes = 0
-        self.arbiter = ThreadSafeArbiter(limits(3.0, 4.0), self.published.append)
+        self.locks: list[bool] = []
+        self.arbiter = ThreadSafeArbiter(limits(3.0, 4.0), self.published.append, self.locks.append)
         self.arbiter.handle("", SetLimits(1.0, 2.0))
         self.arbiter.join("a")
         self.arbiter.join("b")
@@ -91,6 +92,20 @@ def test_the_stop_button_is_published_even_if_nobody_drives(steered: Steered) ->
         steered.arbiter.handle("a", Stop())
         assert steered.sent() == [ZERO]
     assert steered.changes == 0
+
+
+def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> None:
+    """What is held all the time unlocks nothing, nor does a halt of the server lock."""
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.arbiter.handle("b", Stop())
+    steered.arbiter.handle("b", Stop())
+    steered.arbiter.handle("a", Drive(FORWARD))
+    assert steered.locks == [False, True, True]
+    steered.arbiter.handle("a", Release())
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.arbiter.halt()
+    assert steered.locks == [False, True, True, False]
 
 
 def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:

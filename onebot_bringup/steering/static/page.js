@@ -127,10 +127,14 @@ function receive(message) {
   }
 }
 
-function showDriver({ driver, you, pages }) {
+function showDriver({ driver, you, pages, locked, others }) {
   document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
-  const who = you ? "You drive" : driver ? "Another page drives" : "Nobody drives";
-  write(element("driver"), pages > 1 ? `${who} · ${pages} pages open` : who);
+  const nobody = locked ? "Stopped and locked: drive to unlock" : "Nobody drives";
+  const words = [you ? "You drive" : driver ? "Another page drives" : nobody];
+  if (pages > 1) words.push(`${pages} pages open`);
+  if (others.length) words.push(`commands also from ${others.join(", ")}`);
+  write(element("driver"), words.join(" · "));
+  element("driver").classList.toggle("locked", locked);
 }
 
 /** Several robots' pages are told apart by it. */
