@@ -297,7 +297,8 @@ class SteeringPage(Node):
         if self._timeouts != self._arbiter.timeouts:
             self._timeouts = self._arbiter.timeouts
             self.get_logger().warning(
-                "stopped: no message from the page that drives", throttle_duration_sec=_WARN_EVERY
+                "stopped: no message from the page that drives, or one that is too old",
+                throttle_duration_sec=_WARN_EVERY,
             )
         while not self._requests.empty():
             self._choose(*self._requests.get())
