@@ -82,8 +82,8 @@ class DiffDriveController:
         Args:
             linear: m/s, forward; above 1e6, it counts as that.
             angular: rad/s, to the left; likewise.
-            age: seconds since it was given. Below 0 (a clock ahead of ours) counts as 0, so that no
-                command outlives cmd_vel_timeout. None: it does not say, and is taken as new.
+            age: seconds since it was given; None if it is not known. Neither is it below 0, by a
+                clock that is ahead of ours or ours set back. Then it is taken as new.
 
         Returns:
             Why it is ignored; None if it is accepted.
@@ -91,14 +91,15 @@ class DiffDriveController:
         if not (math.isfinite(linear) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, angular.z {angular}"
         timeout = self._config.cmd_vel_timeout
-        if age is None:
+        if age is None or age < 0.0:
             if self._unsure > 0.0:
-                return "it has no stamp, and may be from before the process was stopped"
+                stamp = "no stamp" if age is None else f"a stamp {-age:.3f} s ahead"
+                return f"it has {stamp}, and may be from before the process was stopped"
             age = 0.0
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
         self._reference = (_within_fastest(linear), _within_fastest(angular))
-        self._age = max(age, 0.0)
+        self._age = age
         self._fresh = True
         return None
 
@@ -130,7 +131,7 @@ class DiffDriveController:
     def stalled(self, seconds: float) -> None:
         """As ``wait``, because this process did not run.
 
-        If that was longer than cmd_vel_timeout, commands which say no age are ignored for as long:
+        If that was longer than cmd_vel_timeout, commands of unknown age are ignored for as long:
         those that came meanwhile are delivered now.
         """
         self._age += seconds

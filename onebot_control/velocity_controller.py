@@ -13,6 +13,8 @@ follow --robot are one node's, those that follow --ros-args are all nodes'.
 Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
         linear.x and angular.z count. See cmd_vel_type.
+    ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): true has the robot brake and ignore all
+        commands until false comes, whoever sends either; beside ~/cmd_vel, if that is remapped.
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): puts the robot there, at rest, unless
         something is in the way; frame_id is world_frame_id (or empty) or the odometry's. The
         odometry does not change.
@@ -30,6 +32,7 @@ Publishes (reliable, depth 10, unless noted):
     /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id; in a
         world instead its links that stand still.
     /world_description (std_msgs/msg/String, transient local): the URDF of the world, if any.
+    ~/cmd_vel_locked (std_msgs/msg/Bool, transient local): whether it is locked, at every change.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
         publish_limited_velocity; else there is no such topic.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true

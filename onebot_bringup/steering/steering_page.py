@@ -1,17 +1,21 @@
 #!/usr/bin/env python3
 """A page in the browser to drive a robot from, with its 3D view: like rqt_robot_steering.
 
-The robot stops as soon as no control is held. If this node dies, the robot's controller stops
+The robot stops as soon as no control is held. Stop also locks it, so that it ignores other nodes'
+commands, too, until a page drives again. If this node dies, the robot's controller stops
 it after its cmd_vel_timeout.
 
 Publishes:
     the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot subscribes, reliable,
         depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
         three zero commands, and nothing more, so that other nodes can drive.
+    the same with _lock at its end (std_msgs/Bool): true while a page stops the robot, false before
+        a page drives a locked one.
     goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point
         (PointStamped), in the namespace of the robot that is steered: the page's tools.
 
 Subscribes:
+    the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is.
     odometry (nav_msgs/Odometry, best effort, depth 1): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
@@ -175,14 +179,15 @@ class SteeringPage(Node):
         self._server: ServerThread | None = None
         self._show_error: Callable[[str, str], None] = lambda page, why: None
         self._settings = settings = SteeringParameters.of(self)
-        self._commands = CommandTopic(self, settings.topic)
+        self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
-        self._arbiter = ThreadSafeArbiter(settings.limits(()), self._commands.publish)
+        commands = self._commands
+        self._arbiter = ThreadSafeArbiter(settings.limits(()), commands.publish, commands.lock)
         self._view = ViewProxy()
         self._rejected = 0
         self._timeouts = 0  # of drivers, that were logged
@@ -280,6 +285,8 @@ class SteeringPage(Node):
             self._topics,
             self._robots,
             len(commands.listeners),
+            tuple(commands.others),
+            commands.locked,
             tuple(one.node for one in controllers),
             self._braking,
             self._odometry.fields(),
@@ -290,7 +297,8 @@ class SteeringPage(Node):
         if self._timeouts != self._arbiter.timeouts:
             self._timeouts = self._arbiter.timeouts
             self.get_logger().warning(
-                "stopped: no message from the page that drives", throttle_duration_sec=_WARN_EVERY
+                "stopped: no message from the page that drives, or one that is too old",
+                throttle_duration_sec=_WARN_EVERY,
             )
         while not self._requests.empty():
             self._choose(*self._requests.get())
@@ -326,6 +334,13 @@ class SteeringPage(Node):
             self._set_view(None)
         after = commands.kind, commands.topic, len(commands.listeners)
         if before != after:
+            self._arbiter.changed()
+
+    def _on_lock(self, locked: bool) -> None:
+        """Show it; whoever drove has to release and drive again to unlock it."""
+        if locked:
+            self._arbiter.halt()
+        else:
             self._arbiter.changed()
 
     def _on_controllers(self) -> None:
