@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -23,6 +24,7 @@ from onebot_control.parameters import (
 )
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
+from onebot_control.real_time import Pace, PaceMeter
 from onebot_control.simulation.scene import load_scene
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError, printable
@@ -37,7 +39,6 @@ from onebot_description.parameters.reader import ConfigError, Problem, refuse_un
 
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
-_TOO_LATE = 0.05  # s of lag worth a warning
 _FARTHEST = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 
 _GOES_ON = "the robot goes on as before"
@@ -81,7 +82,7 @@ class Driving:
         self._scene_publisher: ScenePublisher | None = None
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
-        self._warn = Throttled(self._node.get_logger().warning)
+        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
         self.factor = settings[0].config.real_time_factor
@@ -120,7 +121,7 @@ class Driving:
             fleet,
             self._publish,
             simulated=self.simulated,
-            late=self._warn_late,
+            meter=PaceMeter(self._publish_pace, self._log_pace),
             failed=self._fail,
         )
         # Exclude long-lived objects from garbage collection.
@@ -158,14 +159,36 @@ class Driving:
             raise self._failure
         for robot in self.robots:
             robot.commands.follow()
+            robot.report_drift()
 
     def _fail(self, error: BaseException) -> None:
         self._failure = error
 
-    def _warn_late(self, lag: float) -> None:
-        if lag > _TOO_LATE:
-            text = f"control loop overrun: {lag:.3f} s skipped"
-            self._warn("late", f"{text}; the CPU is overloaded, or the process was stopped")
+    def _publish_pace(self, pace: Pace, is_slow: bool) -> None:
+        """Publish the real-time factor of the last second, from the control thread."""
+        values = {
+            "real_time_factor": f"{pace.factor:.3f}",
+            "wanted real_time_factor": f"{self.factor:g}",
+            "control cycles": str(pace.cycles),
+            "missed control cycles": str(pace.missed),
+        }
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if is_slow else DiagnosticStatus.OK,
+            name=f"{_full_name(self._node)[1:]}: real-time factor",
+            message=str(pace),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _log_pace(self, text: str, is_slow: bool) -> None:
+        if is_slow:
+            self._node.get_logger().warning(
+                f"{text}; the CPU is overloaded, or the process was stopped"
+            )
+        else:
+            self._node.get_logger().info(text)
 
 
 def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
@@ -287,6 +310,11 @@ class RobotDriving:
         # Those of what robot_state_publisher has sent are in its log.
         notices = self.description.notices if self.description.files else ()
         return [*notices, *self._settings.warnings]
+
+    def report_drift(self) -> None:
+        """Warn once if the robot's odometry and the truth drift apart."""
+        if (loop := self._driving.loop) and (text := loop.fleet.robots[self._row].drift.warning):
+            self._warn(text, text, every=math.inf)
 
     def set_factor(self, factor: float) -> None:
         """Set real_time_factor."""

@@ -39,6 +39,11 @@ Publishes (reliable, depth 10, unless noted):
         or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Else they
         are the system's, and there is no /clock.
 
+    /diagnostics (diagnostic_msgs/msg/DiagnosticArray): each second the real-time factor in it, and
+        the control cycles that were missed; WARN where it is below 0.95 of real_time_factor.
+Velocities are by the clock that stamps them: in slow motion, on the system's time, they are lower
+than those of the simulation.
+
 Services:
     ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command; the
         boxes of the world go back, too, unless a robot is in their place. Refused where another
@@ -80,7 +85,13 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.parameters import default_control_file, read_control_files
-from onebot_description.node import RosArguments, ros_args, run_described_node, split_robots
+from onebot_description.node import (
+    RosArguments,
+    at_stop,
+    ros_args,
+    run_described_node,
+    split_robots,
+)
 
 if TYPE_CHECKING:
     from onebot_control.driving import Driving
@@ -125,6 +136,7 @@ def velocity_controllers(
 
     each = [arguments.joined(own) for own in robots] or [arguments]
     driving = Driving(nodes, file, each)
+    at_stop(driving.stop)
     for node in nodes:
         node.driving = driving
     return nodes

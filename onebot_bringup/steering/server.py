@@ -23,6 +23,7 @@ from onebot_bringup.steering.protocol import (
     ProtocolError,
     error_text,
     parse,
+    stamp_of,
     state_text,
     velocity_fields,
     welcome_text,
@@ -195,6 +196,7 @@ class SteeringServer:
             message = await page.socket.receive()
             if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                 page.active = time.monotonic()
+                page.received += 1
                 await self._on_message(
                     page, message.data if message.type == WSMsgType.TEXT else None
                 )
@@ -228,7 +230,8 @@ class SteeringServer:
     async def _send_states(self, page: "_Page") -> None:
         """Send one page the state, ten times a second and whenever something changes."""
         try:
-            await page.socket.send_str(welcome_text(page.name, self._context.rate))
+            stamp = stamp_of(time.monotonic())
+            await page.socket.send_str(welcome_text(page.name, self._context.rate, stamp))
             while not page.socket.closed:
                 page.changed.clear()
                 while page.errors:
@@ -249,6 +252,9 @@ class SteeringServer:
             self._context.view.view,
         )
         return {
+            "stamp": stamp_of(time.monotonic()),
+            "received": page.received,
+            "late": page.name in now.late,
             "driver": now.driver,
             "you": now.driver == page.name,
             "pages": now.pages,
@@ -289,6 +295,7 @@ class _Page:
     peer: str  # the address of its computer
     active: float = field(default_factory=time.monotonic)  # when it was opened, or sent something
     name: str = field(default_factory=lambda: secrets.token_hex(4))
+    received: int = 0  # messages
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     errors: deque[str] = field(default_factory=deque)  # messages that are yet to be sent
 

@@ -41,6 +41,8 @@ Parameters:
         are always the controller's linear.x.max_velocity and angular.z.max_velocity; without either
         it is 2.0 and 4.0, and the limits are 1.0 and 2.0 until a page sets others.
     viewer_page (string, "rerun_viewer/page"): the topic with the address of the view.
+    await_view (double, 0.0 s): for so long at most, print the address and open the page only when
+        there is a view.
     open_browser (bool, true): open the page, if there is a display.
 """
 
@@ -134,6 +136,9 @@ class SteeringParameters:
     viewer_page: str = parameter(
         "rerun_viewer/page", "the topic with the address of the view", read_only=True
     )
+    await_view: float = parameter(
+        0.0, "s to wait for the view before the address is printed", at_least=0.0, read_only=True
+    )
     open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
 
     @classmethod
@@ -196,6 +201,10 @@ class SteeringPage(Node):
         self.create_subscription(String, f"{self._viewer}/displays", self._on_displays, LATCHED)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        if settings.await_view:
+            self.create_timer(settings.await_view, self._announce, clock=steady)
+        else:
+            self._announce()
         self.create_timer(1.0 / settings.rate, self._arbiter.tick, clock=steady)
         self.create_timer(_TIMEOUT_PERIOD, self._check_driver, clock=steady)
         self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
@@ -223,7 +232,13 @@ class SteeringPage(Node):
         self._arbiter.changed = lambda: thread.call(server.notify)
         self._show_error = lambda page, why: thread.call(lambda: server.show_topic_error(page, why))
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
-        url = f"http://{reachable_as(listener)}{query}"
+        self._url = f"http://{reachable_as(listener)}{query}"
+
+    def _announce(self) -> None:
+        """Print the page's address and open it, once."""
+        url, self._url = self._url, ""
+        if not url:
+            return
         # Not by the logger, which publishes on /rosout: the token must not get there.
         print(f"open {url}", flush=True)
         if self._settings.open_browser and has_display():
@@ -282,7 +297,8 @@ class SteeringPage(Node):
         if self._timeouts != self._arbiter.timeouts:
             self._timeouts = self._arbiter.timeouts
             self.get_logger().warning(
-                "stopped: no message from the page that drives", throttle_duration_sec=_WARN_EVERY
+                "stopped: no message from the page that drives, or one that is too old",
+                throttle_duration_sec=_WARN_EVERY,
             )
         while not self._requests.empty():
             self._choose(*self._requests.get())
@@ -349,6 +365,8 @@ class SteeringPage(Node):
                 throttle_duration_sec=_WARN_EVERY,
             )
         self._set_view(view)
+        if view is not None:
+            self._announce()
 
     def ground(self, frame: str) -> Mapping[str, Any]:
         """Return what a page's map shows, and of which robot; prepare for its clicks."""

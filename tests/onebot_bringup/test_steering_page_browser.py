@@ -239,8 +239,6 @@ def test_letting_go_stops_at_once(peer: Peer, page: Page) -> None:
         page.let_go()
         wait_to_stop(page, heard)
         assert page.said().count("release") == releases + 1 and page.said()[-1] == "release"
-        numbers = [message["seq"] for message in page.sent() if message["type"] == "drive"]
-        assert numbers == list(range(1, len(numbers) + 1))
         assert page.body("driver") == "nobody"
 
 
@@ -965,7 +963,7 @@ def test_without_the_token_there_is_no_page(peer: Peer, page: Page) -> None:
 
 FOREIGN = """<!doctype html><title>waiting</title><script>
 const socket = new WebSocket("ws://127.0.0.1:PORT/ws");
-const drive = '{"type": "drive", "seq": 1, "linear": 0.5, "angular": 0}';
+const drive = '{"type": "drive", "stamp": 1e12, "linear": 0.5, "angular": 0}';
 socket.onopen = () => { socket.send(drive); document.title = "open"; };
 socket.onerror = () => { document.title = "refused"; };
 </script>"""

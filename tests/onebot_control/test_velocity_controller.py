@@ -121,6 +121,17 @@ def test_drives_as_told_and_brakes_when_commands_stop(peer: Peer, model: str) ->
         assert len(slowing) > 20
 
 
+def test_odometry_that_drifts_from_the_truth_is_warned_of_once(peer: Peer, model: str) -> None:
+    """As by a wrong radius."""
+    truth = peer.hear(Odometry, f"{NODE}/ground_truth")
+    with NodeProcess(MODULE, model, *ros_args(wheel_radius=0.12, real_time_factor=0.0)) as node:
+        Driver(peer, twist(0.2))
+        wait_for(lambda: "odometry and truth drift apart" in node.output, "the warning")
+        before = x(truth[-1])
+        wait_for(lambda: x(truth[-1]) > before + 2.0, "some more metres")
+        assert node.output.count("drift apart") == 1
+
+
 def test_publishes_from_the_start(peer: Peer, model: str) -> None:
     """Without any command there are joint states, odometry, truth and transforms."""
     joints = peer.hear(JointState, "/joint_states")

@@ -503,6 +503,9 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
         (["-p", "config_file:=5"], 'config_file: 5 is a number; write a string, such as "5"'),
         (["-p", "nonsense"], "bad ROS arguments"),
+        (["-r", "\x1b[31m"], r"Couldn't parse remap rule: '-r \x1b[31m'"),
+        (["-r", "joint_states:=/rosout"], "a node has a topic as one type only"),
+        (["-r", f"__ns:=/{'n' * 300}"], "invalid node namespace"),
     ],
 )
 def test_mistakes_at_the_start_end_it(
@@ -512,7 +515,7 @@ def test_mistakes_at_the_start_end_it(
     node = start(mrm, "--ros-args", *arguments)
     assert node.ends() == 1
     assert words in node.output
-    assert "Traceback" not in node.output
+    assert "Traceback" not in node.output and "RuntimeWarning" not in node.output
 
 
 def test_a_broken_file_at_the_start_is_told_with_its_line(
