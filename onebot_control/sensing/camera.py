@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_control.sensing.lidar import fill_points
 from onebot_control.sensing.noise import add_noise
 from onebot_control.sensing.rays import GROUND, NOTHING, Hits, Rays, Surface, Targets
 from onebot_description.description.description import Camera, Noise
@@ -115,8 +116,9 @@ def _light(normals: Singles, turn: Floats) -> Singles:
     """Return the brightness (N, 1) of faces of these normals (N, 3), in a frame turned so."""
     up, sun = turn[2].astype(np.float32), (turn.T @ _SUN).astype(np.float32)
     middle, half = (_SKYLIGHT + _REFLECTED) / 2.0, (_SKYLIGHT - _REFLECTED) / 2.0
-    direct: Singles = np.float32(_SUNLIGHT) * np.maximum(normals @ sun, np.float32(0.0))
-    return (np.float32(middle) + np.float32(half) * (normals @ up) + direct)[:, None]
+    direct = np.float32(_SUNLIGHT) * np.maximum(normals @ sun, np.float32(0.0))
+    light: Singles = np.float32(middle) + np.float32(half) * (normals @ up) + direct
+    return light[:, None]
 
 
 def _lit(surface: Surface, turn: Floats) -> NDArray[np.uint32]:
@@ -156,7 +158,9 @@ def _ground(position: Floats, directions: Singles, distances: Singles) -> NDArra
     # From 1 nearby to 0 far away.
     near = np.reciprocal(np.float32(1.0) + np.square(distances * np.float32(1.0 / _BLURRED)))
     near *= (1 - 2 * (tiles & 1)).astype(np.float32)
-    return np.take(_GROUND_COLORS, ((near + np.float32(1.0)) * np.float32(127.5)).astype(np.uint8))
+    shades = ((near + np.float32(1.0)) * np.float32(127.5)).astype(np.uint8)
+    colors: NDArray[np.uint32] = np.take(_GROUND_COLORS, shades)
+    return colors
 
 
 def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
@@ -164,7 +168,8 @@ def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
     height = upwards * inverse_lengths
     np.maximum(height, np.float32(0.0), out=height)
     height *= np.float32(255.0)
-    return np.take(_SKY_COLORS, height.astype(np.uint8))
+    colors: NDArray[np.uint32] = np.take(_SKY_COLORS, height.astype(np.uint8))
+    return colors
 
 
 _SHADES = np.linspace(0.0, 1.0, 256, dtype=np.float32)[:, None]
@@ -195,11 +200,7 @@ def cloud(
         pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.
     """
     points = np.zeros(found.shape, COLORED_POINT)
-    turned, missing = rays.turned(pose[0]), ~np.isfinite(found)
-    depth = np.where(missing, np.float32(0.0), found).ravel()
-    for axis, name in enumerate("xyz"):
-        along = turned[:, axis] * depth + np.float32(pose[1][axis])
-        points[name] = np.where(missing, np.float32(np.inf), along.reshape(found.shape))
+    fill_points(points, rays, found, pose)
     if picture is not None:
         red, green, blue = np.moveaxis(picture.astype(np.uint32), -1, 0)
         points["rgb"] = red << 16 | green << 8 | blue

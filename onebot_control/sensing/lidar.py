@@ -61,6 +61,24 @@ def ranges(
     return found
 
 
+def fill_points(
+    points: NDArray[np.void], rays: Rays, distances: Singles, pose: tuple[Floats, Floats]
+) -> None:
+    """Write x, y and z of ``points`` (R, C) that rays reach after ``distances``, if finite.
+
+    Args:
+        points: take them.
+        rays: from the sensor.
+        distances: as many.
+        pose: rotation (3, 3) and position (3,) of the sensor in the frame of the points.
+    """
+    turned, missing = rays.turned(pose[0]), ~np.isfinite(distances).ravel()
+    reached = np.where(missing, np.float32(0.0), distances.ravel())
+    for axis, name in enumerate("xyz"):
+        along = turned[:, axis] * reached + np.float32(pose[1][axis])
+        points[name] = np.where(missing, np.float32(np.inf), along).reshape(points.shape)
+
+
 POINT = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "ring"],
@@ -72,13 +90,18 @@ POINT = np.dtype(
 """A point of a cloud, as gz sim lays it out."""
 
 
-def cloud(lidar: Lidar, rays: Rays, found: Singles) -> NDArray[np.void]:
-    """Return the points (rows, columns) of ranges; infinite where nothing was in range."""
+def cloud(
+    lidar: Lidar, rays: Rays, found: Singles, pose: tuple[Floats, Floats]
+) -> NDArray[np.void]:
+    """Return the points (rows, columns) of ranges; infinite where nothing was in range.
+
+    Args:
+        lidar: the sensor.
+        rays: its rays.
+        found: ranges (N,).
+        pose: rotation (3, 3) and position (3,) of the lidar in the frame of the points.
+    """
     points = np.zeros((lidar.vertical.samples, lidar.horizontal.samples), POINT)
-    missing = ~np.isfinite(found)
-    for axis, name in enumerate("xyz"):
-        values = rays.singles[:, axis] * np.where(missing, np.float32(0.0), found)
-        values[missing] = np.inf
-        points[name] = values.reshape(points.shape)
+    fill_points(points, rays, found, pose)
     points["ring"] = np.arange(len(points))[:, None]
     return points

@@ -1,11 +1,14 @@
 """Gaussian noise that depends on the sensor and the time only: runs repeat to the byte."""
 
 import zlib
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description.description import Noise
+
+T = TypeVar("T", np.float32, np.float64)
 
 _NONE = Noise()
 
@@ -33,13 +36,15 @@ def bias(noise: Noise, once: np.random.Generator) -> float:
 
 
 def add_noise(
-    values: NDArray[np.float32], noise: Noise, offset: float, generator: np.random.Generator
-) -> NDArray[np.float32]:
+    values: NDArray[T], noise: Noise, offset: float, generator: np.random.Generator
+) -> NDArray[T]:
     """Return ``values`` with noise and the offset that ``bias`` has drawn."""
     if noise == _NONE:
         return values
     drawn = generator.standard_normal(values.shape, np.float32)
-    result: NDArray[np.float32] = values + (np.float32(noise.stddev) * drawn + np.float32(noise.mean + offset))
+    result: NDArray[np.float32] = values + (
+        np.float32(noise.stddev) * drawn + np.float32(noise.mean + offset)
+    )
     if noise.precision > 0.0:
         step = np.float32(noise.precision)
         result = np.round(result / step) * step

@@ -66,9 +66,11 @@ class Rays:
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
         if self._grid is None:
-            return self.singles @ rotation.T.astype(np.float32)
-        rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
-        return (rows[:, None] + columns).reshape(-1, 3)
+            turned: Singles = self.singles @ rotation.T.astype(np.float32)
+        else:
+            rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
+            turned = (rows[:, None] + columns).reshape(-1, 3)
+        return turned
 
     def near(self, centers: Floats, radii: Floats, reach: float) -> NDArray[np.bool_]:
         """Return which bundles (B, bundles) may hit spheres, given in the rays' frame.

@@ -19,6 +19,7 @@ from onebot_description.description.worlds import load_world
 from onebot_description.model import quaternions
 from tests.onebot_control.control_support import WHEELS, robot
 
+HERE = np.eye(3), np.zeros(3)
 STILL = (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),)
 
 
@@ -135,11 +136,11 @@ def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
     noisy = measured(0.0, noise.NoiseSource("a").at(3))
     assert 0.02 < np.abs(noisy - measured(0.0)).mean() < 0.3
     assert (measured(1.4999, noise.NoiseSource("a").at(3)) >= 0.5).all()
-    points = lidar.cloud(sensor, fan, measured(0.0))
+    points = lidar.cloud(sensor, fan, measured(0.0), HERE)
     assert points.shape == (4, 3) and points.dtype.itemsize == 32
     np.testing.assert_allclose(points["x"], 2.0, atol=1e-5)
     assert points["ring"][:, 0].tolist() == [0, 1, 2, 3]
-    assert np.isinf(lidar.cloud(sensor, fan, measured(4.0))["z"][-1]).all()
+    assert np.isinf(lidar.cloud(sensor, fan, measured(4.0), HERE)["z"][-1]).all()
 
 
 def test_the_link_with_the_sensor_is_not_seen_and_others_are():
