@@ -26,7 +26,7 @@ _SCRIPTS = {
 }
 _LAUNCH = ("check", "view", "replay", "steer")  # which take name:=value
 # whose ``run`` begins with a Parser
-_PARSED = ("doctor", "soak", "snapshot", "teleop", "completion")
+_PARSED = ("doctor", "snapshot", "teleop", "completion")
 _ARGUMENT = re.compile(r"^  (\w+):=(\S*)(?:\n {4,}| *)(.*)$", re.MULTILINE)
 _CHOICES = re.compile(r"\((\w+(?:, \w+)+)\)$")
 _SWITCH = ("true", "false")

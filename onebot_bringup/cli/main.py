@@ -39,7 +39,6 @@ VERBS = {
     "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
     "doctor": "check what is wrong on this computer",
-    "soak": "drive for long, inject faults and judge what happens",
     "completion": "print the tab completion of a shell",
     "accuracy": "measure how accurately OneBot drives",
     "steer": "drive from a page in the browser",

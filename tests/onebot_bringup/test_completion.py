@@ -29,7 +29,6 @@ WORDS = {
     "onebot run onebot_control ": {"velocity_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
     "onebot doctor --c": {"--clean"},
-    "onebot soak --fault cut": {"cut-link"},
     "onebot nothing ": set(),
     "onebot topic nothing ": set(),
     "onebot run onebot_control velocity_controller ": set(),  # it must not run
