@@ -40,7 +40,6 @@ VERBS = {
     "replay": "show a recording",
     "doctor": "check what is wrong on this computer",
     "completion": "print the tab completion of a shell",
-    "accuracy": "measure how accurately OneBot drives",
     "steer": "drive from a page in the browser",
     "teleop": "drive from the keyboard",
 }
