@@ -24,7 +24,7 @@ WORDS = {
     "onebot topic echo --flow": {"--flow-style"},
     "onebot topic pub /x geometry_msgs/msg/TwistS": {"geometry_msgs/msg/TwistStamped"},
     "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
-    "onebot tf ": {"tree", "echo", "monitor"},
+    "onebot tf ": {"tree", "echo"},
     "onebot run onebot_c": {"onebot_control"},
     "onebot run onebot_control ": {"velocity_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
