@@ -230,10 +230,12 @@ def version() -> str:
     """Return the installed version."""
     from importlib import metadata  # slow to import
 
-    try:
-        return metadata.version("onebot")
-    except metadata.PackageNotFoundError:
-        return "(not installed: run from a checkout)"
+    for name in ("onebot", "onebot_bringup"):  # installed by pip, built by colcon
+        try:
+            return metadata.version(name)
+        except metadata.PackageNotFoundError:
+            pass
+    return "(not installed: run from a checkout)"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
