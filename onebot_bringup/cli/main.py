@@ -171,7 +171,7 @@ def run_verb(words: list[str]) -> int:
         UsageError: the command line is wrong.
         OneBotError: the command fails for a reason that the user can fix.
     """
-    words = _take_settings(words)
+    words = take_settings(words)
     if not words:
         print(usage(), file=sys.stderr)
         return 2
@@ -191,7 +191,7 @@ def run_verb(words: list[str]) -> int:
     return int(import_module(f"{PACKAGE}.{first}").run(rest))
 
 
-def _take_settings(words: list[str]) -> list[str]:
+def take_settings(words: list[str]) -> list[str]:
     """Apply ``discovery:=`` and ``domain_id:=`` before the verb; return the other words."""
     count = next((n for n, word in enumerate(words) if ":=" not in word), len(words))
     if count:

@@ -79,10 +79,6 @@ class Parser(argparse.ArgumentParser):
         Raises:
             UsageError: the command line is wrong.
         """
-        if "_ARGCOMPLETE" in os.environ:  # the shell wants to know what can follow
-            from onebot_bringup.cli.completion import complete_parser
-
-            complete_parser(self)
         words = list(argv)
         for word in words:
             if not _is_unicode(word):
