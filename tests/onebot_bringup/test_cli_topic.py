@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import String
 
 from onebot_description.wire.tf_message import TFMessage
-from tests.benchmarks.hosts import missing
+from tests.hosts import missing
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of, running
 from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, skip_for, wait_for
