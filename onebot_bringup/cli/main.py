@@ -30,7 +30,7 @@ VERBS = {
     "view": "bring up any robot from its file and move it",
     "topic": "list, print, measure and publish topics",
     "node": "list nodes and show what they do",
-    "param": "list, get, set and dump parameters",
+    "param": "list, describe, get, set, save and load parameters",
     "service": "list and call services",
     "interface": "list types of messages and show them",
     "tf": "show the tree of frames, and transforms between frames",
