@@ -80,7 +80,7 @@ def _print(name: str, check: Callable[[], Verdict]) -> str:
 
 def _required() -> list[str]:
     try:
-        return metadata.requires("onebot") or []
+        return metadata.requires("onebot-robots") or []
     except metadata.PackageNotFoundError:
         return []
 
@@ -107,7 +107,7 @@ def dependencies(required: Iterable[str], installed: Callable[[str], str | None]
         elif not all(_fits(found, part) for part in filter(None, wanted.split(","))):
             wrong.append(f"{name} is {found} instead of {wanted}")
     if wrong:
-        return Verdict(PROBLEM, listing(wrong), "pip install --upgrade onebot, or pip install -e .")
+        return Verdict(PROBLEM, listing(wrong), "pip install -e . in the checkout, again")
     if not count:
         return Verdict(NOTE, "not installed, run from a checkout", "pip install -e .")
     return Verdict(OK, f"{count} as required")

@@ -231,7 +231,7 @@ def version() -> str:
     from importlib import metadata  # slow to import
 
     try:
-        return metadata.version("onebot")
+        return metadata.version("onebot-robots")
     except metadata.PackageNotFoundError:
         return "(not installed: run from a checkout)"
 
