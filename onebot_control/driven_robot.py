@@ -79,7 +79,11 @@ class Plant(Protocol):
 
 
 class Snapshot(NamedTuple):
-    """The robot at one control cycle."""
+    """The robot at one control cycle.
+
+    Velocities are by the clock that the durations given to it are of: where the simulation is too
+    slow for it, lower than those in the simulation's own time.
+    """
 
     tick: int  # cycles done before this one
     joints: JointStates  # of all joints that move
@@ -333,16 +337,19 @@ class DrivenRobot:
         """Return the robot as its state was last read."""
         odometry = self.controller.odometry
         pose = PlanarPose(odometry.x, odometry.y, odometry.heading)
-        twist = (odometry.linear, odometry.angular)
-        covariance = odometry.uncertainty.covariance
+        covariance, pace = odometry.uncertainty.covariance, self.controller.pace
+        joints, velocity = self._joints, self._twist
+        if pace != 1.0:
+            joints = joints._replace(velocities=joints.velocities * pace)
+            velocity = Twist(velocity.linear * pace, velocity.angular * pace)
         return Snapshot(
             self.ticks,
-            self._joints,
+            joints,
             pose,
             covariance,
-            twist,
+            (odometry.linear * pace, odometry.angular * pace),
             self._pose,
-            self._twist,
+            velocity,
             self._command,
         )
 

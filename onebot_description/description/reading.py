@@ -178,7 +178,7 @@ def read_numbers(
     if text is None:
         return None
     words = text.split()
-    fault = next(filter(None, map(_fault, words)), None)
+    fault = next(filter(None, map(number_fault, words)), None)
     if fault is None and len(words) == count:
         return tuple(map(float, words))
     report = findings.error if needed else findings.problem
@@ -231,7 +231,7 @@ def read_number(
     return numbers[0]
 
 
-def _fault(word: str) -> str | None:
+def number_fault(word: str) -> str | None:
     """Why ``word`` is no usable number; None if it is one."""
     if _NUMBER.fullmatch(word):
         finite = math.isfinite(float(word))
