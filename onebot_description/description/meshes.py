@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -104,15 +104,17 @@ def mesh_corners(mesh: Mesh) -> "NDArray[np.float64]":
     return read_mesh(mesh)[0]
 
 
-def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
-    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3) of them.
+def mesh_parts(mesh: Mesh, *, materials: bool) -> list[Any]:
+    """Return the surfaces of a mesh file as trimesh.Trimesh, in metres, unscaled.
+
+    Args:
+        mesh: names the file.
+        materials: read how they look, too; a broken material may cost surfaces.
 
     Raises:
         OneBotError: it cannot be read, or holds no triangles.
     """
-    # Slow to import, and not for who only publishes.
-    import numpy as np
-    import trimesh
+    import trimesh  # slow to import, and not for who only publishes
 
     path = mesh.path
     if path is None:
@@ -121,7 +123,7 @@ def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
         raise OneBotError(f"{path} {fault}")
     try:
         if path.suffix.lower() == ".dae":
-            surfaces = BytesIO(without_materials(path))
+            surfaces = str(path) if materials else BytesIO(without_materials(path))
             scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
             scene = scene.convert_units("meters")
         else:
@@ -132,6 +134,18 @@ def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
         raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles")
+    return parts
+
+
+def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
+    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3) of them.
+
+    Raises:
+        OneBotError: it cannot be read, or holds no triangles.
+    """
+    import numpy as np
+
+    parts = mesh_parts(mesh, materials=False)
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
     faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]

@@ -463,7 +463,7 @@ def test_the_space_bar_stops_and_the_held_key_does_not_resume(peer: Peer, page: 
         page.act().key_down(Keys.CONTROL).send_keys(" ").key_up(Keys.CONTROL).perform()
         wait_to_stop(page, heard)
         assert "stop" in page.said()
-        locked = "Stopped and locked: drive to unlock · commands also from /peer"
+        locked = "Locked: drive to unlock · commands also from /peer"
         wait_for(lambda: page.text("#driver") == locked, "the lock")
         assert locks and all(lock.data for lock in locks)
         page.release_keys("w")
