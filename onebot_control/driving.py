@@ -126,7 +126,11 @@ class Driving:
             robot.publishing.use(driven)
         self._scene_publisher = self._publish_scene(fleet)
         self.sensing = Sensing(
-            self.scene, fleet.rate, fleet.world.settings.gravity, self._warn, self._fail
+            self.scene,
+            fleet.rate,
+            fleet.world.settings.gravity,
+            Throttled(self._node.get_logger().warning),
+            self._fail,
         )
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.sense(self.sensing, driven, robot.instruments(driven.config))
