@@ -229,7 +229,7 @@ def version() -> str:
     """Return the installed version."""
     from importlib import metadata  # slow to import
 
-    for name in ("onebot", "onebot_bringup"):  # installed by pip, built by colcon
+    for name in ("onebot-robots", "onebot_bringup"):  # installed by pip, built by colcon
         try:
             return metadata.version(name)
         except metadata.PackageNotFoundError:
