@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from io import BytesIO
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -62,8 +63,16 @@ def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
     return _triangles(mesh)[0]
 
 
-def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """The corners (N, 3) of a mesh file, and the triangles (M, 3) of which they are."""
+def mesh_parts(mesh: Mesh, *, materials: bool) -> list[Any]:
+    """Return the surfaces of a mesh file as trimesh.Trimesh, in metres, unscaled.
+
+    Args:
+        mesh: names the file.
+        materials: read how they look, too; a broken material may cost surfaces.
+
+    Raises:
+        OneBotError: it cannot be read, or holds no triangles.
+    """
     import trimesh
 
     path = mesh.path
@@ -73,7 +82,7 @@ def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         raise OneBotError(f"{path} {fault}")
     try:
         if path.suffix.lower() == ".dae":
-            surfaces = BytesIO(without_materials(path))
+            surfaces = str(path) if materials else BytesIO(without_materials(path))
             scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
             scene = scene.convert_units("meters")
         else:
@@ -84,6 +93,12 @@ def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         raise OneBotError(f"{path} cannot be read: {reason}") from error
     if not any(len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles")
+    return parts
+
+
+def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """The corners (N, 3) of a mesh file, and the triangles (M, 3) of which they are."""
+    parts = mesh_parts(mesh, materials=False)
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
     faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]

@@ -4,6 +4,7 @@ SI units and radians, frames as REP-103 has them. ``reading`` makes these values
 the URDF; each has the line it was written at, as ``robot.urdf:12``.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -151,6 +152,73 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class Noise:
+    """Gaussian noise of one value, in its unit."""
+
+    mean: float = 0.0
+    stddev: float = 0.0
+    bias_mean: float = 0.0  # of an offset that is drawn once, its sign by a coin
+    bias_stddev: float = 0.0
+    precision: float = 0.0  # to which the sum is rounded; 0: it is not
+
+
+class Fan(NamedTuple):
+    """Directions evenly spread over an angle, both ends included."""
+
+    samples: int = 1
+    least: float = 0.0  # rad
+    greatest: float = 0.0
+
+
+@dataclass(frozen=True)
+class Lidar:
+    """A range finder whose rays lie in rows; x ahead, z up."""
+
+    horizontal: Fan  # rays of a row, about z
+    vertical: Fan  # rows, upwards
+    least: float  # range, m
+    greatest: float
+    noise: Noise = Noise()
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera without distortion, looking along x."""
+
+    field_of_view: float  # horizontal, rad
+    width: int  # pixels
+    height: int
+    near: float  # m along the axis
+    far: float
+    depth_near: float  # the same of the depth
+    depth_far: float
+    noise: Noise = Noise()  # of colours from 0 to 1; of the depth, m
+
+
+@dataclass(frozen=True)
+class Imu:
+    """An inertial measurement unit."""
+
+    angular_velocity: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # rad/s
+    linear_acceleration: tuple[Noise, Noise, Noise] = (Noise(), Noise(), Noise())  # m/s^2
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One <sensor> that is simulated."""
+
+    name: str
+    link: str
+    origin: Origin  # in the link's frame
+    rate: float  # measurements a simulated second, Hz; 0: one in each control cycle
+    # By what is published on them: scan, imu, image, depth, points or camera_info; relative.
+    topics: Mapping[str, str]
+    frame: str  # of the messages; one of the links, unless it is named otherwise on purpose
+    model: Lidar | Camera | Imu
+    where: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
 class Description:
     """A robot description of which everything can be published.
 
@@ -166,6 +234,8 @@ class Description:
     joints: tuple[Joint, ...]  # likewise
     problems: tuple[str, ...]  # what ``onebot check`` refuses, and nodes warn of
     warnings: tuple[str, ...]  # what works but is probably not meant
+    sensors: tuple[Sensor, ...] = ()
+    bad_sensors: tuple[str, ...] = ()  # names of those that could not be read
 
     @property
     def notices(self) -> tuple[str, ...]:

@@ -1,9 +1,10 @@
 """From a file or a text to a Description."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from onebot_description.description import xml
 from onebot_description.description.checks import (
@@ -16,7 +17,7 @@ from onebot_description.description.checks import (
     check_tree,
     named,
 )
-from onebot_description.description.description import Description
+from onebot_description.description.description import Description, Sensor
 from onebot_description.description.packages import resolve
 from onebot_description.description.reading import (
     Findings,
@@ -25,6 +26,7 @@ from onebot_description.description.reading import (
     read_links,
     read_materials,
 )
+from onebot_description.description.sensors import read_sensors
 from onebot_description.errors import DescriptionError, OneBotError, condensed, printable
 
 
@@ -48,20 +50,57 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
             element and remedy.
     """
     path = _locate(source)
-    given = {name: str(value) for name, value in (arguments or {}).items()}
+    document, files, warnings = _read(path, arguments or {})
+    return _check(document, str(path), files, warnings)
+
+
+def _read(
+    path: Path, arguments: Mapping[str, str]
+) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
+    """Return the document in a file, xacro expanded, the files read, and warnings."""
+    given = {name: str(value) for name, value in arguments.items()}
     shown = xml.shown_path(path)
     data, blank = xml.declaration_first(xml.read_bytes(path), shown)
     found = xml.scan(data, shown)
     if found.has_xacro or path.suffix == ".xacro":
         from onebot_description.description.xacro import expand
 
-        document, files, warnings = expand(path, given)
-        return _check(document, str(path), files, warnings)
+        return expand(path, given)
     if given:
         names = ", ".join(sorted(given))
         raise DescriptionError([f"{shown}: is plain URDF and takes no arguments (given: {names})"])
-    document = xml.to_document(data, found, shown, path.parent)
-    return _check(document, str(path), (path,), blank)
+    return xml.to_document(data, found, shown, path.parent), (path,), blank
+
+
+class SensorFile(NamedTuple):
+    """The sensors of a file that gives a robot those that its URDF lacks."""
+
+    sensors: tuple[Sensor, ...]
+    bad_sensors: tuple[str, ...]  # names of those that could not be read
+    notices: tuple[str, ...]  # why, and warnings
+    files: tuple[Path, ...]  # that were read
+
+
+def load_sensors(source: str | Path, links: Collection[str]) -> SensorFile:
+    """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
+
+    Args:
+        source: as for ``load_description``.
+        links: names of the robot's links.
+
+    Raises:
+        DescriptionError: it cannot be read or expanded, or holds no sensor.
+    """
+    path = _locate(source)
+    document, files, warnings = _read(path, {})
+    _drop_namespace(document)
+    findings = Findings(document)
+    sensors, bad = read_sensors(findings, links)
+    if not sensors and not bad:
+        text = 'holds no sensor; write <robot><gazebo reference="LINK"><sensor name="" type="">'
+        raise DescriptionError([f"{document.shown}: {text}"])
+    notices = (*map(printable, warnings), *findings.texts("problem", "warning"))
+    return SensorFile(sensors, bad, condensed(notices), files)
 
 
 def parse_description(urdf: str, name: str = "<string>") -> Description:
@@ -131,6 +170,7 @@ def _check(
             check_inertial(findings, element, link.inertial)
     check_materials(findings, materials)
     check_schema(findings)
+    sensors, bad_sensors = read_sensors(findings, links)
     findings.raise_errors(warnings)
     return Description(
         urdf=xml.to_text(findings.document.root),
@@ -142,6 +182,8 @@ def _check(
         joints=tuple(joints.values()),
         problems=condensed(findings.texts("problem")),
         warnings=condensed([*map(printable, warnings), *findings.texts("warning")]),
+        sensors=sensors,
+        bad_sensors=bad_sensors,
     )
 
 

@@ -176,7 +176,7 @@ def read_numbers(
     if text is None:
         return None
     words = text.split()
-    fault = next(filter(None, map(_fault, words)), None)
+    fault = next(filter(None, map(number_fault, words)), None)
     if fault is None and len(words) == count:
         return tuple(map(float, words))
     report = findings.error if needed else findings.problem
@@ -229,7 +229,7 @@ def read_number(
     return numbers[0]
 
 
-def _fault(word: str) -> str | None:
+def number_fault(word: str) -> str | None:
     """Why ``word`` is no usable number; None if it is one."""
     if _NUMBER.fullmatch(word):
         finite = math.isfinite(float(word))
@@ -585,7 +585,10 @@ def _read_limit(
     velocity = read_number(findings, limit, "velocity", required=needed, negative=False)
     if not bounded:
         if kind == "continuous" and (lower or upper):
-            findings.warning(limit, "a continuous joint has no lower or upper; make it revolute")
+            text = "a continuous joint turns without end, so lower and upper are ignored"
+            findings.warning(
+                limit, f"{text}; delete them, or if it must stop there make it revolute"
+            )
         return None, None, velocity, effort
     if lower is not None and upper is not None and lower > upper:
         findings.problem(limit, f"lower {lower:g} is above upper {upper:g}; swap them")

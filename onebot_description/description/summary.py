@@ -5,12 +5,15 @@ from pathlib import PurePath
 
 from onebot_description.description.description import (
     Box,
+    Camera,
     Capsule,
     Description,
     Geometry,
     Joint,
+    Lidar,
     Link,
     Mesh,
+    Sensor,
     Shape,
     Sphere,
     Triple,
@@ -20,11 +23,12 @@ from onebot_description.description.xml import shown_path
 from onebot_description.errors import printable
 
 _HEADINGS = ("link", "joint", "kind", "axis", "range", "at most", "mass", "shape")
+_SENSOR_HEADINGS = ("sensor", "measures", "rate", "topic", "frame")
 _Row = tuple[str, ...]
 
 
 def describe(description: Description) -> str:
-    """Return a table of links as a tree, with the joint that moves each.
+    """Return a table of links as a tree, with the joint that moves each, and one of sensors.
 
     Angles are shown in degrees, everything else in SI units.
     """
@@ -36,6 +40,9 @@ def describe(description: Description) -> str:
         first, *others = map(cell, cells)
         rows.append((branch + first, *others))
     lines = [_title(description), "", *aligned(rows)]
+    if description.sensors:
+        sensors = [tuple(map(cell, _sensor_cells(sensor))) for sensor in description.sensors]
+        lines += ["", *aligned([_SENSOR_HEADINGS, *sensors])]
     return "\n".join(lines)
 
 
@@ -144,6 +151,21 @@ def _shape(shape: Shape) -> str:
         return f"sphere r {shape.radius:.4g}"
     kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
     return f"{kind} r {shape.radius:.4g} l {shape.length:.4g}"
+
+
+def _sensor_cells(sensor: Sensor) -> _Row:
+    model = sensor.model
+    if isinstance(model, Lidar):
+        rows = f"{model.vertical.samples} × " if model.vertical.samples > 1 else ""
+        measures = f"{rows}{_count(model.horizontal.samples, 'range')} to {model.greatest:.4g} m"
+    elif isinstance(model, Camera):
+        measures = (
+            f"{model.width} × {model.height} pixels, {math.degrees(model.field_of_view):.4g}°"
+        )
+    else:
+        measures = "acceleration, angular velocity"
+    rate = f"{sensor.rate:.4g} Hz" if sensor.rate else "each cycle"
+    return sensor.name, measures, rate, ", ".join(sensor.topics.values()), sensor.frame
 
 
 def _count(number: int, one: str, many: str | None = None) -> str:

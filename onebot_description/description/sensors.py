@@ -1,0 +1,437 @@
+"""Reads sensors: the ``<gazebo reference="LINK"><sensor>`` blocks of gz sim and Gazebo classic.
+
+Their meaning is SDFormat's; topics and frames may be named in any way that gz sim or the ROS
+plugins of Gazebo classic have it. A sensor with a fault is left out, and reported as a problem.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import fields
+
+from onebot_description.description.description import (
+    Camera,
+    Fan,
+    Imu,
+    Lidar,
+    Noise,
+    Origin,
+    Sensor,
+)
+from onebot_description.description.reading import Element, Findings, number_fault
+from onebot_description.errors import did_you_mean
+from onebot_description.parameters.values import Rule, ValueType
+
+_LIDAR, _IMU, _CAMERA, _DEPTH, _RGBD = "lidar", "imu", "camera", "depth_camera", "rgbd_camera"
+_KINDS = {
+    **dict.fromkeys(("lidar", "gpu_lidar", "ray", "gpu_ray"), _LIDAR),
+    **dict.fromkeys(("depth", "depth_camera"), _DEPTH),
+    **dict.fromkeys(("rgbd", "rgbd_camera"), _RGBD),
+    "imu": _IMU,
+    "camera": _CAMERA,
+}
+_MOST_RAYS, _MOST_PIXELS = 300_000, 1920 * 1200
+_TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
+
+# What is read, by its path: default (None: it is needed) and rule.
+_POSITIVE, _NOT_NEGATIVE, _ANY = Rule(above=0.0), Rule(at_least=0.0), Rule()
+_ANGLE, _COUNT = Rule(at_least=-_TURN, at_most=_TURN), Rule(at_least=1, at_most=_MOST_PIXELS)
+_VALUES: Mapping[str, tuple[float | None, Rule]] = {
+    "update_rate": (0.0, Rule(at_least=0.0, at_most=1000.0)),
+    "updateRate": (0.0, Rule(at_least=0.0, at_most=1000.0)),  # of a plugin
+    "samples": (None, Rule(at_least=1, at_most=_MOST_RAYS)),
+    "resolution": (1.0, _POSITIVE),
+    "min_angle": (0.0, _ANGLE),
+    "max_angle": (0.0, _ANGLE),
+    "range/min": (0.0, _NOT_NEGATIVE),
+    "range/max": (None, _POSITIVE),
+    "horizontal_fov": (1.047, Rule(at_least=0.01, at_most=3.0)),
+    "image/width": (320, _COUNT),
+    "image/height": (240, _COUNT),
+    "near": (0.1, _POSITIVE),
+    "far": (100.0, _POSITIVE),
+    # Of noise, in the order of the fields of Noise.
+    "mean": (0.0, _ANY),
+    "stddev": (0.0, _NOT_NEGATIVE),
+    "bias_mean": (0.0, _ANY),
+    "bias_stddev": (0.0, _NOT_NEGATIVE),
+    "precision": (0.0, _NOT_NEGATIVE),
+}
+_WHOLE = ("samples", "image/width", "image/height")
+# The elements in each that are read, or change nothing here.
+_LENS = "horizontal_fov image clip noise depth_camera optical_frame_id camera_info_topic pose "
+_KNOWN = {
+    "sensor": f"{_LENS}update_rate topic plugin camera ray lidar imu gz_frame_id ignition_frame_id "
+    "frame_id always_on visualize enable_metrics",
+    "ray": "scan range noise visibility_mask",
+    "lidar": "scan range noise visibility_mask",
+    "scan": "horizontal vertical",
+    "horizontal": "samples resolution min_angle max_angle",
+    "vertical": "samples resolution min_angle max_angle",
+    "range": "min max resolution",
+    "camera": f"{_LENS}topic save visibility_mask",
+    "depth_camera": "clip output",
+    "image": "width height format anti_aliasing",
+    "clip": "near far",
+    "imu": "angular_velocity linear_acceleration noise orientation_reference_frame topic "
+    "enable_orientation",
+}
+_FRAMES = ("gz_frame_id", "ignition_frame_id", "frame_id", "frame_name", "frameName")
+_TOPIC = Rule(
+    pattern=re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
+    write="a ROS name: words of letters, digits and _ that do not start with a digit, joined by /",
+)
+# The names that Gazebo classic gives to topics, as remappings end with them.
+_CLASSIC = {
+    "depth/camera_info": "",
+    "camera_info_depth": "",
+    "depth/image_raw": "depth",
+    "image_depth": "depth",
+    "image_raw": "image",
+    "camera_info": "camera_info",
+    "points": "points",
+    "out": "out",
+}
+_CLASSIC_CAMEL = {
+    "imageTopicName": "image",
+    "cameraInfoTopicName": "camera_info",
+    "depthImageTopicName": "depth",
+    "pointCloudTopicName": "points",
+}
+_UNDER_BASE = {
+    "image": "image_raw",
+    "depth": "depth/image_raw",
+    "points": "points",
+    "camera_info": "camera_info",
+}
+
+
+def read_sensors(
+    findings: Findings, links: Collection[str]
+) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
+    """Return the sensors of a document, and the names of those that could not be read.
+
+    Args:
+        findings: takes what is wrong.
+        links: names of the robot's links.
+    """
+    root = findings.document.root
+    blocks = [root] if root.tag == "gazebo" else root.findall("gazebo")
+    found = [
+        _Block(findings, element, block) for block in blocks for element in block.iterfind("sensor")
+    ]
+    for block in blocks:
+        for plugin in block.iterfind("plugin"):
+            _warn_of_plugin(findings, plugin, links)
+    unnamed = Counter(each.kind for each in found if each.kind and not each.named)
+    sensors, taken = list[Sensor](), dict[str, _Block]()
+    simulated = [each for each in found if each.kind]
+    for each in simulated:
+        sensor = each.read(links, alone=unnamed[each.kind] < 2)
+        for topic in () if each.wrong else sensor.topics.values():
+            other = taken.setdefault(topic, each)
+            if other is not each:
+                text = f'publishes "{topic}", as the one at {other.place} does'
+                each.problem(f"{text}; give it a <topic> of its own")
+        if not each.wrong:
+            sensors.append(sensor)
+    bad = dict.fromkeys(each.name for each in simulated if each.wrong)
+    return tuple(sensors), tuple(bad)
+
+
+def _warn_of_plugin(findings: Findings, plugin: Element, links: Collection[str]) -> None:
+    """Warn of a plugin that stands for a sensor, outside of any."""
+    link = (plugin.findtext("bodyName") or "").strip()
+    if not link:
+        return
+    file, rate = plugin.get("filename", ""), plugin.findtext("updateRate", "100").strip()
+    text = f'is a sensor on link "{link}" without a <sensor>, so it is ignored'
+    if "imu" in file or "imu" in plugin.get("name", ""):
+        text += (
+            f'; write <gazebo reference="{link}"><sensor name="imu" type="imu"><update_rate>{rate}'
+            "</update_rate></sensor></gazebo>"
+        )
+    findings.warning(plugin, text)
+
+
+class _Block:
+    """One <sensor>, and what is wrong in it."""
+
+    def __init__(self, findings: Findings, element: Element, block: Element) -> None:
+        self._findings, self._element = findings, element
+        self._link, self.wrong = block.get("reference", ""), False
+        self.name, self.place = element.get("name", "").strip(), findings.where(element)
+        self._plugin = element.find("plugin")
+        self._remapped = dict(self._remappings())
+        self._topic = self._text("topic", "topicName") or self._remapped.get("out", "")
+        kind = element.get("type", "")
+        self.kind = _KINDS.get(kind, "")
+        if not kind:
+            self.problem(f"has no type; write one of: {', '.join(_KINDS)}")
+        elif not self.kind:
+            hint = did_you_mean(kind, _KINDS, "simulated")
+            findings.warning(element, f'sensors of type "{kind}" are not simulated{hint}')
+
+    @property
+    def named(self) -> bool:
+        """Whether the block says what its topics are called."""
+        return bool(self._topic or self._base)
+
+    def problem(self, text: str, element: Element | None = None) -> None:
+        """Report what leaves the sensor out."""
+        self.wrong = True
+        self._findings.problem(self._element if element is None else element, text)
+
+    def read(self, links: Collection[str], *, alone: bool) -> Sensor:
+        """Return the sensor, which is not to be used if the block is ``wrong``.
+
+        Args:
+            links: names of the robot's links.
+            alone: no other one of its kind lacks a topic.
+        """
+        if not self._link:
+            self.problem('lies in no link; write <gazebo reference="LINK"> around it')
+        elif self._link not in links:
+            hint = self._findings.hint(self._link, links, "links")
+            self.problem(f'there is no link "{self._link}"{hint}')
+        if not self.name:
+            self.problem('has no name; write <sensor name="...">')
+        self._warn_of_unknown(self._element)
+        model = self._model()
+        rate = self._number(self._element, "update_rate")
+        if not rate and self._plugin is not None:
+            rate = self._number(self._plugin, "updateRate")
+        frame = self._text("optical_frame_id") if isinstance(model, Camera) else ""
+        frame = frame or self._text(*_FRAMES) or self._link
+        if frame not in links and not self.wrong:
+            hint = self._findings.hint(frame, links, "links")
+            text = f'no link is called "{frame}", the frame of its messages{hint}'
+            self._findings.warning(self._element, text)
+        topics = {output: self._checked(topic) for output, topic in self._topics(model, alone)}
+        pose = self._pose()
+        return Sensor(self.name, self._link, pose, rate, topics, frame, model, self.place)
+
+    # Names -------------------------------------------------------------------------------------
+
+    def _text(self, *tags: str) -> str:
+        """The text of the first of these elements that has one, wherever it lies."""
+        texts = (element.text or "" for tag in tags for element in self._element.iter(tag))
+        return next(filter(None, map(str.strip, texts)), "")
+
+    def _remappings(self) -> Iterator[tuple[str, str]]:
+        """The topics by output, as remapped in a plugin of Gazebo classic for ROS 2."""
+        space = self._text("namespace").strip("/")
+        for tag in ("remapping", "argument"):
+            for element in self._element.iter(tag):
+                old, arrow, new = (element.text or "").strip().partition(":=")
+                for ending, output in _CLASSIC.items():
+                    if arrow and f"/{old}".endswith(f"/{ending}"):
+                        yield output, f"{space}/{new}"
+                        break
+
+    @property
+    def _base(self) -> str:
+        """The first word of a camera's topics in Gazebo classic."""
+        if self.kind not in (_CAMERA, _DEPTH, _RGBD) or not self._is_classic:
+            return ""
+        return self._text("camera_name", "cameraName") or self.name
+
+    @property
+    def _is_classic(self) -> bool:
+        return self._plugin is not None and "gazebo_ros" in self._plugin.get("filename", "")
+
+    def _topics(self, model: Lidar | Camera | Imu, alone: bool) -> Iterator[tuple[str, str]]:
+        """The topic of each output."""
+        topic, word = self._topic, re.sub(r"\W", "_", self.name)
+        if isinstance(model, Lidar):
+            if model.vertical.samples == 1:
+                yield "scan", topic or ("scan" if alone else f"{word}/scan")
+            else:
+                # As gz sim has it; Gazebo classic's plugin publishes the cloud where it is told.
+                cloud = topic if "out" in self._remapped else f"{topic}/points"
+                yield "points", cloud if topic else "points" if alone else f"{word}/points"
+        elif isinstance(model, Imu):
+            yield "imu", topic or ("imu" if alone else f"{word}/imu")
+        else:
+            yield from self._camera_topics(topic, word, alone)
+
+    def _camera_topics(self, topic: str, word: str, alone: bool) -> Iterator[tuple[str, str]]:
+        outputs = {
+            _CAMERA: ("image", "camera_info"),
+            _DEPTH: (*(("image",) if self._is_classic else ()), "depth", "camera_info", "points"),
+            _RGBD: ("image", "depth", "camera_info", "points"),
+        }[self.kind]
+        base = self._base or ("camera" if alone else word)
+        names = {output: f"{base}/{name}" for output, name in _UNDER_BASE.items()}
+        if topic and self.kind == _RGBD:
+            names = {output: f"{topic}/{output}" for output in outputs}
+            names["depth"] = f"{topic}/depth_image"
+        elif topic:
+            beside = topic.rpartition("/")[0]
+            names["image" if self.kind == _CAMERA else "depth"] = topic
+            names["camera_info"] = f"{beside}/camera_info"
+            names["points"] = f"{topic}/points"
+        for tag, output in _CLASSIC_CAMEL.items():
+            if self._base and (own := self._text(tag)):
+                names[output] = f"{self._base}/{own}"
+        names["camera_info"] = self._text("camera_info_topic") or names["camera_info"]
+        names |= {key: name for key, name in self._remapped.items() if key in names}
+        for output in outputs:
+            yield output, names[output]
+
+    def _checked(self, topic: str) -> str:
+        """Return a topic relative to the robot's namespace."""
+        name = topic.strip("/").replace(" ", "_").replace("//", "/")
+        try:
+            ValueType(str, _TOPIC).checked(name)
+        except ValueError as error:
+            self.problem(f"its topic {error}")
+        return name
+
+    # Values ------------------------------------------------------------------------------------
+
+    def _model(self) -> Lidar | Camera | Imu:
+        if self.kind == _LIDAR:
+            return self._lidar()
+        return self._imu() if self.kind == _IMU else self._camera()
+
+    def _lidar(self) -> Lidar:
+        ray = self._inside("ray", "lidar")
+        across, up = self._fan(ray, "scan/horizontal"), self._fan(ray, "scan/vertical")
+        least, greatest = self._number(ray, "range/min"), self._number(ray, "range/max")
+        self._ordered(ray, "range", "min", least, "max", greatest)
+        if across.samples * up.samples > _MOST_RAYS and not self.wrong:
+            rays = f"{across.samples} x {up.samples} rays are more than {_MOST_RAYS}"
+            self.problem(f"{rays}; lower <samples>")
+        noise = self._noise(self._element.find(".//noise"))  # some have it beside <ray>
+        return Lidar(across, up, least, greatest, noise)
+
+    def _fan(self, ray: Element, path: str) -> Fan:
+        element = ray.find(path)
+        if element is None:
+            if path.endswith("horizontal"):
+                self.problem(f"has no <{path}>; write its <samples>, <min_angle> and <max_angle>")
+            return Fan()
+        samples, resolution, least, greatest = (
+            self._number(element, tag)
+            for tag in ("samples", "resolution", "min_angle", "max_angle")
+        )
+        count = max(1, round(samples * resolution))
+        if count > _MOST_RAYS and not self.wrong:
+            self.problem(f"{count} rays are more than {_MOST_RAYS}; lower <samples>", element)
+        if count > 1:
+            self._ordered(ray, path, "min_angle", least, "max_angle", greatest)
+            if greatest - least > _TURN:
+                self.problem("min_angle to max_angle is more than a turn (6.2832 rad)", element)
+        return Fan(count, least, greatest)
+
+    def _ordered(
+        self, element: Element, path: str, low: str, least: float, high: str, greatest: float
+    ) -> None:
+        if not least < greatest and not self.wrong:
+            text = f"<{low}> {least:g} is not below <{high}> {greatest:g}; swap or change them"
+            self.problem(text, element.find(path))
+
+    def _camera(self) -> Camera:
+        camera = self._inside("camera")
+        fov, width, height = (
+            self._number(camera, path) for path in ("horizontal_fov", "image/width", "image/height")
+        )
+        if width * height > _MOST_PIXELS and not self.wrong:
+            self.problem(
+                f"{width:g} x {height:g} pixels are more than {_MOST_PIXELS} (1920 x 1200); lower "
+                "<width> or <height>",
+                camera.find("image"),
+            )
+        near, far = self._clip(camera, "clip", (0.1, 100.0))
+        depth = self._clip(camera, "depth_camera/clip", (near, far))
+        return Camera(
+            fov, int(width), int(height), near, far, *depth, self._noise(camera.find("noise"))
+        )
+
+    def _clip(
+        self, camera: Element, path: str, default: tuple[float, float]
+    ) -> tuple[float, float]:
+        clip = camera.find(path)
+        if clip is None:
+            return default
+        near, far = self._number(clip, "near"), self._number(clip, "far")
+        self._ordered(camera, path, "near", near, "far", far)
+        return near, far
+
+    def _imu(self) -> Imu:
+        imu = self._element.find("imu")
+        if imu is None:
+            return Imu()
+        groups = []
+        for tag, former in (("angular_velocity", "rate"), ("linear_acceleration", "accel")):
+            old = imu.find(f"noise/{former}")
+            each = [imu.find(f"{tag}/{axis}/noise") for axis in "xyz"]
+            noises = [self._noise(old if noise is None else noise) for noise in each]
+            groups.append((noises[0], noises[1], noises[2]))
+        return Imu(*groups)
+
+    def _noise(self, element: Element | None) -> Noise:
+        if element is None:
+            return Noise()
+        kind = (element.get("type") or element.findtext("type") or "gaussian").strip()
+        if kind not in ("none", "gaussian", "gaussian_quantized"):
+            known = "none, gaussian, gaussian_quantized"
+            self.problem(f'unknown noise type "{kind}"; write one of: {known}', element)
+        if kind == "none":
+            return Noise()
+        return Noise(*(self._number(element, field.name) for field in fields(Noise)))
+
+    def _inside(self, *tags: str) -> Element:
+        """The element that holds the values: some robots have them in <sensor> itself."""
+        found = (self._element.find(tag) for tag in tags)
+        return next((each for each in found if each is not None), self._element)
+
+    def _number(self, parent: Element, path: str) -> float:
+        """Return a value by the table, 0 if it is wrong."""
+        default, rule = _VALUES[path]
+        element = parent.find(path)
+        text = "" if element is None else (element.text or "").strip()
+        if element is None:
+            if default is None:
+                self.problem(f"has no <{path}>", parent)
+            return default or 0.0
+        fault = number_fault(text) if text else "is empty; write a number"
+        try:
+            if fault is None:
+                value = float(ValueType(float, rule).checked(float(text)))
+                if path not in _WHOLE or value.is_integer():
+                    return value
+                fault = f"{text} is no whole number"
+        except ValueError as error:
+            fault = str(error)
+        self.problem(fault, element)
+        return 0.0
+
+    def _pose(self) -> Origin:
+        element = self._element.find("pose")
+        words = [] if element is None or not element.text else element.text.split()
+        if element is None or not words:
+            return Origin()
+        fault = next(filter(None, map(number_fault, words)), None)
+        if fault is not None or len(words) != 6:
+            text = fault or f"holds {len(words)} numbers; write x y z roll pitch yaw"
+            self.problem(text, element)
+            return Origin()
+        x, y, z, *angles = map(float, words)
+        if element.get("degrees") == "true":
+            angles = [*map(math.radians, angles)]
+        return Origin((x, y, z), (angles[0], angles[1], angles[2]))
+
+    def _warn_of_unknown(self, element: Element) -> None:
+        """Warn of elements that are not read: a name may be misspelt."""
+        known = _KNOWN.get(element.tag)
+        if known is None:
+            return
+        for child in element:
+            if child.tag not in known.split():
+                hint = self._findings.hint(child.tag, known.split(), "known here")
+                text = f"is not simulated inside <{element.tag}>, so it is ignored{hint}"
+                self._findings.warning(child, text)
+            self._warn_of_unknown(child)

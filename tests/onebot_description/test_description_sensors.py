@@ -1,0 +1,302 @@
+"""Sensors: the blocks of public robots as they are written, and faults with line and remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from onebot_description.description import DescriptionError, describe, load_description
+from onebot_description.description.description import Camera, Fan, Imu, Lidar, Noise, Origin
+from onebot_description.description.loading import load_sensors, parse_description
+from tests.onebot_bringup.cli_support import onebot
+
+BLOCKS = Path(__file__).parents[1] / "robots" / "sensors"
+
+CAMERA = {
+    name: f"camera/{topic}"
+    for name, topic in (
+        ("image", "image_raw"),
+        ("depth", "depth/image_raw"),
+        ("camera_info", "camera_info"),
+        ("points", "points"),
+    )
+}
+OF_GZ = {
+    name: f"camera/{topic}"
+    for name, topic in (
+        ("image", "image"),
+        ("depth", "depth_image"),
+        ("camera_info", "camera_info"),
+        ("points", "points"),
+    )
+}
+LIDAR_3D = "a200_0000/sensors/lidar3d_0/scan/points"
+COLOR = "a200_0000/sensors/camera_0/color"
+
+
+def scan(topic="scan"):
+    return {"scan": topic}
+
+
+@pytest.mark.parametrize(
+    ("robot", "expected"),
+    {
+        "turtlebot3_waffle_pi": [
+            ("imu", "imu_link", 0, {"imu": "imu"}, "imu_link"),
+            ("lds", "base_scan", 5, scan(), "base_scan"),
+            (
+                "Pi Camera",
+                "camera_rgb_frame",
+                30,
+                {"image": "camera/rgb/image_raw", "camera_info": "camera/rgb/camera_info"},
+                "camera_rgb_optical_frame",
+            ),
+        ],
+        "turtlebot4": [
+            ("rplidar", "rplidar_link", 62, scan(), "rplidar_link"),
+            ("rgbd_camera", "oakd_rgb_camera_frame", 30, CAMERA, "oakd_rgb_camera_frame"),
+            ("imu", "imu_link", 62, {"imu": "imu"}, "imu_link"),
+        ],
+        "create3": [
+            ("cliff_front_left", "cliff_front_left", 62, scan(), "cliff_front_left"),
+            (
+                "cliff_front_right",
+                "cliff_front_right",
+                62,
+                scan("_internal/cliff_front_right/event"),
+                "cliff_front_right",
+            ),
+        ],
+        "husky": [
+            ("front_laser", "base_laser", 50, scan("front/scan"), "base_laser"),
+            (
+                "camera",
+                "camera_link",
+                20,
+                {
+                    "image": "camera/rgb/image_raw",
+                    "depth": "camera/depth/image_raw",
+                    "camera_info": "camera/rgb/camera_info",
+                    "points": "camera/depth/points",
+                },
+                "camera_frame_optical",
+            ),
+        ],
+        "linorobot2": [
+            ("laser", "laser", 10, scan(), "laser"),
+            ("imu_sensor", "imu_link", 20, {"imu": "imu/data"}, "imu_link"),
+            ("camera", "camera_link", 30, OF_GZ, "camera_color_optical_frame"),
+        ],
+        "articubot_one": [
+            ("laser", "laser_frame", 10, scan(), "laser_frame"),
+            ("camera", "camera_link", 10, CAMERA, "camera_link_optical"),
+        ],
+        "rosbot": [
+            ("fl_range", "fl_range", 5, scan("range/fl"), "fl_range"),
+            ("imu", "imu_link", 25, {"imu": "imu/data_raw"}, "imu_link"),
+            (
+                "camera_orbbec_astra_camera",
+                "camera_orbbec_astra_link",
+                20,
+                OF_GZ,
+                "camera_depth_optical_frame",
+            ),
+        ],
+        "neobotix": [
+            ("lidar_1", "lidar_1_link", 10, scan("lidar_1/scan"), "lidar_1_link"),
+            ("lidar_2", "lidar_2_link", 40, scan("scan2"), "lidar_2_link"),
+        ],
+        "clearpath": [
+            ("lidar3d_0", "lidar3d_0_laser", 10, {"points": LIDAR_3D}, "lidar3d_0_laser"),
+            (
+                "camera_0",
+                "camera_0_link",
+                30,
+                {"image": f"{COLOR}/image", "camera_info": f"{COLOR}/camera_info"},
+                "camera_0_color_optical_frame",
+            ),
+            (
+                "imu_0",
+                "imu_0_link",
+                50,
+                {"imu": "a200_0000/sensors/imu_0/data_raw"},
+                "imu_0_link",
+            ),
+        ],
+    }.items(),
+)
+def test_sensors_of_public_robots(robot, expected):
+    found = load_description(BLOCKS / f"{robot}.urdf")
+    assert found.problems == () and found.bad_sensors == ()
+    assert [(s.name, s.link, s.rate, s.topics, s.frame) for s in found.sensors] == expected
+    assert all(sensor.where.split(":")[-1].isdigit() for sensor in found.sensors)
+
+
+def test_models_of_public_robots():
+    def model(robot, name):
+        sensors = load_description(BLOCKS / f"{robot}.urdf").sensors
+        return next(sensor.model for sensor in sensors if sensor.name == name)
+
+    turn = Fan(360, 0.0, 6.28319)
+    assert model("turtlebot3_waffle_pi", "lds") == Lidar(turn, Fan(), 0.12, 3.5, Noise(stddev=0.01))
+    assert model("turtlebot3_waffle_pi", "Pi Camera") == Camera(
+        1.085595, 640, 480, 0.03, 100.0, 0.03, 100.0
+    )
+    assert model("create3", "cliff_front_left").noise.stddev == 0.01  # written beside the <ray>
+    assert model("rosbot", "fl_range") == Lidar(Fan(), Fan(), 0.01, 0.9)
+    assert model("rosbot", "camera_orbbec_astra_camera").near == 0.6  # without a <camera>
+    velodyne = model("clearpath", "lidar3d_0")
+    assert velodyne.vertical == Fan(16, -0.261799, 0.261799)
+    x, y = Noise(0.0, 2e-4, 0.0000075, 0.0000008), Noise(stddev=3e-4)
+    assert model("linorobot2", "imu_sensor") == Imu(
+        (x, y, Noise()), (Noise(), Noise(), Noise(stddev=1.7e-2))
+    )
+
+
+def test_what_is_not_simulated_is_one_warning():
+    (contact,) = load_description(BLOCKS / "create3.urdf").warnings
+    assert 'create3.urdf:39: <gazebo> sensor "bumper_contact_sensor"' in contact
+    assert 'sensors of type "contact" are not simulated' in contact
+    (plugin,) = load_description(BLOCKS / "turtlebot3_waffle_pi.urdf").warnings
+    block = (
+        '<gazebo reference="imu_link"><sensor name="imu" type="imu"><update_rate>200</update_rate>'
+    )
+    assert 'plugin "imu_plugin"' in plugin and block in plugin
+    lens, frame = load_description(BLOCKS / "clearpath.urdf").warnings
+    assert "<lens>: is not simulated" in lens
+    assert 'no link is called "camera_0_color_optical_frame"' in frame
+
+
+def test_check_lists_the_sensors():
+    run = onebot("check", str(BLOCKS / "linorobot2.urdf"))
+    assert run.returncode == 0 and not run.stderr
+    heading, laser, imu, _ = run.stdout.splitlines()[-4:]
+    assert heading.split() == ["sensor", "measures", "rate", "topic", "frame"]
+    assert laser.split() == ["laser", "360", "ranges", "to", "12", "m", "10", "Hz", "scan", "laser"]
+    assert imu.split()[-4:] == ["20", "Hz", "imu/data", "imu_link"]
+    assert "sensor" not in describe(parse_description('<robot name="r"><link name="a"/></robot>'))
+
+
+RAY = (
+    "<ray><scan><horizontal><samples>{samples}</samples><min_angle>{low}</min_angle>"
+    "<max_angle>{high}</max_angle></horizontal></scan>"
+    "<range><min>{near}</min><max>{far}</max></range></ray>"
+)
+VALUES = {"samples": 360, "low": -3, "high": 3, "near": 0.1, "far": 10, "rate": 10}
+
+
+def block(name="s", kind="ray", inside=None, link="a", **values):
+    """One block, in a line."""
+    values = VALUES | values
+    inside = RAY.format(**values) if inside is None else inside
+    rate = f"<update_rate>{values['rate']}</update_rate>"
+    return (
+        f'<gazebo reference="{link}"><sensor name="{name}" type="{kind}">{rate}{inside}'
+        "</sensor></gazebo>"
+    )
+
+
+def camera(inside="", kind="camera", fov=1, width=320, height=240, **others):
+    size = f"<width>{width}</width><height>{height}</height>"
+    values = f"<horizontal_fov>{fov}</horizontal_fov><image>{size}</image>"
+    return block(kind=kind, inside=f"<camera>{values}{inside}</camera>", **others)
+
+
+def read(*blocks):
+    """The description of a robot of one link; the blocks are on lines 2, 3, ..."""
+    return parse_description(
+        "\n".join(['<robot name="r"><link name="a"/>', *blocks, "</robot>"]), "r"
+    )
+
+
+@pytest.mark.parametrize(
+    ("written", "fault"),
+    [
+        (
+            block(samples=0),
+            "<samples>: 0 is below 1; write a number from 1 to 300000",
+        ),
+        (block(samples="1e9"), "is above 300000; write a number from 1 to 300000"),
+        (block(samples="12.5"), "<samples>: 12.5 is no whole number"),
+        (block(near=12), "<range>: <min> 12 is not below <max> 10; swap or change them"),
+        (block(low=3, high=-3), "<min_angle> 3 is not below <max_angle> -3"),
+        (block(high=4.2), "more than a turn"),
+        (block(far="nan"), "<max>: nan is not a finite number"),
+        (block(far="far"), '<max>: "far" is not a number'),
+        (block(far=""), "<max>: is empty; write a number"),
+        (block(inside=RAY.replace("max>", "most>").format(**VALUES)), "has no <range/max>"),
+        (block(rate="1e6"), "<update_rate>: 1e+06 is above 1000; write a number from 0 to 1000"),
+        (block(rate="-1"), "<update_rate>: -1 is below 0"),
+        (block(link="b"), 'there is no link "b" (links: a)'),
+        (block(link=""), 'lies in no link; write <gazebo reference="LINK"> around it'),
+        (block(kind=""), "has no type; write one of: lidar, "),
+        (block(name=""), 'has no name; write <sensor name="...">'),
+        (block(inside=RAY.format(**VALUES) + "<topic>2d/scan</topic>"), 'topic "2d/scan" is not'),
+        (block(inside=RAY.format(**VALUES) + "<pose>1 2</pose>"), "<pose>: holds 2 numbers; write"),
+        (block(inside=RAY.format(**VALUES) + "<noise><type>pink</type></noise>"), 'type "pink"'),
+        (camera(fov=0), "<horizontal_fov>: 0 is below 0.01; write a number from 0.01 to 3"),
+        (camera(fov=7), "<horizontal_fov>: 7 is above 3"),
+        (camera(width=7680, height=4320), "7680 x 4320 pixels are more than 2304000 (1920 x 1200)"),
+        (camera("<clip><near>2</near><far>1</far></clip>"), "<near> 2 is not below <far> 1"),
+    ],
+)
+def test_a_fault_leaves_the_sensor_out(written, fault):
+    found = read(written)
+    assert found.sensors == ()
+    (problem,) = found.problems
+    assert problem.startswith("r:2: <gazebo> ") and fault in problem
+
+
+def test_all_faults_at_once_and_the_other_sensors_stay():
+    """Blocks of Gazebo classic and gz sim mixed; two sensors on one topic."""
+    on_scan = RAY.format(**VALUES) + "<topic>/scan</topic>"
+    found = read(
+        block("good", inside=on_scan),
+        block("bad", samples=0, far="nan", near=-1),
+        block("twin", kind="gpu_lidar", inside=on_scan.replace("ray", "lidar")),
+        camera(kind="rgbd_camera"),
+    )
+    assert [sensor.name for sensor in found.sensors] == ["good", "s"]
+    assert found.bad_sensors == ("bad", "twin")
+    *bad, twin = found.problems
+    assert len(bad) == 3 and all(each.startswith('r:3: <gazebo> sensor "bad"') for each in bad)
+    assert twin.endswith(
+        'sensor "twin": publishes "scan", as the one at r:2 does; give it a <topic> of its own'
+    )
+
+
+def test_sensors_of_one_kind_without_topics_have_their_names_in_them():
+    found = read(block("left laser"), block("right"), camera(name="front"))
+    assert [s.topics.get("scan") or s.topics["image"] for s in found.sensors] == [
+        "left_laser/scan",
+        "right/scan",
+        "camera/image_raw",
+    ]
+
+
+def test_a_misspelt_element_is_a_warning():
+    (warning,) = read(block(inside=RAY.format(**VALUES) + "<updaterate>5</updaterate>")).warnings
+    assert "<updaterate>: is not simulated inside <sensor>" in warning
+    assert 'did you mean "update_rate"?' in warning
+
+
+def test_poses_are_in_the_frame_of_the_link():
+    pose = '<pose degrees="true">1 2 3 90 0 0</pose>'
+    (sensor,) = read(block(inside=RAY.format(**VALUES) + pose)).sensors
+    assert sensor.origin == Origin((1, 2, 3), (pytest.approx(1.5707963), 0, 0))
+
+
+def test_a_file_gives_sensors_to_a_robot_that_lacks_them(tmp_path):
+    """As for ROS 2's turtlebot3_burger.urdf, which has none."""
+    file = tmp_path / "sensors.urdf.xacro"
+    sensor = block(rate="${2 * 5}", link="base_scan")
+    file.write_text(
+        f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro">\n{sensor}\n{block("t", link="b")}\n'
+        "</robot>"
+    )
+    found = load_sensors(file, ["base_scan"])
+    assert [(each.name, each.rate) for each in found.sensors] == [("s", 10.0)]
+    assert found.files == (file,) and found.bad_sensors == ("t",)
+    assert "sensors.urdf.xacro:3: " in found.notices[0] and 'no link "b"' in found.notices[0]
+    file.write_text("<robot/>")
+    with pytest.raises(DescriptionError, match="holds no sensor; write <robot><gazebo"):
+        load_sensors(file, ["base_scan"])
