@@ -184,6 +184,7 @@ class DrivenRobot:
         description: of the robot.
         broadcaster: chooses what joint_states holds.
         plant: what is driven.
+        held: joints that the plant has not, to their positions.
         ticks: control cycles done.
         drift: compares odometry and truth.
     """
@@ -206,7 +207,7 @@ class DrivenRobot:
         Raises:
             OneBotError: config and description do not suit each other.
         """
-        self.wheels, self.plant, self._held = wheels, plant, held
+        self.wheels, self.plant, self.held = wheels, plant, held
         self.description = wheels.description
         self.geometry = self.measured(config)
         self.controller = DiffDriveController(config, config.kinematics(self.geometry))
@@ -281,7 +282,7 @@ class DrivenRobot:
         Raises:
             ConfigError: a joint named is not among the robot's.
         """
-        return JointStateBroadcaster(config.broadcaster, self.plant.joints, self._held)
+        return JointStateBroadcaster(config.broadcaster, self.plant.joints, self.held)
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity; see ``DiffDriveController.accept``."""

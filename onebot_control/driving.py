@@ -1,6 +1,7 @@
 """The ROS interface of velocity_controller: commands, parameters and services of a control loop."""
 
 import gc
+import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -25,8 +26,13 @@ from onebot_control.parameters import (
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.real_time import Pace, PaceMeter
+from onebot_control.sensing.publishing import RobotSensors
+from onebot_control.sensing.scene import SensedRobot
+from onebot_control.sensing.sensors import Instrument, Sensing
+from onebot_control.simulation.engine import logger as simulation_log
 from onebot_control.simulation.scene import load_scene
 from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError, printable
 from onebot_description.node import (
     DescriptionTopic,
@@ -62,6 +68,7 @@ class Driving:
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all.
         scene: what stands around the robots.
+        sensing: measures with their sensors, as long as there is a loop.
     """
 
     def __init__(
@@ -79,10 +86,12 @@ class Driving:
             OneBotError: the parameters or a description cannot be used.
         """
         self.loop: ControlLoop | None = None
+        self.sensing: Sensing | None = None
         self._scene_publisher: ScenePublisher | None = None
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
         self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
+        simulation_log.handlers = [NodeLog(self._node)]
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
         self.factor = settings[0].config.real_time_factor
@@ -100,6 +109,8 @@ class Driving:
         """Stop the control loop, and with it the robots."""
         if self.loop is not None:
             self.loop.stop()
+        if self.sensing is not None:
+            self.sensing.stop()
 
     def start_described(self) -> None:
         """Start the control loop, if all robots are described.
@@ -117,6 +128,15 @@ class Driving:
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
         self._scene_publisher = self._publish_scene(fleet)
+        self.sensing = Sensing(
+            self.scene,
+            fleet.rate,
+            fleet.world.settings.gravity,
+            Throttled(self._node.get_logger().warning),
+            self._fail,
+        )
+        for robot, driven in zip(self.robots, fleet.robots, strict=True):
+            robot.sense(self.sensing, driven, robot.instruments(driven.config))
         self.loop = ControlLoop(
             fleet,
             self._publish,
@@ -149,10 +169,14 @@ class Driving:
             robot.set_factor(factor)
 
     def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
-        for robot, snapshot in zip(self.robots, snapshots, strict=True):
-            robot.publishing.publish(snapshot, stamp)
+        sensing, world = self.sensing, self.loop.fleet.world if self.loop else None
+        assert sensing is not None and world is not None
+        sensed = sensing.due(snapshots[0].tick)
+        for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
+            robot.publishing.publish(snapshot, stamp, sensed=row in sensed)
         if self._scene_publisher is not None:
             self._scene_publisher.publish(stamp)
+        sensing.take(stamp, snapshots, world.scene.poses if world.scene else ())
 
     def _poll(self) -> None:
         if self._failure is not None:
@@ -160,6 +184,7 @@ class Driving:
         for robot in self.robots:
             robot.commands.follow()
             robot.report_drift()
+            robot.sensors.poll()
 
     def _fail(self, error: BaseException) -> None:
         self._failure = error
@@ -189,6 +214,19 @@ class Driving:
             )
         else:
             self._node.get_logger().info(text)
+
+
+class NodeLog(logging.Handler):
+    """Passes what the simulation logs, which knows no ROS, to a node's logger."""
+
+    def __init__(self, node: Node) -> None:
+        """Log by ``node``."""
+        super().__init__(logging.WARNING)
+        self._logger = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log as a warning."""
+        self._logger.warning(record.getMessage())
 
 
 def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
@@ -232,6 +270,7 @@ class RobotDriving:
         publishing: what is published of it.
         commands: its ~/cmd_vel.
         lock: of these commands.
+        sensors: what it senses with.
     """
 
     def __init__(self, driving: Driving, row: int, node: Node, settings: ControlParameters) -> None:
@@ -248,6 +287,7 @@ class RobotDriving:
         self._warn = Throttled(node.get_logger().warning)
         self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self.publishing = Publishers(node, clock=driving.simulated and row == 0)
+        self.sensors = RobotSensors(node, self._sense_again)
         choice = settings.config.cmd_vel_type
         # Before the commands: of an unlock and a command at once it is received first.
         self.lock = CommandLock(node, self._brake)
@@ -342,10 +382,12 @@ class RobotDriving:
             description = parse_description(urdf, "robot_description")
             if loop is None:
                 self._start(description)
-            elif known is None or description.urdf != known.urdf:
-                self.check_frames(description=description)
-                loop.call(lambda: self._replace(loop, description))
+            elif known is not None and description.urdf != known.urdf:
+                if (description.links, description.joints) != (known.links, known.joints):
+                    self.check_frames(description=description)
+                    loop.call(lambda: self._replace(loop, description))
                 self.description = description
+                self._sense_again()
                 self._node.get_logger().info("now driving by the changed robot description")
         except OneBotError as error:
             reason = self._settings.located(error) if isinstance(error, ConfigError) else error
@@ -354,7 +396,37 @@ class RobotDriving:
 
     def _replace(self, loop: ControlLoop, description: Description) -> None:
         loop.fleet.replace(self._row, description)
-        self.publishing.use(loop.fleet.robots[self._row])
+        driven = loop.fleet.robots[self._row]
+        self.publishing.use(driven)
+        if self._driving.sensing is not None:
+            self.sense(self._driving.sensing, driven)
+
+    def instruments(self, config: ControlConfig) -> list[Instrument]:
+        """Return the sensors of the description and of the file that ``config`` names.
+
+        Raises:
+            OneBotError: the file cannot be used.
+        """
+        assert self.description is not None
+        return self.sensors.update(self._row, self.description, config)
+
+    def sense(
+        self, sensing: Sensing, robot: DrivenRobot, instruments: Sequence[Instrument] = ()
+    ) -> None:
+        """Sense with these ``instruments``; in the control thread, or before it starts."""
+        sensed = SensedRobot(robot.description, robot.plant.joints, robot.held)
+        sensing.enter(self._row, sensed, instruments)
+
+    def _sense_again(self) -> None:
+        """Apply what has changed of the sensors."""
+        loop, sensing = self._driving.loop, self._driving.sensing
+        if loop is None or sensing is None:
+            return
+        try:
+            found = self.instruments(self._settings.config)
+            loop.call(lambda: self.sense(sensing, loop.fleet.robots[self._row], found))
+        except OneBotError as error:
+            self._refuse("sensors", f"sensors not applied: {error}")
 
     def _on_command(self, linear: float, angular: float, stamp: int | None) -> None:
         loop = self._driving.loop
@@ -394,6 +466,8 @@ class RobotDriving:
                 robot.measured(config)
                 robot.broadcasting(config)
                 self._check_world_frame(config)
+                if config.sensors and config.sensors != self._settings.config.sensors:
+                    load_sensors(config.sensors, robot.description.link_names)
                 self.check_frames(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
@@ -426,6 +500,8 @@ class RobotDriving:
                 self._refuse("parameters", f"parameters not applied, {_GOES_ON}: {error}")
         if config.real_time_factor != self._driving.factor:
             self._driving.set_factor(config.real_time_factor)
+        if replace(config, real_time_factor=before.real_time_factor) != before:
+            self._sense_again()
 
     def _configure(self, loop: ControlLoop, config: ControlConfig) -> None:
         robot = loop.fleet.robots[self._row]

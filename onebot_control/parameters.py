@@ -149,6 +149,10 @@ class ControlConfig:
         "walls, ramps and boxes around it: maze, ramp, or the path of a URDF or xacro file",
         read_only=True,
     )
+    sensors: str = parameter(
+        "", "URDF or xacro file with sensors that the robot_description lacks; empty: none"
+    )
+    sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
 
     # Of older diff_drive_controllers.

@@ -182,8 +182,8 @@ class Publishers:
         message.twist.covariance = np.diag(twist_variances).ravel()
         return message
 
-    def publish(self, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Publish all that is due."""
+    def publish(self, snapshot: Snapshot, stamp_ns: int, *, sensed: bool = False) -> None:
+        """Publish all that is due; ``sensed``: a sensor is, and needs transforms of this time."""
         robot = self._robot
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NANO)
         if self._clock is not None:
@@ -195,19 +195,23 @@ class Publishers:
             command = snapshot.command
             _fill_planar(self._limited_message.twist, command.linear, command.angular)
             self._limited.publish(self._limited_message)
-        if self._due.due():
+        due = self._due.due()
+        if due or sensed:
+            self._publish_transforms(snapshot)
+        if due:
             self._publish_odometry(snapshot)
         if not self._among and robot.odom_in_world != self._origin:
             self._publish_origin(stamp_ns)
 
-    def _publish_odometry(self, snapshot: Snapshot) -> None:
-        pose = _transform_values(snapshot.odometry)
+    def _publish_transforms(self, snapshot: Snapshot) -> None:
         if self._robot.config.enable_odom_tf:
-            _fill_transform(self._transform.transform, pose)
+            _fill_transform(self._transform.transform, _transform_values(snapshot.odometry))
             self._tf.publish(self._tf_message)
         if self._among:
             self._publish_true_origin(snapshot)
-        _fill_pose(self._odom_message.pose.pose, pose)
+
+    def _publish_odometry(self, snapshot: Snapshot) -> None:
+        _fill_pose(self._odom_message.pose.pose, _transform_values(snapshot.odometry))
         if not self._constant:
             _fill_covariance(self._odom_message.pose.covariance, snapshot.covariance)
         _fill_planar(self._odom_message.twist.twist, *snapshot.twist)

@@ -30,7 +30,7 @@ VERBS = {
     "view": "bring up any robot from its file and move it",
     "topic": "list, print, measure and publish topics",
     "node": "list nodes and show what they do",
-    "param": "list, get, set and dump parameters",
+    "param": "list, describe, get, set, save and load parameters",
     "service": "list and call services",
     "interface": "list types of messages and show them",
     "tf": "show the tree of frames, and transforms between frames",
@@ -167,7 +167,7 @@ def run_verb(words: list[str]) -> int:
         UsageError: the command line is wrong.
         OneBotError: the command fails for a reason that the user can fix.
     """
-    words = _take_settings(words)
+    words = take_settings(words)
     if not words:
         print(usage(), file=sys.stderr)
         return 2
@@ -187,7 +187,7 @@ def run_verb(words: list[str]) -> int:
     return int(import_module(f"{PACKAGE}.{first}").run(rest))
 
 
-def _take_settings(words: list[str]) -> list[str]:
+def take_settings(words: list[str]) -> list[str]:
     """Apply ``discovery:=`` and ``domain_id:=`` before the verb; return the other words."""
     count = next((n for n, word in enumerate(words) if ":=" not in word), len(words))
     if count:
@@ -226,10 +226,12 @@ def version() -> str:
     """Return the installed version."""
     from importlib import metadata  # slow to import
 
-    try:
-        return metadata.version("onebot")
-    except metadata.PackageNotFoundError:
-        return "(not installed: run from a checkout)"
+    for name in ("onebot-robots", "onebot_bringup"):  # installed by pip, built by colcon
+        try:
+            return metadata.version(name)
+        except metadata.PackageNotFoundError:
+            pass
+    return "(not installed: run from a checkout)"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

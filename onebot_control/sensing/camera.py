@@ -1,0 +1,207 @@
+"""Pictures: colours and depths by rays, lit by one sun and the sky; nothing casts a shadow."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.sensing.lidar import fill_points
+from onebot_control.sensing.noise import add_noise
+from onebot_control.sensing.rays import GROUND, NOTHING, Hits, Rays, Surface, Targets
+from onebot_description.description.description import Camera, Noise
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+_SUN = np.array([0.35, 0.5, 0.79]) / np.linalg.norm([0.35, 0.5, 0.79])  # where it stands
+_SUNLIGHT, _SKYLIGHT, _REFLECTED = 0.55, 0.55, 0.30  # from the sun, from above and from below
+_ZENITH = np.array([0.45, 0.64, 0.86], np.float32)  # sRGB
+_HORIZON = np.array([0.86, 0.90, 0.94], np.float32)
+_GROUND = np.array([0.56, 0.57, 0.58], np.float32)
+_TILE, _CONTRAST = 0.5, 0.07  # m; the tiles show how far away the ground is, and that it moves
+_BLURRED = 4.0  # m, from where on tiles fade
+
+
+def focal_length(camera: Camera) -> float:
+    """Return the focal length in pixels; pixels are square."""
+    return camera.width / (2.0 * float(np.tan(camera.field_of_view / 2.0)))
+
+
+def camera_rays(camera: Camera) -> Rays:
+    """Return the rays of the pixels, row by row from the top, of length 1 along the axis (x)."""
+    focal = focal_length(camera)
+    # Of the middle of each pixel by K, whose principal point is half the width and the height.
+    across = (camera.width / 2.0 - np.arange(camera.width)) / focal
+    up = (camera.height / 2.0 - np.arange(camera.height)) / focal
+    rows = np.stack([np.ones_like(up), np.zeros_like(up), up], axis=1)
+    columns = np.stack([np.zeros_like(across), across, np.zeros_like(across)], axis=1)
+    return Rays((rows[:, None] + columns).reshape(-1, 3), (rows, columns))
+
+
+def reach(camera: Camera) -> float:
+    """Return how far rays are cast along the axis, m."""
+    return max(camera.far, camera.depth_far)
+
+
+def depths(camera: Camera, hits: Hits, generator: np.random.Generator | None = None) -> Singles:
+    """Return depths (H, W) along the axis, m: infinite beyond the clip, -infinite before it."""
+    true = hits.distances
+    far = (hits.surfaces == NOTHING) | (true > np.float32(camera.depth_far))
+    measured = true if generator is None else add_noise(true, camera.noise, 0.0, generator)
+    found = np.where(far, np.float32(np.inf), measured)
+    found[true < np.float32(camera.depth_near)] = -np.inf
+    return found.reshape(camera.height, camera.width)
+
+
+class Painter:
+    """Colours what rays hit."""
+
+    def __init__(self, still: Surface) -> None:
+        """Light ``still``, which stands still, once."""
+        self._still, self._lit = still, _lit(still, np.eye(3))
+
+    def picture(
+        self,
+        camera: Camera,
+        rays: Rays,
+        position: Floats,
+        hits: Hits,
+        targets: Targets,
+        generator: np.random.Generator | None = None,
+    ) -> Bytes:
+        """Return the picture (H, W, 3), sRGB.
+
+        Args:
+            camera: the sensor.
+            rays: its rays.
+            position: (3,) of the sensor in the world.
+            hits: of the rays.
+            targets: what may have moved, as it was hit.
+            generator: of the noise; None for none.
+        """
+        seen, distances = hits.surfaces, hits.distances
+        if reach(camera) > camera.far:
+            seen = np.where(distances > np.float32(camera.far), np.int16(NOTHING), seen)
+        pixels = _sky(hits.directions[:, 2], rays.inverse_lengths)
+        low = np.flatnonzero((seen == GROUND).reshape(camera.height, -1).any(axis=1))
+        if len(low):
+            part = slice(low[0] * camera.width, (low[-1] + 1) * camera.width)
+            ground = _ground(position, hits.directions[part], distances[part])
+            np.copyto(pixels[part], ground, where=seen[part] == GROUND)
+        if len(self._lit):
+            lit = np.take(self._lit, hits.faces, mode="clip")
+            np.copyto(pixels, lit, where=seen == 0)
+            _add_textures(pixels, seen == 0, hits, self._still, np.eye(3))
+        for index in range(len(targets.surfaces)) if (seen > 0).any() else ():
+            mask = seen == index + 1
+            if mask.any():
+                surface, turn = targets.surfaces[index], targets.rotations[index]
+                pixels[mask] = _lit(surface, turn)[hits.faces[mask]]
+                _add_textures(pixels, mask, hits, surface, turn)
+        colors = pixels.view(np.uint8).reshape(camera.height, camera.width, 4)[..., :3]
+        if generator is None or camera.noise == Noise():
+            return np.ascontiguousarray(colors)
+        grey = np.zeros((camera.height, camera.width, 1), np.float32)
+        shift = 255.0 * add_noise(grey, camera.noise, 0.0, generator)
+        return np.clip(np.rint(colors + shift), 0.0, 255.0).astype(np.uint8)
+
+
+def _packed(colors: Singles) -> NDArray[np.uint32]:
+    """Return colours (N, 3), 0 to 1, as the bytes red, green, blue, 0 in one number each."""
+    pixels = np.zeros((len(colors), 4), np.uint8)
+    pixels[:, :3] = np.minimum(colors * np.float32(255.0) + np.float32(0.5), np.float32(255.0))
+    return pixels.view(np.uint32)[:, 0]
+
+
+def _light(normals: Singles, turn: Floats) -> Singles:
+    """Return the brightness (N, 1) of faces of these normals (N, 3), in a frame turned so."""
+    up, sun = turn[2].astype(np.float32), (turn.T @ _SUN).astype(np.float32)
+    middle, half = (_SKYLIGHT + _REFLECTED) / 2.0, (_SKYLIGHT - _REFLECTED) / 2.0
+    direct = np.float32(_SUNLIGHT) * np.maximum(normals @ sun, np.float32(0.0))
+    light: Singles = np.float32(middle) + np.float32(half) * (normals @ up) + direct
+    return light[:, None]
+
+
+def _lit(surface: Surface, turn: Floats) -> NDArray[np.uint32]:
+    """Return the colours of a surface's faces."""
+    return _packed(surface.solid.colors * _light(surface.normals, turn))
+
+
+def _add_textures(
+    pixels: NDArray[np.uint32],
+    mask: NDArray[np.bool_],
+    hits: Hits,
+    surface: Surface,
+    turn: Floats,
+) -> None:
+    """Colour those pixels of the ``mask`` that show a texture of ``surface``."""
+    for first, places, image in surface.solid.textures:
+        faces = hits.faces - first
+        rows = np.flatnonzero(mask & (faces >= 0) & (faces < len(places)))
+        v, w = hits.second[rows, None], hits.third[rows, None]
+        corners = places[faces[rows]]
+        x, y = ((1 - v - w) * corners[:, 0] + v * corners[:, 1] + w * corners[:, 2]).T % 1.0
+        height, width = image.shape[:2]
+        column = np.minimum((x * width).astype(np.intp), width - 1)
+        row = np.minimum(((1.0 - y) * height).astype(np.intp), height - 1)
+        light = _light(surface.normals[hits.faces[rows]], turn)
+        pixels[rows] = _packed(image[row, column].astype(np.float32) / np.float32(255.0) * light)
+
+
+def _ground(position: Floats, directions: Singles, distances: Singles) -> NDArray[np.uint32]:
+    """Return the colours of the ground that rays from ``position`` hit."""
+    tiles = np.zeros(len(distances), np.int32)
+    for axis in (0, 1):
+        along = directions[:, axis] * distances
+        along *= np.float32(1.0 / _TILE)
+        along += np.float32(position[axis] / _TILE)
+        tiles += np.floor(along, out=along).astype(np.int32)
+    # From 1 nearby to 0 far away.
+    near = np.reciprocal(np.float32(1.0) + np.square(distances * np.float32(1.0 / _BLURRED)))
+    near *= (1 - 2 * (tiles & 1)).astype(np.float32)
+    shades = ((near + np.float32(1.0)) * np.float32(127.5)).astype(np.uint8)
+    colors: NDArray[np.uint32] = np.take(_GROUND_COLORS, shades)
+    return colors
+
+
+def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
+    """Return the colours of the sky by z of directions, and one over their lengths."""
+    height = upwards * inverse_lengths
+    np.maximum(height, np.float32(0.0), out=height)
+    height *= np.float32(255.0)
+    colors: NDArray[np.uint32] = np.take(_SKY_COLORS, height.astype(np.uint8))
+    return colors
+
+
+_SHADES = np.linspace(0.0, 1.0, 256, dtype=np.float32)[:, None]
+_SKY_COLORS = _packed(_HORIZON + (_ZENITH - _HORIZON) * np.sqrt(_SHADES))
+_GROUND_COLORS = _packed(_GROUND * (1.0 + np.float32(_CONTRAST) * (2.0 * _SHADES - 1.0)))
+
+
+COLORED_POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "rgb"],
+        "formats": ["<f4", "<f4", "<f4", "<u4"],
+        "offsets": [0, 4, 8, 16],
+        "itemsize": 32,
+    }
+)
+"""A point of a cloud, as gz sim and depth_image_proc lay it out."""
+
+
+def cloud(
+    rays: Rays, found: Singles, picture: Bytes | None, pose: tuple[Floats, Floats]
+) -> NDArray[np.void]:
+    """Return the points (H, W) of ``depths``; infinite where there is none.
+
+    Args:
+        rays: of the camera.
+        found: depths (H, W).
+        picture: (H, W, 3); None to leave the points black.
+        pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.
+    """
+    points = np.zeros(found.shape, COLORED_POINT)
+    fill_points(points, rays, found, pose)
+    if picture is not None:
+        red, green, blue = np.moveaxis(picture.astype(np.uint32), -1, 0)
+        points["rgb"] = red << 16 | green << 8 | blue
+    return points

@@ -1,0 +1,107 @@
+"""Ranges: the rays of a lidar, and what it measures with them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.sensing.noise import add_noise
+from onebot_control.sensing.rays import Rays
+from onebot_description.description.description import Fan, Lidar
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+# Nearer than the greatest range by a rounding error is still in range.
+_MARGIN = 1e-4  # m
+
+
+def angles(fan: Fan) -> Floats:
+    """Return the angles (N,) of a fan's rays, rad."""
+    if fan.samples == 1:
+        return np.array([fan.least])
+    return np.linspace(fan.least, fan.greatest, fan.samples)
+
+
+def lidar_rays(lidar: Lidar) -> Rays:
+    """Return the rays, row by row, each from its least angle on."""
+    up, across = np.meshgrid(angles(lidar.vertical), angles(lidar.horizontal), indexing="ij")
+    flat = np.cos(up)
+    directions = np.stack([flat * np.cos(across), flat * np.sin(across), np.sin(up)], axis=-1)
+    return Rays(directions.reshape(-1, 3))
+
+
+def reach(lidar: Lidar) -> float:
+    """Return how far rays are cast, m."""
+    return lidar.greatest + _MARGIN
+
+
+def ranges(
+    lidar: Lidar,
+    distances: Singles,
+    hit: NDArray[np.bool_],
+    offset: float = 0.0,
+    generator: np.random.Generator | None = None,
+) -> Singles:
+    """Return the ranges (N,), m: infinite beyond the greatest, minus infinity below the least.
+
+    Args:
+        lidar: the sensor.
+        distances: (N,) of what the rays hit, m.
+        hit: (N,), whether they hit anything.
+        offset: of all ranges, as drawn once, m.
+        generator: of the noise; None for none.
+    """
+    measured = distances
+    if generator is not None:
+        # What is out of range stays so, and what is in range.
+        measured = add_noise(distances, lidar.noise, offset, generator)
+        measured = np.clip(measured, np.float32(lidar.least), np.float32(lidar.greatest))
+    far = ~hit | (distances > np.float32(lidar.greatest))
+    found = np.where(far, np.float32(np.inf), measured)
+    found[distances < np.float32(lidar.least)] = -np.inf
+    return found
+
+
+def fill_points(
+    points: NDArray[np.void], rays: Rays, distances: Singles, pose: tuple[Floats, Floats]
+) -> None:
+    """Write x, y and z of ``points`` (R, C) that rays reach after ``distances``, if finite.
+
+    Args:
+        points: take them.
+        rays: from the sensor.
+        distances: as many.
+        pose: rotation (3, 3) and position (3,) of the sensor in the frame of the points.
+    """
+    turned, missing = rays.turned(pose[0]), ~np.isfinite(distances).ravel()
+    reached = np.where(missing, np.float32(0.0), distances.ravel())
+    for axis, name in enumerate("xyz"):
+        along = turned[:, axis] * reached + np.float32(pose[1][axis])
+        points[name] = np.where(missing, np.float32(np.inf), along).reshape(points.shape)
+
+
+POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "ring"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2"],
+        "offsets": [0, 4, 8, 16, 20],
+        "itemsize": 32,
+    }
+)
+"""A point of a cloud, as gz sim lays it out."""
+
+
+def cloud(
+    lidar: Lidar, rays: Rays, found: Singles, pose: tuple[Floats, Floats]
+) -> NDArray[np.void]:
+    """Return the points (rows, columns) of ranges; infinite where nothing was in range.
+
+    Args:
+        lidar: the sensor.
+        rays: its rays.
+        found: ranges (N,).
+        pose: rotation (3, 3) and position (3,) of the lidar in the frame of the points.
+    """
+    points = np.zeros((lidar.vertical.samples, lidar.horizontal.samples), POINT)
+    fill_points(points, rays, found, pose)
+    points["ring"] = np.arange(len(points))[:, None]
+    return points

@@ -1,0 +1,316 @@
+"""Casts rays at surfaces that stand still or move, and at level ground; the nearest hit counts.
+
+By Embree, called below trimesh's wrapper, which takes several times as long. Nothing is built for a
+cast: rays are moved into the frame of each thing. Where there is no Embree, PyBullet casts them.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.sensing.solids import Rounds, Solid
+
+try:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+except ImportError:  # there is no wheel for this processor
+    EmbreeScene = None
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Integers = NDArray[np.int32]
+
+HAS_EMBREE = EmbreeScene is not None
+NOTHING, GROUND = -2, -1  # in place of a surface
+_BUNDLE, _LARGE_BUNDLE, _MANY = 8, 32, 4096  # rays
+_PASSES = 64  # facets of round shapes that a ray may pass without touching one
+_ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
+_MOST_RAYS = 16_000  # of one call of PyBullet
+
+
+class Rays:
+    """Rays from one point, in the frame of their sensor.
+
+    Neighbours are bundled, so that a thing is only asked for the rays that may hit it.
+
+    Attributes:
+        singles: the directions (N, 3); distances are measured in their lengths.
+        inverse_lengths: (N,), one over their lengths.
+    """
+
+    def __init__(self, directions: Floats, grid: tuple[Floats, Floats] | None = None) -> None:
+        """Bundle rays.
+
+        Args:
+            directions: (N, 3).
+            grid: (R, 3) and (C, 3), if the directions are the sums of each two, row by row; these
+                are turned faster.
+        """
+        self.singles, self._grid = directions.astype(np.float32), grid
+        self._count = count = len(directions)
+        self._size = _BUNDLE if count < _MANY else _LARGE_BUNDLE
+        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+        self._longest = float(lengths.max())
+        self.inverse_lengths = (1.0 / lengths[:, 0]).astype(np.float32)
+        starts = np.arange(0, count, self._size)
+        units = directions / lengths
+        axes = np.add.reduceat(units, starts)
+        self._axes = axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)
+        cosines = (units * np.repeat(self._axes, self._size, axis=0)[:count]).sum(axis=1)
+        self._halves = np.arccos(np.clip(np.minimum.reduceat(cosines, starts), -1.0, 1.0)) + 1e-6
+
+    def turned(self, rotation: Floats) -> Singles:
+        """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
+        if self._grid is None:
+            turned: Singles = self.singles @ rotation.T.astype(np.float32)
+        else:
+            rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
+            turned = (rows[:, None] + columns).reshape(-1, 3)
+        return turned
+
+    def near(self, centers: Floats, radii: Floats, reach: float) -> NDArray[np.bool_]:
+        """Return which bundles (B, bundles) may hit spheres, given in the rays' frame.
+
+        Args:
+            centers: (B, 3).
+            radii: (B,).
+            reach: greatest distance.
+        """
+        apart = np.sqrt((centers * centers).sum(axis=1))
+        outside = np.maximum(apart, 1e-9)
+        angles = np.arcsin(np.minimum(1.0, radii / outside))[:, None] + self._halves
+        touched: NDArray[np.bool_] = centers @ self._axes.T >= outside[:, None] * np.cos(
+            np.minimum(angles, math.pi)
+        )
+        touched |= (apart <= radii)[:, None]
+        touched &= (apart - radii <= reach * self._longest)[:, None]
+        return touched
+
+    def rows(self, bundles: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return the rays of these bundles."""
+        return np.flatnonzero(np.repeat(bundles, self._size)[: self._count])
+
+
+class Hits(NamedTuple):
+    """What N rays hit first."""
+
+    distances: Singles  # (N,), in lengths of the directions; the reach where there is nothing
+    surfaces: NDArray[np.int16]  # (N,), index of the target, or NOTHING or GROUND
+    faces: Integers  # (N,) of the surface
+    second: Singles  # (N,), barycentric coordinate of the face's second corner
+    third: Singles  # (N,), of its third
+    directions: Singles  # (N, 3), in the world
+
+
+class Targets(NamedTuple):
+    """Surfaces at their poses in the world."""
+
+    surfaces: Sequence["Surface"]
+    rotations: Floats  # (B, 3, 3)
+    positions: Floats  # (B, 3)
+    centers: Floats  # (B, 3), of spheres around them
+    radii: Floats  # (B,)
+
+
+def cast(
+    rays: Rays,
+    rotation: Floats,
+    position: Floats,
+    still: "Surface",
+    targets: Targets,
+    reach: float,
+    skipped: int = NOTHING,
+) -> Hits:
+    """Return what rays hit first.
+
+    Args:
+        rays: of a sensor.
+        rotation: (3, 3) of the sensor in the world.
+        position: (3,) of the sensor in the world.
+        still: what stands still, in the world's frame; its index is 0.
+        targets: what may have moved; their indices begin with 1.
+        reach: beyond which nothing is hit, in lengths of the directions.
+        skipped: index of a target that is not hit.
+    """
+    directions = rays.turned(rotation)
+    limit, surfaces = _ground(directions[:, 2], position[2], reach)
+    found = still.cast(position, directions, limit)
+    surfaces[found.faces >= 0] = 0
+    hits = Hits(limit, surfaces, *found, directions)
+    if not targets.surfaces:
+        return hits
+    touched = rays.near((targets.centers - position) @ rotation, targets.radii, reach)
+    for index in np.flatnonzero(touched.any(axis=1)).tolist():
+        if index + 1 == skipped:
+            continue
+        rows = rays.rows(touched[index])
+        back = targets.rotations[index].T
+        origin = back @ (position - targets.positions[index])
+        own = limit[rows]
+        turned = rays.singles[rows] @ (back @ rotation).T.astype(np.float32)
+        found = targets.surfaces[index].cast(origin, turned, own)
+        nearer = found.faces >= 0
+        rows = rows[nearer]
+        limit[rows], surfaces[rows] = own[nearer], index + 1
+        for all_rays, some in zip((hits.faces, hits.second, hits.third), found, strict=True):
+            all_rays[rows] = some[nearer]
+    return hits
+
+
+def _ground(upwards: Singles, height: float, reach: float) -> tuple[Singles, NDArray[np.int16]]:
+    """Return distances (N,) to the ground, at most the reach, and which surface is there.
+
+    Args:
+        upwards: (N,), z of the directions.
+        height: of the rays' origin, m.
+        reach: as ``cast`` has it.
+    """
+    if height <= 0.0:
+        full = np.full(len(upwards), reach, np.float32)
+        return full, np.full(len(upwards), NOTHING, np.int16)
+    # One over the distance: what is beyond the reach, or above, is less than that of the reach.
+    inverse = upwards * np.float32(-1.0 / height)
+    hit = inverse > np.float32(1.0 / reach)
+    np.maximum(inverse, np.float32(1.0 / reach), out=inverse)
+    return np.reciprocal(inverse), np.subtract(hit, 2, dtype=np.int16)
+
+
+class _Found(NamedTuple):
+    faces: Integers  # (N,); -1 where there is none
+    second: Singles  # (N,), as in Hits
+    third: Singles
+
+
+class _Caster(Protocol):
+    """The part of EmbreeScene that is used."""
+
+    def run(
+        self, origins: Singles, directions: Singles, dists: Singles, output: bool
+    ) -> dict[str, Any]:
+        """Return "primID" (-1: a miss), "u" and "v"; shorten ``dists`` to the hits."""
+
+
+class Surface:
+    """A solid that rays are cast at."""
+
+    def __init__(self, solid: Solid) -> None:
+        """Prepare to cast rays at ``solid``."""
+        self.solid = solid
+        self._rounds = solid.rounds if HAS_EMBREE else Rounds.of([])
+        # A miss is face -1, the last one.
+        self._round_of = np.append(solid.round_of, -1)
+        self._caster: _Caster | None = None
+        if len(solid.faces):
+            self._caster = _embree(solid) if HAS_EMBREE else _Bullet(solid)
+
+    @cached_property
+    def normals(self) -> Singles:
+        """Unit normals (F, 3) of the faces."""
+        a, b, c = self.solid.corners[self.solid.faces].transpose(1, 0, 2)
+        across: Singles = np.cross(b - a, c - a)
+        lengths = np.linalg.norm(across, axis=1, keepdims=True)
+        unit: Singles = across / np.where(lengths > 0.0, lengths, np.float32(1.0))
+        return unit
+
+    def cast(self, origin: Floats, directions: Singles, distances: Singles) -> _Found:
+        """Return the faces hit.
+
+        Args:
+            origin: (3,) of all rays, in the solid's frame.
+            directions: (N, 3), likewise.
+            distances: (N,), beyond which nothing is hit; shortened to the hits.
+        """
+        if self._caster is None:
+            none = np.zeros(len(directions), np.float32)
+            return _Found(np.full(len(directions), -1, np.int32), none, none.copy())
+        origins = np.broadcast_to(origin.astype(np.float32), directions.shape)
+        refined = len(self._rounds.radii) > 0
+        found = distances.copy() if refined else distances
+        hits = self._caster.run(origins, directions, dists=found, output=True)
+        faces: Integers = hits["primID"]
+        if refined:
+            self._refine(origin, directions, distances, found, faces)
+            nearer = (faces >= 0) & (found < distances)
+            distances[nearer] = found[nearer]
+            faces[~nearer] = -1
+        return _Found(faces, hits["u"], hits["v"])
+
+    def _refine(
+        self,
+        origin: Floats,
+        directions: Singles,
+        limits: Singles,
+        distances: Singles,
+        faces: Integers,
+    ) -> None:
+        """Replace hits of the facets around round shapes by those of the shapes themselves."""
+        caster = self._caster
+        assert caster is not None
+        rows = np.flatnonzero(self._round_of[faces] >= 0)
+        for _ in range(_PASSES):
+            if not len(rows):
+                return
+            exact = self._rounds.distances(
+                self._round_of[faces[rows]], origin, directions[rows].astype(float)
+            )
+            touched = np.isfinite(exact)
+            passed = rows[~touched]
+            starts = distances[passed] * np.float32(1 + 1e-6) + np.float32(_ASIDE)
+            distances[rows[touched]] = exact[touched]
+            if not len(passed):
+                return
+            onward = directions[passed]
+            left = limits[passed] - starts
+            ahead = origin.astype(np.float32) + starts[:, None] * onward
+            hits = caster.run(ahead, onward, dists=left, output=True)
+            faces[passed] = hits["primID"]
+            distances[passed] = starts + left
+            rows = passed[self._round_of[faces[passed]] >= 0]
+        faces[rows] = -1
+
+
+def _embree(solid: Solid) -> _Caster:
+    scene = EmbreeScene()
+    TriangleMesh(scene, solid.corners, solid.faces)
+    caster: _Caster = scene
+    return caster
+
+
+class _Bullet:
+    """Casts rays by PyBullet, twenty times slower; which face is hit is not known."""
+
+    def __init__(self, solid: Solid) -> None:
+        from onebot_control.simulation.engine import engine
+
+        self._engine, self._client = engine, engine.connect(engine.DIRECT)
+        shape = engine.createCollisionShape(
+            engine.GEOM_MESH,
+            vertices=solid.corners.tolist(),
+            indices=solid.faces.ravel().tolist(),
+            flags=engine.GEOM_FORCE_CONCAVE_TRIMESH,
+            physicsClientId=self._client,
+        )
+        engine.createMultiBody(0, shape, physicsClientId=self._client)
+
+    def __del__(self) -> None:
+        self._engine.disconnect(self._client)
+
+    def run(
+        self, origins: Singles, directions: Singles, dists: Singles, output: bool
+    ) -> dict[str, Any]:
+        ends = origins + directions * dists[:, None]
+        fractions: list[float] = []
+        for start in range(0, len(ends), _MOST_RAYS):
+            part = slice(start, start + _MOST_RAYS)
+            found = self._engine.rayTestBatch(
+                origins[part].tolist(), ends[part].tolist(), physicsClientId=self._client
+            )
+            fractions += [each[2] if each[0] >= 0 else math.inf for each in found]
+        hit = np.isfinite(fractions)
+        dists[hit] *= np.array(fractions, np.float32)[hit]
+        nowhere = np.zeros(len(ends), np.float32)
+        return {"primID": np.where(hit, 0, -1).astype(np.int32), "u": nowhere, "v": nowhere}

@@ -1,0 +1,376 @@
+"""What sensors measure, against formulas and a ray caster of ten lines; no ROS."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from onebot_control.driven_robot import DrivenRobot
+from onebot_control.fleet import Fleet, Member
+from onebot_control.parameters import ControlConfig
+from onebot_control.sensing import camera, imu, lidar, noise, rays
+from onebot_control.sensing.rays import NOTHING, Rays, cast
+from onebot_control.sensing.scene import RobotState, Scene, SensedRobot, matrices
+from onebot_description.description import load_description, parse_description
+from onebot_description.description.description import Camera, Fan, Lidar, Noise
+from onebot_description.description.worlds import load_world
+from onebot_description.model import quaternions
+from tests.onebot_control.control_support import WHEELS, robot
+
+HERE = np.eye(3), np.zeros(3)
+STILL = (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),)
+
+
+def link(name: str, *visuals: str, kind: str = "fixed") -> str:
+    """A link of a world, at its origin."""
+    shapes = "".join(f"<visual>{each}</visual>" for each in visuals)
+    return (
+        f'<link name="{name}">{shapes}</link><joint name="to_{name}" type="{kind}">'
+        f'<parent link="world"/><child link="{name}"/></joint>'
+    )
+
+
+def shape(inside: str, xyz: str = "0 0 0", rpy: str = "0 0 0", color: str = "") -> str:
+    material = f'<material name="{color}"><color rgba="{color}"/></material>' if color else ""
+    return f'<origin xyz="{xyz}" rpy="{rpy}"/><geometry>{inside}</geometry>{material}'
+
+
+def world(*links: str):
+    return parse_description(f'<robot name="w"><link name="world"/>{"".join(links)}</robot>')
+
+
+# The ray caster: o + t d at the ground, a box, a cylinder about z and a sphere in their own frames.
+
+
+def to_ground(o, d):
+    return np.where(d[:, 2] < 0, -o[:, 2] / d[:, 2], np.inf)
+
+
+def to_box(o, d, half):
+    with np.errstate(divide="ignore"):
+        ends = np.sort([(-half - o) / d, (half - o) / d], axis=0)
+    start, end = ends[0].max(axis=1), ends[1].min(axis=1)
+    return np.where((start <= end) & (end > 0), np.where(start > 0, start, end), np.inf)
+
+
+def to_round(o, d, radius, half=np.inf):
+    flat = np.array([1, 1, half == np.inf])
+    a, b, c = (flat * d * d).sum(1), (flat * o * d).sum(1), (flat * o * o).sum(1) - radius**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        t = np.stack([(-b + sign * np.sqrt(b * b - a * c)) / a for sign in (-1, 1)])
+        inside = np.abs(o[:, 2] + t * d[:, 2]) <= half
+        caps = np.stack([(end - o[:, 2]) / d[:, 2] for end in (-half, half)])
+        on = ((o[None, :, :2] + caps[..., None] * d[:, :2]) ** 2).sum(-1) <= radius**2
+        found = np.concatenate([np.where(inside, t, np.inf), np.where(on, caps, np.inf)])
+        return np.where(found > 0, found, np.inf).min(axis=0)
+
+
+def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
+    """Over 1,000 random poses; each shape once standing still and once as a body that moves."""
+    rng = np.random.default_rng(20)
+    kinds = {
+        '<box size="0.6 0.4 1.0"/>': lambda o, d: to_box(o, d, np.array([0.3, 0.2, 0.5])),
+        '<cylinder radius="0.4" length="1.2"/>': lambda o, d: to_round(o, d, 0.4, 0.6),
+        '<sphere radius="0.5"/>': lambda o, d: to_round(o, d, 0.5),
+    }
+    places = [
+        ((2.0, 0.3, 0.5), (0.1, 0.2, 0.3)),
+        ((-1.5, 1.8, 0.4), (0.4, 0, 1)),
+        ((0, -2, 0.6),) * 2,
+    ]
+    stands = [
+        link(f"still{n}", shape(text, " ".join(map(str, xyz)), " ".join(map(str, rpy))))
+        for n, (text, (xyz, rpy)) in enumerate(zip(kinds, places, strict=True))
+    ]
+    moves = [link(f"moving{n}", shape(text), kind="floating") for n, text in enumerate(kinds)]
+    scene = Scene(world(*stands, *moves), [])
+    sensor = Lidar(Fan(36, -math.pi, 3.0), Fan(), 0.0, 30.0)
+    fan = lidar.lidar_rays(sensor)
+    worst, compared, missed = 0.0, 0, 0
+    for _ in range(1000):
+        at = [(rng.uniform((-4, -4, 0.2), (4, 4, 1.5)), rng.uniform(-1, 1, 3)) for _ in kinds]
+        turns = [quaternions.from_rpy(rpy) for _, rpy in at]
+        boxes = [(tuple(xyz), tuple(q)) for (xyz, _), q in zip(at, turns, strict=True)]
+        position = rng.uniform((-5, -5, 0.1), (5, 5, 2))
+        rotation = quaternions.to_matrix(
+            quaternions.from_rpy(rng.uniform(-0.5, 0.5, 3) * (1, 1, 6))
+        )
+        hits = cast(fan, rotation, position, scene.still, scene.place(boxes, []).targets, 30.0)
+        measured = lidar.ranges(sensor, hits.distances, hits.surfaces != NOTHING)
+        directions = fan.singles.astype(float) @ rotation.T
+        true = to_ground(np.broadcast_to(position, directions.shape), directions)
+        for (xyz, rpy), caster in zip([*places, *at], [*kinds.values()] * 2, strict=True):
+            turn = quaternions.to_matrix(quaternions.from_rpy(np.array(rpy)))
+            o = np.broadcast_to((position - np.array(xyz)) @ turn, directions.shape)
+            true = np.minimum(true, caster(o, directions @ turn))
+        true[true > 30.0] = np.inf
+        both = np.isfinite(measured) & np.isfinite(true)
+        error = np.abs(measured[both] - true[both])
+        missed += int((np.isfinite(measured) != np.isfinite(true)).sum() + (error > 1e-3).sum())
+        worst = max(worst, error[error <= 1e-3].max())
+        compared += len(error)
+    assert compared > 15_000 and missed == 0, (compared, missed, worst)
+    assert worst < 1e-3
+
+
+def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
+    wall = world(link("wall", shape('<box size="1 8 2"/>', "2.5 0 1")))
+    scene = Scene(wall, [])
+    sensor = Lidar(Fan(3, -0.5, 0.5), Fan(4, -0.2, 0.2), 0.5, 10.0, Noise(stddev=0.1))
+    fan = lidar.lidar_rays(sensor)
+
+    def measured(x: float, generator=None):
+        at = np.array([x, 0.0, 1.0])
+        hits = cast(fan, np.eye(3), at, scene.still, scene.place([], []).targets, 10.1)
+        return lidar.ranges(sensor, hits.distances, hits.surfaces != NOTHING, 0.0, generator)
+
+    up, across = (
+        each.ravel()
+        for each in np.meshgrid([-0.2, -0.2 / 3, 0.2 / 3, 0.2], [-0.5, 0, 0.5], indexing="ij")
+    )
+    np.testing.assert_allclose(measured(0.0), 2 / np.cos(across) / np.cos(up), atol=1e-5)
+    assert (measured(1.7)[across == 0] == -np.inf).all()  # nearer than the least range
+    assert (measured(4.0)[up > 0] == np.inf).all()  # nothing ahead, and the ground behind
+    noisy = measured(0.0, noise.NoiseSource("a").at(3))
+    assert 0.02 < np.abs(noisy - measured(0.0)).mean() < 0.3
+    assert (measured(1.4999, noise.NoiseSource("a").at(3)) >= 0.5).all()
+    points = lidar.cloud(sensor, fan, measured(0.0), HERE)
+    assert points.shape == (4, 3) and points.dtype.itemsize == 32
+    np.testing.assert_allclose(points["x"], 2.0, atol=1e-5)
+    assert points["ring"][:, 0].tolist() == [0, 1, 2, 3]
+    assert np.isinf(lidar.cloud(sensor, fan, measured(4.0), HERE)["z"][-1]).all()
+
+
+def test_the_link_with_the_sensor_is_not_seen_and_others_are():
+    """A lidar in the middle of its link; the post beside it is another link."""
+    parts = (
+        '<link name="a"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
+        '<link name="b"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>'
+        '<joint name="j" type="continuous"><parent link="a"/><child link="b"/>'
+        '<origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
+    )
+    sensed = SensedRobot(parse_description(f'<robot name="r">{parts}</robot>'), ("j",), {})
+    scene = Scene(None, [sensed])
+    turned = RobotState(np.array([0, 0, 0.5]), np.array([0, 0, 0, 1.0]), np.array([math.pi / 4]))
+    placed = scene.place([], [turned])
+    pose = placed.links[0]["a"]
+    fan = Rays(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+    hits = cast(fan, *pose, scene.still, placed.targets, 9.0, scene.target(0, "a"))
+    assert hits.distances[0] == pytest.approx(1 - 0.05 * math.sqrt(2), abs=1e-6)
+    assert hits.surfaces.tolist() == [scene.target(0, "b"), NOTHING]
+    assert cast(fan, *pose, scene.still, placed.targets, 9.0).distances[1] == pytest.approx(0.1)
+
+
+def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.MonkeyPatch):
+    shapes = [
+        shape('<cylinder radius="0.5" length="2"/>', "3 0 1"),
+        shape('<box size="1 1 1"/>', "0 3 0"),
+    ]
+    sensor = Lidar(Fan(360, -3.0, 3.0), Fan(), 0.1, 20.0)
+    fan, at = lidar.lidar_rays(sensor), np.array([0.0, 0.0, 0.4])
+
+    def distances():
+        scene = Scene(world(link("still", *shapes), link("box", shapes[1], kind="floating")), [])
+        placed = scene.place([((-2.0, -2.0, 0.0), (0.0, 0.0, 0.3, 0.95))], [])
+        return cast(fan, np.eye(3), at, scene.still, placed.targets, 20.0).distances
+
+    exact = distances()
+    monkeypatch.setattr(rays, "HAS_EMBREE", False)
+    near = exact < 20
+    assert 40 < near.sum() < 360
+    assert (np.abs(distances() - exact) < 0.02).mean() > 0.98
+
+
+def test_a_picture_shows_a_box_where_it_is_with_its_colour_and_depth():
+    """Its corners are within a pixel, its depth within 2 mm, and the cloud is the depth."""
+    scene = Scene(world(link("box", shape('<box size="1 1 1"/>', "3 0 1.5", color="0 0 1 1"))), [])
+    sensor = Camera(1.0472, 320, 240, 0.1, 50.0, 0.1, 10.0)
+    pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.2, 1.3])
+    focal = camera.focal_length(sensor)
+    assert focal == pytest.approx(320 / (2 * math.tan(1.0472 / 2)))
+    placed = scene.place([], [])
+    hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, camera.reach(sensor))
+    picture = camera.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
+    found = camera.depths(sensor, hits)
+    blue = (picture[..., 2] > 60) & (picture[..., :2] < 5).all(axis=-1)
+    rows, columns = np.nonzero(blue)
+    # The front face is 2.5 m away; u = cx - f y / x, v = cy - f z / x.
+    sides = [160 - focal * (y - 0.2) / 2.5 for y in (0.5, -0.5)]
+    ends = [120 - focal * (z - 1.3) / 2.5 for z in (2.0, 1.0)]
+    assert [columns.min(), columns.max()] == pytest.approx(sides, abs=1)
+    assert [rows.min(), rows.max()] == pytest.approx(ends, abs=1)
+    np.testing.assert_allclose(found[blue], 2.5, atol=2e-3)
+    assert (found[:20][~blue[:20]] == np.inf).all()
+    below = found[239, 160]  # the ground: f h / (v - cy)
+    assert below == pytest.approx(focal * 1.3 / (239 - 120), abs=2e-3)
+    sky, ground = picture[2, 160].astype(int), picture[239, 160].astype(int)
+    assert sky[2] > sky[0] + 30 and np.ptp(ground) < 15
+    optical = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
+    points = camera.cloud(pixels, found, picture, (optical, np.zeros(3)))
+    v, u = 120, 170
+    place = [points[name][v, u] for name in "xyz"]
+    assert place == pytest.approx([(u - 160) / focal * 2.5, (v - 120) / focal * 2.5, 2.5], abs=1e-3)
+    red, green, blueness = picture[v, u]
+    assert points["rgb"][v, u] == red << 16 | green << 8 | blueness
+    near = Camera(1.0472, 320, 240, 0.1, 50.0, 2.6, 10.0)
+    assert camera.depths(near, hits)[v, u] == -np.inf
+
+
+def test_the_picture_is_that_of_the_ray_caster():
+    """Every pixel's depth, of a cylinder that moves and a box that stands."""
+    body = link("post", shape('<cylinder radius="0.3" length="1"/>'), kind="floating")
+    scene = Scene(world(link("box", shape('<box size="1 1 1"/>', "4 1 0.5")), body), [])
+    sensor = Camera(1.2, 160, 120, 0.1, 20.0, 0.1, 20.0)
+    pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.8])
+    turn = quaternions.to_matrix(quaternions.from_rpy((0.05, 0.2, 0.1)))
+    placed = scene.place([((2.5, -0.5, 0.5), (0.0, 0.0, 0.0, 1.0))], [])
+    hits = cast(pixels, turn, at, scene.still, placed.targets, 20.0)
+    d = pixels.singles.astype(float) @ turn.T
+    o = np.broadcast_to(at, d.shape)
+    true = np.minimum.reduce(
+        [
+            to_ground(o, d),
+            to_box(o - (4, 1, 0.5), d, np.full(3, 0.5)),
+            to_round(o - (2.5, -0.5, 0.5), d, 0.3, 0.5),
+        ]
+    )
+    true[true > 20] = np.inf
+    found = camera.depths(sensor, hits).ravel()
+    same = (found == true) | np.isclose(found, true, rtol=0, atol=2e-3)
+    assert same.mean() > 0.999, same.mean()  # others are at edges
+
+
+def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
+    """A square of 1 m, 2 m ahead, its picture red above and green below."""
+    colors = np.zeros((2, 1, 3), np.uint8)
+    colors[0, 0], colors[1, 0] = (255, 0, 0), (0, 255, 0)
+    Image.fromarray(colors).save(tmp_path / "flag.png")
+    (tmp_path / "flag.mtl").write_text("newmtl flag\nmap_Kd flag.png\n")
+    (tmp_path / "flag.obj").write_text(
+        "mtllib flag.mtl\nusemtl flag\nv 0 -0.5 0\nv 0 0.5 0\nv 0 0.5 1\nv 0 -0.5 1\n"
+        "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
+    )
+    flag = f'<mesh filename="file://{tmp_path}/flag.obj"/>'
+    for kind, boxes in (("fixed", ()), ("floating", STILL)):
+        scene = Scene(world(link("flag", shape(flag, "2 0 0"), kind=kind)), [])
+        sensor = Camera(0.6, 40, 40, 0.1, 9.0, 0.1, 9.0)
+        pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.5])
+        placed = scene.place(boxes, [])
+        hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, 9.0)
+        picture = camera.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
+        above, below = picture[10, 20].astype(int), picture[30, 20].astype(int)
+        assert above[0] > 60 and above[1] == 0 and below[1] > 60 and below[0] == 0, kind
+
+
+def test_noise_depends_on_sensor_and_time_only():
+    given = np.full(100_000, 3.0, np.float32)
+    model = Noise(0.5, 0.2)
+
+    def drawn(name: str, tick: int, noise_of: Noise = model):
+        return noise.add_noise(given, noise_of, 0.0, noise.NoiseSource(name).at(tick))
+
+    first = drawn("a", 7)
+    assert first.tobytes() == drawn("a", 7).tobytes()
+    assert first.tobytes() not in (drawn("a", 8).tobytes(), drawn("b", 7).tobytes())
+    assert first.mean() == pytest.approx(3.5, abs=5 * 0.2 / math.sqrt(1e5))
+    assert first.std() == pytest.approx(0.2, rel=0.02)
+    steps = drawn("a", 7, Noise(0.0, 0.2, precision=0.25)) / 0.25
+    np.testing.assert_array_equal(steps, np.round(steps))
+    offsets = [
+        noise.bias(Noise(0, 0, 1.0, 0.1), noise.NoiseSource(str(n)).at(-1)) for n in range(400)
+    ]
+    assert np.abs(offsets).mean() == pytest.approx(1.0, abs=0.03)
+    assert 0.4 < (np.array(offsets) > 0).mean() < 0.6
+
+
+# Inertial measurements, of the real simulation --------------------------------------------------
+
+
+def motions(driven: DrivenRobot, cycles: int):
+    """Drive on; the last two motions and the rotation at the last."""
+    found = []
+    for _ in range(cycles):
+        snapshot = driven.cycle()
+        found = [*found[-1:], (imu.Motion(*snapshot.velocity), snapshot.pose.rotation)]
+    (before, _), (now, rotation) = found
+    return before, now, matrices(rotation[None])[0]
+
+
+MOUNT = (
+    quaternions.to_matrix(quaternions.from_rpy((0.0, 0.0, math.pi / 2))),
+    np.array([0.1, 0, 0.2]),
+)
+
+
+def test_an_imu_at_rest_measures_the_reaction_to_gravity():
+    driven = DrivenRobot.of(robot(), ControlConfig.from_parameters(WHEELS))
+    before, now, turn = motions(driven, 100)
+    angular, linear = imu.measure(before, now, 0.01, turn, MOUNT, 9.81)
+    true = MOUNT[0].T @ (turn.T @ (0, 0, 9.81))
+    np.testing.assert_allclose(angular, 0, atol=1e-4)
+    np.testing.assert_allclose(linear, true, atol=1e-3)
+    assert linear[2] == pytest.approx(9.81, abs=0.05)  # it stands nearly level
+
+
+def test_an_imu_in_a_turn_measures_what_the_truth_s_derivatives_are():
+    """A circle at 0.5 m/s and 1 rad/s, with the sensor 0.1 m before the axle."""
+    driven = DrivenRobot.of(robot(), ControlConfig.from_parameters(WHEELS))
+    driven.accept(0.5, 1.0)
+    for _ in range(5):
+        driven.accept(0.5, 1.0)
+        before, now, turn = motions(driven, 40)
+    angular, linear = imu.measure(before, now, 0.01, turn, MOUNT, 9.81)
+    speed, rate = now.linear[0], now.angular[2]
+    assert (speed, rate) == pytest.approx((0.5, 1.0), rel=0.02)
+    true = np.array([-(rate**2) * 0.1, speed * rate, 0.0]) + turn.T @ (0, 0, 9.81)
+    np.testing.assert_allclose(linear, MOUNT[0].T @ true, atol=2e-3)
+    np.testing.assert_allclose(angular, MOUNT[0].T @ now.angular, atol=1e-4)
+
+
+def test_an_imu_measures_the_derivatives_of_any_motion():
+    """Against differences of positions: p(t), R(t) of a spiral, at ten times the precision."""
+
+    def pose(t: float):
+        yaw = 0.8 * t + 0.1 * t * t
+        turn = quaternions.to_matrix(quaternions.from_rpy((0.05 * math.sin(t), 0.1, yaw)))
+        return np.array([math.cos(t), 0.5 * t, 0.02 * t * t]), turn
+
+    def motion(t: float, h: float = 1e-5):
+        (before, first), (after, last) = pose(t - h), pose(t + h)
+        turn = pose(t)[1]
+        skew = turn.T @ (last - first) / (2 * h)
+        return imu.Motion(
+            turn.T @ (after - before) / (2 * h), np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+        )
+
+    def sensor(t: float):
+        at, turn = pose(t)
+        return at + turn @ MOUNT[1]
+
+    t, dt, h = 2.0, 0.01, 1e-4
+    angular, linear = imu.measure(motion(t - dt), motion(t), dt, pose(t)[1], MOUNT, 9.81)
+    middle = t - dt / 2  # a period's mean acceleration is that in its middle
+    acceleration = (sensor(middle + h) - 2 * sensor(middle) + sensor(middle - h)) / h**2
+    true = pose(middle)[1].T @ acceleration + pose(t)[1].T @ (0, 0, 9.81)
+    np.testing.assert_allclose(linear, MOUNT[0].T @ true, atol=1e-3)
+    np.testing.assert_allclose(angular, MOUNT[0].T @ motion(t).angular, atol=1e-4)
+
+
+def test_an_imu_on_a_ramp_feels_the_slope():
+    ramp = load_world("ramp")
+    onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
+    config = ControlConfig.from_parameters({"x": 1.0})
+    with Fleet.of([Member(onebot, config)], scene=ramp) as fleet:
+        for _ in range(100):
+            before = fleet.cycle()[0]
+        last = fleet.cycle()[0]
+    now, turn = imu.Motion(*last.velocity), matrices(last.pose.rotation[None])[0]
+    before = imu.Motion(*before.velocity)
+    angular, linear = imu.measure(before, now, 0.01, turn, (np.eye(3), np.zeros(3)), 9.81)
+    slope = math.radians(5)
+    true = 9.81 * np.array([math.sin(slope), 0, math.cos(slope)])
+    np.testing.assert_allclose(linear, turn.T @ (0, 0, 9.81), atol=1e-3)
+    np.testing.assert_allclose(linear, true, atol=0.02)
+    np.testing.assert_allclose(angular, 0, atol=1e-4)
