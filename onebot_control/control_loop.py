@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet
+from onebot_control.real_time import PaceMeter
 from onebot_description.errors import OneBotError
 from onebot_description.wire.cdr import NANO
 
@@ -39,6 +40,7 @@ class Pacer:
     Attributes:
         due: monotonic time of the current cycle, s.
         lag: seconds that the last cycle was late, if the grid had to begin anew; else 0.
+        missed: cycles that were left out for that.
     """
 
     def __init__(
@@ -56,7 +58,7 @@ class Pacer:
         """
         self._clock = clock
         self.due = clock()
-        self.lag = 0.0
+        self.lag, self.missed = 0.0, 0
         self.set(period, factor)
 
     def set(self, period: float, factor: float) -> None:
@@ -80,7 +82,7 @@ class Pacer:
                 pace has changed.
         """
         self.due += self._interval
-        self.lag = 0.0
+        self.lag, self.missed = 0.0, 0
         now = self._clock()
         if self._interval == 0.0:
             self.due = now
@@ -91,6 +93,7 @@ class Pacer:
             now = self._clock()  # much later, if the process was stopped meanwhile
         if 0.0 < self._interval <= now - self.due:
             self.lag, self.due = now - self.due, now
+            self.missed = int(self.lag / self._interval)
 
 
 class SystemStamps:
@@ -171,7 +174,7 @@ class ControlLoop:
         publish: Callable[[Sequence[Snapshot], int], None],
         *,
         simulated: bool = False,
-        late: Callable[[float], None] = lambda lag: None,
+        meter: PaceMeter | None = None,
         failed: Callable[[BaseException], None] = lambda error: None,
     ) -> None:
         """Get ready; ``start`` starts.
@@ -181,11 +184,12 @@ class ControlLoop:
             publish: called in each cycle with the robots' states and their stamp in ns, before
                 the robots move on.
             simulated: whether stamps are simulated time.
-            late: called with the seconds that cycles were left out for.
+            meter: measures the pace.
             failed: called with what ended the loop, if it was not ``stop``.
         """
         self.fleet, self.simulated, self.paused = fleet, simulated, False
-        self._publish, self._late, self._failed = publish, late, failed
+        self._publish, self._failed = publish, failed
+        self._meter = meter or PaceMeter()
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
         # Held as long as the loop runs. To wait for it is one call, and so much cheaper than
@@ -199,6 +203,7 @@ class ControlLoop:
         factor = self.fleet.robots[0].config.real_time_factor
         self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
+        self._meter.set(self._pacer.due, factor)
         self._thread.start()
 
     def stop(self) -> None:
@@ -248,6 +253,8 @@ class ControlLoop:
     def set_factor(self, factor: float) -> None:
         """Change the real-time factor (call it by ``post`` or ``call``)."""
         self._pacer.set(self.fleet.period, factor)
+        if factor != self._meter.wanted:
+            self._meter.set(self._pacer.due, factor)
 
     def step(self) -> None:
         """Do one cycle although paused (call it by ``call``)."""
@@ -267,24 +274,23 @@ class ControlLoop:
             wake_exactly()
             while not self._stopped:
                 self._call_posted()
-                if not self.paused:
+                paused = self.paused
+                if not paused:
                     self._cycle(self.now_ns())
                 elif not self.simulated:
                     self._publish_paused()
                 self._pacer.next(self._wait)
-                if self._pacer.lag:
-                    self._skip(self._pacer.lag)
+                if self._pacer.lag and not self.simulated:  # else it has not passed
+                    for robot in self.fleet.robots:
+                        robot.stalled(self._pacer.lag)
+                if paused:
+                    self._meter.skip(self._pacer.due)
+                else:
+                    self._meter.cycle(self._pacer.due, self.fleet.period, self._pacer.missed)
         except BaseException as error:
             self._failed(error)
         finally:
             self.fleet.close()
-
-    def _skip(self, lag: float) -> None:
-        """Count the cycles that were left out."""
-        if not self.simulated:  # simulated time has not passed
-            for robot in self.fleet.robots:
-                robot.stalled(lag)
-        self._late(lag)
 
     def _publish_paused(self) -> None:
         """Publish although paused: the system's time goes on, for transforms of now, too."""

@@ -8,7 +8,7 @@ wheels = controller.update(WheelStates(0.0, 0.0, 0.0, 0.0), dt=0.01)
 import math
 from typing import NamedTuple
 
-from onebot_control.odometry import DiffDriveKinematics, Odometry
+from onebot_control.odometry import DiffDriveKinematics, Odometry, RollingMean
 from onebot_control.parameters import ControlConfig
 from onebot_control.speed_limiter import SpeedLimiter
 
@@ -41,12 +41,18 @@ class DiffDriveController:
     given to ``update``, ``wait`` and ``stalled``.
 
     Attributes:
-        odometry: the robot's pose and twist by its wheels.
+        odometry: the robot's pose and twist by its wheels, in the time of the cycles.
+        pace: seconds of cycles in a second of the durations, over velocity_rolling_window_size of
+            them. Times it, a velocity is the change of a position by the change of its stamp.
     """
 
     def __init__(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
         """Stand still at zero."""
-        self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
+        window = config.velocity_rolling_window_size
+        self.odometry = Odometry(kinematics, window)
+        self._cycles, self._durations = RollingMean(window), RollingMean(window)
+        self.pace = 1.0
+        self._stalled = 0.0
         self._unsure = 0.0
         self._config = config
         self.configure(config, kinematics)
@@ -64,7 +70,10 @@ class DiffDriveController:
         self._linear_limiter = SpeedLimiter(config.linear)
         self._angular_limiter = SpeedLimiter(config.angular)
         self.odometry.kinematics = kinematics
-        self.odometry.set_window(config.velocity_rolling_window_size)
+        window = config.velocity_rolling_window_size
+        self.odometry.set_window(window)
+        self._cycles = self._cycles.resized(window)
+        self._durations = self._durations.resized(window)
         self.odometry.noise = config.left_wheel_noise**2, config.right_wheel_noise**2
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
@@ -73,8 +82,8 @@ class DiffDriveController:
         Args:
             linear: m/s, forward; above 1e6, it counts as that.
             angular: rad/s, to the left; likewise.
-            age: seconds since it was given. Below 0 (a clock ahead of ours) counts as 0, so that no
-                command outlives cmd_vel_timeout. None: it does not say, and is taken as new.
+            age: seconds since it was given; None if it is not known. Neither is it below 0, by a
+                clock that is ahead of ours or ours set back. Then it is taken as new.
 
         Returns:
             Why it is ignored; None if it is accepted.
@@ -82,14 +91,15 @@ class DiffDriveController:
         if not (math.isfinite(linear) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, angular.z {angular}"
         timeout = self._config.cmd_vel_timeout
-        if age is None:
+        if age is None or age < 0.0:
             if self._unsure > 0.0:
-                return "it has no stamp, and may be from before the process was stopped"
+                stamp = "no stamp" if age is None else f"a stamp {-age:.3f} s ahead"
+                return f"it has {stamp}, and may be from before the process was stopped"
             age = 0.0
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
         self._reference = (_within_fastest(linear), _within_fastest(angular))
-        self._age = max(age, 0.0)
+        self._age = age
         self._fresh = True
         return None
 
@@ -104,6 +114,8 @@ class DiffDriveController:
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
         self._unsure -= dt
+        self._pass(dt + self._stalled, dt)
+        self._stalled = 0.0
         self._follow(wheels, dt)
         linear, angular = self._limited(dt)
         if self._config.open_loop:
@@ -114,14 +126,16 @@ class DiffDriveController:
     def wait(self, seconds: float) -> None:
         """Let the command age by ``seconds`` in which there was no cycle."""
         self._age += seconds
+        self._pass(seconds, 0.0)
 
     def stalled(self, seconds: float) -> None:
         """As ``wait``, because this process did not run.
 
-        If that was longer than cmd_vel_timeout, commands which say no age are ignored for as long:
+        If that was longer than cmd_vel_timeout, commands of unknown age are ignored for as long:
         those that came meanwhile are delivered now.
         """
-        self.wait(seconds)
+        self._age += seconds
+        self._stalled += seconds
         if seconds > self._config.cmd_vel_timeout:
             self._unsure = self._config.cmd_vel_timeout
 
@@ -137,6 +151,10 @@ class DiffDriveController:
         """Whether the last command has outlived cmd_vel_timeout."""
         timeout = self._config.cmd_vel_timeout
         return bool(timeout) and self._age > timeout + _ROUNDING
+
+    def _pass(self, seconds: float, cycle: float) -> None:
+        """Let ``seconds`` pass, which a cycle has ``cycle`` of."""
+        self.pace = self._cycles.add(cycle) / self._durations.add(seconds)
 
     def _follow(self, wheels: WheelStates, dt: float) -> None:
         if self._config.open_loop:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
+from onebot_control.drift import DriftCheck
 from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.poses import PlanarPose, yaw_of
@@ -34,6 +35,8 @@ from onebot_description.parameters.reader import ConfigError, Problem
 
 Floats = NDArray[np.float64]
 
+_DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
+
 
 class Plant(Protocol):
     """What a controller drives; ``onebot_control.simulation.Simulation`` is one."""
@@ -45,6 +48,10 @@ class Plant(Protocol):
     @property
     def scene(self) -> SceneBodies | None:
         """What stands around it."""
+
+    @property
+    def obstructed(self) -> bool:
+        """Whether something other than the ground touches it."""
 
     def turn(self, velocities: Mapping[str, float]) -> None:
         """Have the wheels turn with these velocities, rad/s, from the next step on."""
@@ -72,7 +79,11 @@ class Plant(Protocol):
 
 
 class Snapshot(NamedTuple):
-    """The robot at one control cycle."""
+    """The robot at one control cycle.
+
+    Velocities are by the clock that the durations given to it are of: where the simulation is too
+    slow for it, lower than those in the simulation's own time.
+    """
 
     tick: int  # cycles done before this one
     joints: JointStates  # of all joints that move
@@ -175,6 +186,7 @@ class DrivenRobot:
         plant: what is driven.
         held: joints that the plant has not, to their positions.
         ticks: control cycles done.
+        drift: compares odometry and truth.
     """
 
     def __init__(
@@ -206,6 +218,7 @@ class DrivenRobot:
             Side(names, wheels.directions, plant.joints) for names in (wheels.left, wheels.right)
         )
         self._command = DriveCommand(0.0, 0.0, 0.0, 0.0)
+        self.drift = DriftCheck(skids=len(wheels.names) > 2)
         self._read_state()
         self.place_odometry(PlanarPose())
 
@@ -300,7 +313,10 @@ class DrivenRobot:
             self._right.mean(velocities),
         )
         self._command = self.controller.update(wheels, self.period)
-        return self.snapshot()
+        snapshot = self.snapshot()
+        if self.ticks % math.ceil(_DRIFT_PERIOD * self.config.update_rate) == 0:
+            self.drift.update(snapshot.odometry, self.true_pose, lambda: self.plant.obstructed)
+        return snapshot
 
     def finish(self) -> None:
         """Turn the wheels for a control period."""
@@ -322,16 +338,19 @@ class DrivenRobot:
         """Return the robot as its state was last read."""
         odometry = self.controller.odometry
         pose = PlanarPose(odometry.x, odometry.y, odometry.heading)
-        twist = (odometry.linear, odometry.angular)
-        covariance = odometry.uncertainty.covariance
+        covariance, pace = odometry.uncertainty.covariance, self.controller.pace
+        joints, velocity = self._joints, self._twist
+        if pace != 1.0:
+            joints = joints._replace(velocities=joints.velocities * pace)
+            velocity = Twist(velocity.linear * pace, velocity.angular * pace)
         return Snapshot(
             self.ticks,
-            self._joints,
+            joints,
             pose,
             covariance,
-            twist,
+            (odometry.linear * pace, odometry.angular * pace),
             self._pose,
-            self._twist,
+            velocity,
             self._command,
         )
 
@@ -348,12 +367,14 @@ class DrivenRobot:
         self.plant.teleport(*pose)
         self.controller.halt()
         self.controller.odometry.forget_wheels()
+        self.drift.restart()
         self._read_state()
 
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry to ``pose`` here and now; its covariance is zero."""
         self.controller.odometry.set_pose(*pose)
         self._odom_placed = self.true_pose.compose(pose.inverse())
+        self.drift.restart()
 
     @property
     def odom_in_world(self) -> PlanarPose:
@@ -375,6 +396,7 @@ class DrivenRobot:
         self.controller.odometry.set_pose(*other.snapshot().odometry)
         self.controller.odometry.uncertainty = other.controller.odometry.uncertainty
         self._odom_placed, self.ticks = other._odom_placed, other.ticks
+        self.drift.restart()
 
     def _read_state(self) -> None:
         self._joints = self.plant.joint_states()

@@ -5,16 +5,16 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
+from onebot_control.commands import CommandLock, CommandSubscription, Warn
 from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member, located
@@ -24,11 +24,11 @@ from onebot_control.parameters import (
 )
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
+from onebot_control.real_time import Pace, PaceMeter
 from onebot_control.sensing.publishing import RobotSensors
 from onebot_control.sensing.scene import SensedRobot
 from onebot_control.sensing.sensors import Instrument, Sensing
 from onebot_control.simulation.scene import load_scene
-from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError, printable
@@ -40,23 +40,14 @@ from onebot_description.node import (
     is_path,
 )
 from onebot_description.parameters.reader import ConfigError, Problem, refuse_undeclared
-from onebot_description.topic_subscription import TopicSubscription, choose_type, offers
-from onebot_description.wire.cdr import nanoseconds
 
 _DEPTH = 10  # ROS's system default
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
-_TOO_LATE = 0.05  # s of lag worth a warning
 _FARTHEST = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 
 _GOES_ON = "the robot goes on as before"
+_LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
 
-_COMMAND_TOPIC = "~/cmd_vel"
-_COMMAND_QOS = QoSProfile(depth=_DEPTH)
-_PACKAGE = "geometry_msgs/msg/"
-_TWIST = f"{_PACKAGE}Twist"
-_COMMAND_TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
-
-Warn = Callable[[str, str], None]  # key, text
 GetLoop = Callable[[], ControlLoop | None]  # None as long as there is no robot
 
 # Of the world, not of a robot: its parameters, one value for all.
@@ -97,7 +88,7 @@ class Driving:
         self._scene_publisher: ScenePublisher | None = None
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
-        self._warn = Throttled(self._node.get_logger().warning)
+        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
         self.factor = settings[0].config.real_time_factor
@@ -134,16 +125,16 @@ class Driving:
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
         self._scene_publisher = self._publish_scene(fleet)
-        self.sensing = Sensing(
-            self.scene, fleet.rate, fleet.world.settings.gravity, self._warn, self._fail
-        )
+        gravity, warn = fleet.world.settings.gravity, self._node.get_logger().warning
+        self.sensing = Sensing(self.scene, fleet.rate, gravity, warn, self._fail)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.sense(self.sensing, driven, robot.instruments(driven.config))
+        self.sensing.start()
         self.loop = ControlLoop(
             fleet,
             self._publish,
             simulated=self.simulated,
-            late=self._warn_late,
+            meter=PaceMeter(self._publish_pace, self._log_pace),
             failed=self._fail,
         )
         # Exclude long-lived objects from garbage collection.
@@ -186,14 +177,36 @@ class Driving:
         for robot in self.robots:
             robot.commands.follow()
             robot.sensors.poll()
+            robot.report_drift()
 
     def _fail(self, error: BaseException) -> None:
         self._failure = error
 
-    def _warn_late(self, lag: float) -> None:
-        if lag > _TOO_LATE:
-            text = f"control loop overrun: {lag:.3f} s skipped"
-            self._warn("late", f"{text}; the CPU is overloaded, or the process was stopped")
+    def _publish_pace(self, pace: Pace, is_slow: bool) -> None:
+        """Publish the real-time factor of the last second, from the control thread."""
+        values = {
+            "real_time_factor": f"{pace.factor:.3f}",
+            "wanted real_time_factor": f"{self.factor:g}",
+            "control cycles": str(pace.cycles),
+            "missed control cycles": str(pace.missed),
+        }
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if is_slow else DiagnosticStatus.OK,
+            name=f"{_full_name(self._node)[1:]}: real-time factor",
+            message=str(pace),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _log_pace(self, text: str, is_slow: bool) -> None:
+        if is_slow:
+            self._node.get_logger().warning(
+                f"{text}; the CPU is overloaded, or the process was stopped"
+            )
+        else:
+            self._node.get_logger().info(text)
 
 
 def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
@@ -237,6 +250,7 @@ class RobotDriving:
         publishing: what is published of it.
         commands: its ~/cmd_vel.
         sensors: what it senses with.
+        lock: of these commands.
     """
 
     def __init__(self, driving: Driving, row: int, node: Node, settings: ControlParameters) -> None:
@@ -255,6 +269,8 @@ class RobotDriving:
         self.publishing = Publishers(node, clock=driving.simulated and row == 0)
         self.sensors = RobotSensors(node, self._sense_again)
         choice = settings.config.cmd_vel_type
+        # Before the commands: of an unlock and a command at once it is received first.
+        self.lock = CommandLock(node, self._brake)
         self.commands = CommandSubscription(node, choice, self._on_command, self._warn)
         PoseTopics(node, lambda: driving.loop, row, lambda: self.publishing.odom_frame, self._warn)
         Services(node, lambda: driving.loop, row)
@@ -314,6 +330,11 @@ class RobotDriving:
         # Those of what robot_state_publisher has sent are in its log.
         notices = self.description.notices if self.description.files else ()
         return [*notices, *self._settings.warnings]
+
+    def report_drift(self) -> None:
+        """Warn once if the robot's odometry and the truth drift apart."""
+        if (loop := self._driving.loop) and (text := loop.fleet.robots[self._row].drift.warning):
+            self._warn(text, text, every=math.inf)
 
     def set_factor(self, factor: float) -> None:
         """Set real_time_factor."""
@@ -394,16 +415,27 @@ class RobotDriving:
         if stamp == 0:
             text = "~/cmd_vel has stamp 0, which is taken as now (logged once)"
             self._warn("stamp", text, every=math.inf)
+        if self.lock.locked:
+            if linear or angular:
+                self._warn("locked", f"~/cmd_vel is ignored: {self.lock}", every=_LOCKED_EVERY)
+            return
+        if stamp and not loop.simulated:
+            # From here on it ages by a clock that nobody sets.
+            stamp += time.monotonic_ns() - time.time_ns()
         loop.post(lambda: self._command(loop, linear, angular, stamp))
 
-    def _command(self, loop: ControlLoop, linear: float, angular: float, stamp: int | None) -> None:
+    def _command(self, loop: ControlLoop, linear: float, angular: float, given: int | None) -> None:
         # The age when it takes effect: the process may have been stopped since it came.
-        now = loop.now_ns() if loop.simulated else time.time_ns()
+        now = loop.now_ns() if loop.simulated else time.monotonic_ns()
         left = 0.0 if loop.simulated else loop.left
-        age = (now - stamp) * 1e-9 + left if stamp else None
+        age = (now - given) * 1e-9 + left if given else None
         refused = loop.fleet.robots[self._row].accept(linear, angular, age)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
+
+    def _brake(self) -> None:
+        if (loop := self._driving.loop) is not None:
+            loop.post(lambda: loop.fleet.robots[self._row].accept(0.0, 0.0, age=0.0))
 
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         loop = self._driving.loop
@@ -456,82 +488,6 @@ class RobotDriving:
         robot.configure(config)
         loop.set_factor(config.real_time_factor)
         self.publishing.use(robot)
-
-
-class CommandSubscription:
-    """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published."""
-
-    kind: str  # the type subscribed to, "Twist" or "TwistStamped"
-
-    def __init__(
-        self,
-        node: Node,
-        choice: str,
-        received: Callable[[float, float, int | None], None],
-        warn: Warn,
-    ) -> None:
-        """Subscribe.
-
-        Args:
-            node: of which ~/cmd_vel is.
-            choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
-            received: called with linear.x in m/s, angular.z in rad/s, and the stamp in ns (None
-                for a Twist, which has none).
-            warn: called with a key and a text to warn of.
-        """
-        self._node, self._received, self._warn = node, received, warn
-        self._topic = node.resolve_topic_name(_COMMAND_TOPIC)
-        self._choice = choice
-        self._check = StampCheck.of(node, _COMMAND_TOPIC)
-        self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
-        self._subscription = TopicSubscription(
-            node, _COMMAND_TOPIC, self._on_message, _COMMAND_TYPES.__getitem__, raw=False
-        )
-        self._subscribe()
-
-    def choose(self, choice: str) -> None:
-        """Change over to another choice (see the constructor); with the next ``follow``."""
-        self._choice = choice
-        if choice != "auto":
-            self._change(f"{_PACKAGE}{choice}")
-
-    def follow(self) -> None:
-        """Change over to the other type if only that is published.
-
-        To be called several times a second.
-        """
-        if self._subscription.type is None:
-            self._subscribe()
-            self._node.get_logger().info(f"commands are {self.kind} now")
-            return
-        published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
-        if self._choice == "auto":
-            known = published & _COMMAND_TYPES.keys()
-            self._change(choose_type(known, self._wanted) or self._wanted)
-        ignored = sorted(published - {self._wanted})
-        if ignored:
-            hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
-            others, used = ", ".join(ignored), self._wanted.removeprefix(_PACKAGE)
-            text = f"{_COMMAND_TOPIC} is also published as {others}, which is ignored"
-            self._warn("type", f"{text}{hint}; {used} is subscribed to")
-
-    def _change(self, kind: str) -> None:
-        """End a subscription of another type; the next ``follow`` makes the new one."""
-        if kind != self._wanted:
-            self._wanted = kind
-            self._subscription.close()
-
-    def _subscribe(self) -> None:
-        self._subscription.update(self._wanted, _COMMAND_QOS)
-        self.kind = self._wanted.removeprefix(_PACKAGE)
-
-    def _on_message(self, kind: str, message: Any) -> None:
-        if kind == _TWIST:
-            self._received(message.linear.x, message.angular.z, None)
-        else:
-            twist, stamp = message.twist, nanoseconds(message.header.stamp)
-            self._check.take(stamp, time.time_ns())
-            self._received(twist.linear.x, twist.angular.z, stamp)
 
 
 class PoseTopics:

@@ -13,6 +13,8 @@ follow --robot are one node's, those that follow --ros-args are all nodes'.
 Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
         linear.x and angular.z count. See cmd_vel_type.
+    ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): true has the robot brake and ignore all
+        commands until false comes, whoever sends either; beside ~/cmd_vel, if that is remapped.
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): puts the robot there, at rest, unless
         something is in the way; frame_id is world_frame_id (or empty) or the odometry's. The
         odometry does not change.
@@ -30,11 +32,17 @@ Publishes (reliable, depth 10, unless noted):
     /tf_static (tf2_msgs/msg/TFMessage, transient local): world_frame_id -> odom_frame_id; in a
         world instead its links that stand still.
     /world_description (std_msgs/msg/String, transient local): the URDF of the world, if any.
+    ~/cmd_vel_locked (std_msgs/msg/Bool, transient local): whether it is locked, at every change.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
         publish_limited_velocity; else there is no such topic.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
         or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Else they
         are the system's, and there is no /clock.
+
+    /diagnostics (diagnostic_msgs/msg/DiagnosticArray): each second the real-time factor in it, and
+        the control cycles that were missed; WARN where it is below 0.95 of real_time_factor.
+Velocities are by the clock that stamps them: in slow motion, on the system's time, they are lower
+than those of the simulation.
 
 Services:
     ~/reset (std_srvs/srv/Trigger): back to the beginning: x, y, yaw, odometry zero, no command; the
@@ -77,7 +85,13 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.parameters import default_control_file, read_control_files
-from onebot_description.node import RosArguments, ros_args, run_described_node, split_robots
+from onebot_description.node import (
+    RosArguments,
+    at_stop,
+    ros_args,
+    run_described_node,
+    split_robots,
+)
 
 if TYPE_CHECKING:
     from onebot_control.driving import Driving
@@ -122,6 +136,7 @@ def velocity_controllers(
 
     each = [arguments.joined(own) for own in robots] or [arguments]
     driving = Driving(nodes, file, each)
+    at_stop(driving.stop)
     for node in nodes:
         node.driving = driving
     return nodes

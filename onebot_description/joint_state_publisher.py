@@ -79,6 +79,7 @@ from onebot_description.parameters.reader import (
     defaults,
     descriptor,
     ros_parameter,
+    set_doubles,
 )
 from onebot_description.parameters.values import plain
 
@@ -101,6 +102,7 @@ class JointParameters:
         self._name = node.get_fully_qualified_name()
         self._places: Mapping[str, str] = {}  # of the file being applied
         self.describing = False
+        set_doubles(node, JointsConfig)
         self.live = LiveParameters(arguments.files, self._name, JointsConfig)
         given = [name for to, name in arguments.names if to in ("", node.get_name())]
         self.values = self._declare(given)

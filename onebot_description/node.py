@@ -6,16 +6,19 @@ import argparse
 import functools
 import math
 import os
+import re
+import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple, ParamSpec
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.exceptions import InvalidParameterTypeException, NameValidationException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -36,6 +39,7 @@ from onebot_description.signals import StopSignals
 P = ParamSpec("P")
 MakeNode = Callable[[], Node | Sequence[Node]]
 InvalidHandle = rclpy_implementation.InvalidHandle
+RCLError = rclpy_implementation.RCLError
 
 # For those who subscribe later than it was published: the description, a page's address.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -47,6 +51,9 @@ _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _LONGEST = 4000  # characters of a throttled warning: it may name what a message holds
 _PATIENCE = 2.0  # seconds without a description before a warning
 _POLL_PUBLISHERS = 1.0  # seconds
+_PLACE = re.compile(r", at \S+:\d+")  # in ROS's sources
+# What ROS says of a topic that the node has as another type: of a publisher, of a subscription.
+_TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
 # For how long a second publisher must be there: a node may end while its successor starts, and to
 # those that knew it, one that was killed seems to be there for 20 s more (the lease of Fast DDS).
 _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
@@ -81,7 +88,7 @@ def run_node(
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy raises several kinds, none of them public
-            return _fail(f"bad ROS arguments: {_first_line(error)}")
+            return _fail(f"bad ROS arguments: {first_line(error)}")
         _stops.append(stop)
         try:
             return _spin(make_node, stop, signals, events)
@@ -92,12 +99,11 @@ def run_node(
 
 def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> int:
     try:
-        _spin_node(make_node, stop, signals, events)
+        with ros_errors():
+            _spin_node(make_node, stop, signals, events)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except OneBotError as error:
-        return _fail(str(error))
-    except InvalidParameterTypeException as error:  # of rclpy's own, such as use_sim_time
         return _fail(str(error))
     return 0
 
@@ -121,6 +127,9 @@ def _spin_node(make_node: MakeNode, stop: Future, signals: StopSignals, events: 
                 executor.remove_node(node)
             node.destroy_node()
         if executor is not None:
+            # It frees the entities of DDS, which takes rmw_fastrtps the square of their number: for
+            # 100 robots seconds. All else is done, and SIGTERM may end the process meanwhile.
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
             executor.shutdown()
 
 
@@ -201,14 +210,37 @@ def ends_node(callback: Callable[P, None]) -> Callable[P, None]:
     return call
 
 
+def at_stop(function: Callable[[], object]) -> None:
+    """Have a function called as soon as the nodes of this process are to stop.
+
+    It is called in another thread: the executor may take long to return on a busy machine.
+    """
+    for stop in _stops:
+        stop.add_done_callback(lambda _: function())
+
+
 def _finish(stop: Future) -> None:
     if not stop.done():
         stop.set_result(None)
 
 
-def _first_line(error: BaseException) -> str:
+@contextmanager
+def ros_errors() -> Iterator[None]:
+    """Raise what ROS refuses as an OneBotError: a name, a type, a topic of two types."""
+    warnings.filterwarnings("ignore", "Failed to fini")  # rclpy on a node that it has not made
+    try:
+        yield
+    except (RCLError, NameValidationException, InvalidParameterTypeException) as error:
+        text = first_line(error)
+        if any(words in text for words in _TWO_TYPES):
+            text += "; a node has a topic as one type only: see its name, and remappings (-r)"
+        raise OneBotError(text) from None
+
+
+def first_line(error: BaseException) -> str:
+    """Return the first line of an error of ROS, without the places in ROS's sources."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__
+    return _PLACE.sub("", lines[0]).rstrip(":") if lines else type(error).__name__
 
 
 def run_described_node(
@@ -262,7 +294,7 @@ def _parser(name: str, explanation: str | None) -> argparse.ArgumentParser:
 
 def _fail(message: str) -> int:
     """Print a user's mistake as one error; return the exit code for it."""
-    print(f"error: {message}", file=sys.stderr, flush=True)
+    print(f"error: {OneBotError(message)}", file=sys.stderr, flush=True)
     return 1
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -105,6 +106,7 @@ class TopicSubscription:
         message_class: Callable[[str], Any],
         *,
         raw: bool = True,
+        lost: Callable[[int], None] | None = None,
     ) -> None:
         """Prepare; ``update`` subscribes.
 
@@ -114,9 +116,16 @@ class TopicSubscription:
             received: called with the type and the message.
             message_class: returns the Python class of a type such as "std_msgs/msg/String".
             raw: receive messages as bytes.
+            lost: called with the number of messages that were lost on the way, as far as DDS knows.
         """
         self._node, self._topic = node, topic
         self._received, self._message_class, self._raw = received, message_class, raw
+
+        def on_lost(status: Any) -> None:
+            assert lost is not None
+            lost(status.total_count_change)
+
+        self._events = SubscriptionEventCallbacks(message_lost=on_lost if lost else None)
         self._subscription: Subscription | None = None
 
     def update(self, kind: str, qos: QoSProfile) -> None:
@@ -142,7 +151,12 @@ class TopicSubscription:
         received = partial(self._receive, kind)
         try:
             self._subscription = self._node.create_subscription(
-                self._message_class(kind), self._topic, received, qos, raw=self._raw
+                self._message_class(kind),
+                self._topic,
+                received,
+                qos,
+                event_callbacks=self._events,
+                raw=self._raw,
             )
         except RCLError as error:
             raise TypeConflictError(

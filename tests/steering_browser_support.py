@@ -13,7 +13,6 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
-from onebot_bringup.steering.arbiter import DRIVER_TIMEOUT
 from tests.ros_support import NodeProcess, ros_args
 from tests.support import wait_for
 
@@ -145,8 +144,8 @@ class Page:
     ) -> T:
         """Press a control and wait for what it does; it stays pressed.
 
-        Where page, server and robot get no processor time for a second, the robot is stopped and
-        the control has to be pressed anew, which is done here.
+        Where the page gets no processor time for a second, or the control does not move the robot
+        for as long as a still hand counts, it has to be pressed anew, which is done here.
         """
         press()
         pressed = time.monotonic()
@@ -156,7 +155,7 @@ class Page:
             found = reached()
             if found and self.body("driver") == "you":
                 return found
-            if self.body("hand") == "" and time.monotonic() > pressed + DRIVER_TIMEOUT:
+            if self.body("hand") == "" and time.monotonic() > pressed + 1.0:
                 release()
                 press()
                 pressed = time.monotonic()

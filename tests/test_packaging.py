@@ -39,7 +39,7 @@ def test_top_level_folders_are_the_fixed_ones():
         ["git", "ls-files"], cwd=CHECKOUT, capture_output=True, text=True, check=True
     ).stdout.split()
     folders = {path.split("/")[0] for path in tracked if "/" in path}
-    assert folders <= {*MAY_IMPORT, "tests", ".ci"}
+    assert folders <= {*MAY_IMPORT, "tests", ".ci", ".github"}
 
 
 @pytest.mark.parametrize("package", MAY_IMPORT)

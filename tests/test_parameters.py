@@ -137,6 +137,7 @@ def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     own = {"viewer", "save", "view", "frame_prefix", "grpc_port", "web_port", "open_browser"}
     assert {name for name, one in found.items() if one.read_only} == {
         *own,
+        "embedded",
         "memory_limit",
         "robots",
         "plots",

@@ -28,7 +28,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.cli.main import VERBS
 from onebot_description.description import load_description
-from tests.benchmarks.registry import BENCHMARKS
+from tests.benchmarks.__main__ import BENCHMARKS
 from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import PATIENCE, wait_for
@@ -148,15 +148,26 @@ NODES = (
             },
             "motions": {
                 "constant": {"type": "constant", "position": 0.1},
-                "sine": {"amplitude": 0.1, "frequency": 0.1, "phase": 0.1, "offset": 0.1},
+                "sine": {
+                    "type": "sine",
+                    "amplitude": 0.1,
+                    "frequency": 0.1,
+                    "phase": 0.1,
+                    "offset": 0.1,
+                },
                 "keyframes": {
+                    "type": "keyframes",
                     "times": [0.0, 1.0],
                     "positions": [0.0, 0.1],
                     "blend": "linear",
                     "loop": True,
                 },
-                "posed_keyframes": {"times": [0.0, 1.0], "poses": ["low", "high"]},
-                "pose": {"pose": "low"},
+                "posed_keyframes": {
+                    "type": "keyframes",
+                    "times": [0.0, 1.0],
+                    "poses": ["low", "high"],
+                },
+                "pose": {"type": "pose", "pose": "low"},
             },
         },
         description=MANY_JOINTS,

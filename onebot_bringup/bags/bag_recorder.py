@@ -4,6 +4,8 @@
 The folder is complete about once a second: whatever ends the recorder, all but the last second can
 be read, by ``ros2 bag info`` and ``play`` (Jazzy or newer), Foxglove and ``onebot replay``.
 
+It warns of messages that were lost on their way to it, and of a time in which it received none.
+
 Subscribes:
     /tf, /tf_static, joint_states, robot_description, velocity_controller/odom: from the start.
     every other topic that appears, but hidden ones, /rosout and /parameter_events; its QoS is
@@ -19,6 +21,7 @@ Parameters:
         first message on /clock.
 """
 
+import math
 import re
 import sys
 import time
@@ -35,7 +38,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import full_definition, message_class
 from onebot_description.errors import OneBotError
-from onebot_description.node import ends_node, run_node
+from onebot_description.node import Throttled, ends_node, run_node
 from onebot_description.parameters.reader import (
     REQUIRED,
     declare,
@@ -57,6 +60,8 @@ _POLL_PERIOD = 0.2  # seconds between looking for topics
 _POLLS = 8  # polls, after which every topic is looked at, also where no count has changed
 _WRITE_PERIOD = 1.0  # seconds between checkpoints, and longer where writing takes long:
 _LEAST_IDLE = 10.0  # times as long as a checkpoint takes, there is none
+_AWAY = 3.0  # seconds between two polls after which the recorder was away
+_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)  # goes on while the computer sleeps
 _DEPTH = 1000  # what may queue up while the disk is slow: 10 s at 100 Hz
 _DEFAULT = QoSProfile(depth=_DEPTH)
 _LATCHED = QoSProfile(depth=_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -151,7 +156,8 @@ class BagRecorder(Node):
     def _finish(self, bag: BagWriter) -> None:
         bag.close()
         recorded = f"recorded {bag.message_count} messages of {bag.topic_count} topics"
-        self.get_logger().info(f"{recorded} to {bag.folder}")
+        lost = f", {self._topics.lost} were lost" if self._topics.lost else ""
+        self.get_logger().info(f"{recorded} to {bag.folder}{lost}")
 
 
 def _pattern(name: str, text: str) -> re.Pattern[str] | None:
@@ -187,6 +193,7 @@ class _Recorded:
 
     subscription: TopicSubscription
     number: int | None = None  # the topic's in the recording
+    lost: int = 0  # messages
 
 
 class TopicRecorder:
@@ -211,7 +218,14 @@ class TopicRecorder:
         self._topics: dict[str, _Recorded] = {}
         self._counts: dict[str, Any] = {}
         self._polls = 0
+        self._polled = math.inf
         self._warned: set[str] = set()
+        self._warn_of_loss = Throttled(node.get_logger().warning)
+
+    @property
+    def lost(self) -> int:
+        """The number of messages that DDS knows to be lost."""
+        return sum(recorded.lost for recorded in self._topics.values())
 
     def poll(self) -> None:
         """Subscribe to new topics, and again where the publishers of one have changed.
@@ -219,6 +233,7 @@ class TopicRecorder:
         Nothing is subscribed to before simulated time is known: what is latched would be stamped
         with 0, and to play the recording would take decades.
         """
+        self._report_absence()
         if not self._now():
             self._warn("waiting for the first message on /clock, as use_sim_time is true")
             return
@@ -234,6 +249,15 @@ class TopicRecorder:
                 if self._counts.get(topic) != counts:
                     self._counts[topic] = counts
                     self._update(topic)
+
+    def _report_absence(self) -> None:
+        """Warn after a time without polls."""
+        before, self._polled = self._polled, time.clock_gettime(_CLOCK)
+        if self._polled - before > _AWAY:
+            self._node.get_logger().warning(
+                f"received nothing for {self._polled - before:.1f} s: the recorder was stopped, "
+                "the computer slept or is overloaded; messages may be missing"
+            )
 
     def _subscribe_to_known(self) -> None:
         for name, (kind, transient_local) in _KNOWN.items():
@@ -290,7 +314,11 @@ class TopicRecorder:
                 recorded.number = self._bag.add_topic(self._described(topic, kind))
             self._bag.write(recorded.number, now, data)
 
-        subscription = TopicSubscription(self._node, topic, received, message_class)
+        def lost(count: int) -> None:
+            recorded.lost += count
+            self._warn_of_loss(topic, f"{topic}: {recorded.lost} messages were lost by now")
+
+        subscription = TopicSubscription(self._node, topic, received, message_class, lost=lost)
         recorded = self._topics[topic] = _Recorded(subscription)
         subscription.update(kind, qos)
 

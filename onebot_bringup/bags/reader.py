@@ -1,5 +1,8 @@
 """Reads recordings of ROS 2, ours or anyone's: MCAP files, SQLite files, and folders of them."""
 
+import heapq
+import io
+import math
 import os
 import shutil
 import sqlite3
@@ -7,19 +10,20 @@ import struct
 import tempfile
 import weakref
 import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import closing, suppress
+from collections.abc import Callable, Collection, Iterator, Mapping, Set
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import IO, Any, NamedTuple
 
+import lz4.frame
 import yaml
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import CRCValidationError, StreamReader
-from mcap.summary import Summary
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, ChunkIndex, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from onebot_bringup.bags.writer import METADATA, Qos
@@ -28,50 +32,56 @@ from onebot_description.errors import OneBotError, natural_order
 from onebot_description.parameters import bounded_yaml
 from onebot_description.wire.cdr import NANO
 
+MAX_SIZE = 256_000_000  # bytes
+_FILE_RATIO = 100  # a file that is compressed as a whole becomes larger by at most as much
+
 # rosbag2's own compression, of files or of each message, beside that of the chunks in an MCAP file.
 _ZSTD = "zstd"
 _COMPRESSED = f".{_ZSTD}"
 _FRAME = b"\x28\xb5\x2f\xfd"  # how zstd's data begins, and no CDR does
 _ROS1 = ".bag"
-# What sqlite3 raises for bytes that are no SQLite; UnicodeError: an error that quotes damaged text.
-_SQLITE_DAMAGE = (sqlite3.Error, UnicodeError, MemoryError)
-# What mcap raises for bytes that are no MCAP.
+# What mcap, the decompressors and sqlite3 raise for damaged files.
 _DAMAGE = (
-    McapError, OSError, struct.error, zstandard.ZstdError, ValueError, KeyError, EOFError,
-    RuntimeError, OverflowError, MemoryError,
+    McapError, OSError, struct.error, zstandard.ZstdError, sqlite3.Error, ValueError, KeyError,
+    EOFError, RuntimeError, OverflowError, MemoryError,
 )  # fmt: skip
 _CDR = "cdr"
 _MSG = "ros2msg"  # the encoding of definitions that are .msg text, not IDL
-_MOST = 1 << 30  # bytes of a record: more is taken to be damage
+_OFFERED = "offered_qos_profiles"
 _INFINITE_S = 2**31 - 1  # s: this or more stands for an infinite duration; in Foxy it is this
+
+_RECORD = struct.Struct("<BQ")  # how a record of MCAP begins: what it is, and its length
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of receipt and of publishing
+_FOOTER = struct.Struct("<Q12x8s")  # where the summary starts, and the magic bytes
+_READ = {
+    Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.CHUNK_INDEX,
+    Opcode.STATISTICS, Opcode.DATA_END, Opcode.FOOTER,
+}  # fmt: skip
+_OVERHEAD = 300  # bytes of a message in memory beside its data
+
 _LOGGED = b"\2\2"  # in the header of a SQLite file: it is written by way of a log
-_FOOTER = struct.Struct("<QQI8s")  # start of the summary and of its offsets, checksum, magic
-_CRC_OFFSET = 16  # bytes; the checksum is of all from the summary's start to here
-# SQLite takes values of any type in any column.
-_TOPICS = """
-    SELECT * FROM topics
-    WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
+_STEPS = 100_000  # of SQLite, some milliseconds, between two moments at which Ctrl-C counts
+# A view may have rows without end, and so may what is computed: only what is stored is read.
+_TABLES = """
+    SELECT name FROM sqlite_master
+    WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages', 'message_definitions')
+        AND NOT EXISTS (SELECT 1 FROM pragma_table_xinfo(sqlite_master.name) WHERE hidden)
 """
-# From Iron on; in SQLite they have a table of their own.
-_HAS_DEFINITIONS = "SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'"
+_TOPICS = "SELECT * FROM topics WHERE serialization_format = 'cdr'"
 _DEFINITIONS = """
     SELECT topic_type, encoded_message_definition FROM message_definitions
-    WHERE encoding = 'ros2msg' AND typeof(topic_type) = 'text'
-        AND typeof(encoded_message_definition) = 'text'
-"""
+    WHERE encoding = 'ros2msg' AND encoded_message_definition NOTNULL
+"""  # from Iron on
 _EXTENTS = """
-    SELECT topics.name, count(*), min(messages.timestamp), max(messages.timestamp)
-    FROM messages JOIN topics ON messages.topic_id = topics.id
-    WHERE typeof(messages.timestamp) = 'integer' GROUP BY topics.name
+    SELECT topic_id, count(*), CAST(min(timestamp) AS INTEGER), CAST(max(timestamp) AS INTEGER)
+    FROM messages WHERE timestamp NOTNULL GROUP BY topic_id
 """
 _MESSAGES = """
-    SELECT topics.name, topics.type, messages.timestamp, messages.data
-    FROM messages JOIN topics ON messages.topic_id = topics.id
-    WHERE topics.name IN ({})
-        AND typeof(messages.data) = 'blob' AND typeof(messages.timestamp) = 'integer'
-    ORDER BY messages.timestamp, messages.id
+    SELECT topic_id, CAST(timestamp AS INTEGER), length(data),
+        CASE WHEN length(data) <= ? THEN CAST(data AS BLOB) END
+    FROM messages WHERE topic_id IN ({}) AND data NOTNULL AND timestamp NOTNULL
+    ORDER BY timestamp, id
 """
-_Found = Iterator[tuple[Schema | None, Channel, Message]]
 
 
 class BagMessage(NamedTuple):
@@ -100,14 +110,20 @@ class Bag:
         warnings: problems in spite of which it can be read; reading may add some.
     """
 
-    def __init__(self, source: Path) -> None:
-        """Open the recording at ``source``.
+    def __init__(self, source: Path, max_size: int = MAX_SIZE) -> None:
+        """Open a recording.
+
+        Args:
+            source: its file or folder.
+            max_size: bytes that are read or unpacked at once, of a message or a chunk, at most.
 
         Raises:
             OneBotError: there is none, or it cannot be read.
         """
         self.source = source
+        self._max_size = max_size
         self.warnings: list[str] = []
+        self._left_out: set[str] = set()  # topics with messages that cannot be decompressed
         self.distro = ""
         try:
             self.files = self._find()
@@ -119,7 +135,7 @@ class Bag:
         self.definitions: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         self.offered: dict[str, list[Qos]] = {}
-        found = [_FORMATS[file.suffix].contents(file) for file in self._readable]
+        found = [_FORMATS[file.suffix].contents(file, max_size) for file in self._readable]
         for contents in found:
             self.definitions = {**contents.definitions, **self.definitions}
             for name, topic in contents.topics.items():
@@ -137,11 +153,15 @@ class Bag:
         Of a damaged file, the messages before the damage are returned, with a warning.
         """
         for file in self._readable:
-            for message in _FORMATS[file.suffix].read(file, topics, self.warnings.append):
-                if not message.data.startswith(_FRAME):
-                    yield message
-                elif (data := self._decompressed_message(message)) is not None:
-                    yield message._replace(data=data)
+            try:
+                for message in _FORMATS[file.suffix].read(file, topics, self._max_size):
+                    if not message.data.startswith(_FRAME):
+                        yield message
+                    elif (data := self._decompressed_message(message)) is not None:
+                        yield message._replace(data=data)
+            except _DAMAGE as error:
+                name = f"{file} ({_megabytes(file.stat().st_size)})"
+                self.warnings.append(f"{name}: {_reason(error)}; what comes before is read")
 
     def definition(self, type_name: str) -> str:
         """Return the definition of a message type: the recording's, or else the installed one.
@@ -168,23 +188,33 @@ class Bag:
         folder = tempfile.mkdtemp(prefix="onebot-")
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         target = Path(folder, file.stem)
+        most = max(self._max_size, _FILE_RATIO * file.stat().st_size)
         try:
-            with file.open("rb") as source, target.open("wb") as plain:
-                zstandard.ZstdDecompressor().copy_stream(source, plain)
-        except (OSError, zstandard.ZstdError) as error:
+            with _opened(file) as source, target.open("wb") as plain:
+
+                def read(size: int) -> bytes:  # in Python: Ctrl-C counts between two calls
+                    _check_size("a gap", source.tell() - plain.tell(), self._max_size)
+                    return source.read(size)
+
+                reader: Any = SimpleNamespace(read=read)
+                for part in zstandard.ZstdDecompressor().read_to_iter(reader):
+                    plain.write(part)
+                    _check_size("its content", plain.tell(), most)
+        except (OSError, zstandard.ZstdError, ValueError) as error:
             raise OneBotError(f"{file} cannot be decompressed into {folder}: {error}") from error
         return target
 
     def _decompressed_message(self, message: BagMessage) -> bytes | None:
         """Its data; None, with a warning for each topic, if they are damaged."""
         try:
-            if 0 <= zstandard.frame_content_size(message.data) <= _MOST:
-                return zstandard.ZstdDecompressor().decompress(message.data)
-        except zstandard.ZstdError:
-            pass
-        warning = f"{self.source} has messages of {message.topic} that cannot be decompressed"
-        if warning not in self.warnings:
-            self.warnings.append(warning)
+            return _decompressed(message.data, self._max_size)
+        except (zstandard.ZstdError, ValueError) as error:
+            if message.topic not in self._left_out:
+                self._left_out.add(message.topic)
+                self.warnings.append(
+                    f"{self.source} has messages of {message.topic} that cannot be decompressed: "
+                    f"{error}"
+                )
         return None
 
     def _find(self) -> list[Path]:
@@ -257,6 +287,37 @@ def _is_storage(path: Path) -> bool:
     return (Path(path.stem) if path.suffix == _COMPRESSED else path).suffix in _FORMATS
 
 
+def _opened(path: Path) -> IO[bytes]:
+    try:
+        return bounded_yaml.open_regular(path)
+    except OSError as error:
+        raise OneBotError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def _check_size(what: str, size: int, max_size: int) -> None:
+    """Raise a ValueError for what is too large to be read, before it is."""
+    if size > max_size:
+        raise ValueError(
+            f"{what} of {_megabytes(size)} is above {_megabytes(max_size)}, which max_size sets"
+        )
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:,.1f} MB"
+
+
+def _decompressed(data: bytes, max_size: int) -> bytes:
+    """Return what a frame of zstd holds, if that is not too large."""
+    _check_size("a message or chunk", zstandard.frame_content_size(data), max_size)
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=max_size)
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, KeyError):
+        return f"it lacks the channel {error}"
+    return str(error) or "it ends too early"
+
+
 @dataclass
 class _Topic:
     """A topic in a file."""
@@ -318,41 +379,61 @@ def _limit(duration: Mapping[str, Any] | None) -> int | None:
     return limit if seconds < _INFINITE_S and 0 < limit < _INFINITE_S * NANO else None
 
 
-def _mcap_contents(path: Path) -> _Contents:
-    """What is in the file by its summary, or else by reading all of it."""
-    with _opened_mcap(path) as file:
-        summary = _summary(file)
-        contents = _summarized(summary) if summary is not None else _counted(file)
-    if not contents.topics and contents.count:
-        raise OneBotError(f"{path} holds no messages of ROS 2 (in CDR)")
-    return contents
+# --- MCAP -----------------------------------------------------------------------------------------
 
 
-def _summarized(summary: Summary) -> _Contents:
-    contents = _Contents()
-    for channel in summary.channels.values():
-        _add_channel(contents, channel, summary.schemas.get(channel.schema_id))
-    statistics = summary.statistics
-    assert statistics is not None
-    extent = statistics.message_start_time, statistics.message_end_time
-    for number, count in statistics.channel_message_counts.items():
-        contents.add(summary.channels[number].topic, count, *extent)
-    return contents
+@dataclass
+class _Declared:
+    """What the records of an MCAP file declare, in its summary or between its messages."""
 
+    room: int  # bytes of records that may still be kept
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    statistics: Statistics | None = None
 
-def _add_channel(contents: _Contents, channel: Channel, schema: Schema | None) -> None:
-    if channel.message_encoding == _CDR and schema is not None:
-        offered, kind = str(channel.metadata.get("offered_qos_profiles", "")), _full(schema.name)
-        contents.topics.setdefault(channel.topic, _Topic(kind, offered))
-        if schema.encoding == _MSG and kind not in contents.definitions:
-            contents.definitions[kind] = schema.data.decode(errors="replace")
+    def add(self, opcode: int, data: bytes) -> None:
+        """Keep what a record declares; records of other kinds are passed over."""
+        number = int.from_bytes(data[:2], "little")  # of a schema or channel; they may be repeated
+        if (opcode == Opcode.SCHEMA and number in self.schemas) or (
+            opcode == Opcode.CHANNEL and number in self.channels
+        ):
+            return
+        self.room -= len(data)
+        if self.room < 0:
+            raise ValueError("more definitions and indexes than max_size allows")
+        stream = ReadDataStream(io.BytesIO(data))
+        if opcode == Opcode.SCHEMA:
+            self.schemas[number] = Schema.read(stream)
+        elif opcode == Opcode.CHANNEL:
+            self.channels[number] = Channel.read(stream)
+        elif opcode == Opcode.CHUNK_INDEX:
+            self.chunks.append(ChunkIndex.read(stream))
+        elif opcode == Opcode.STATISTICS:
+            self.statistics = Statistics.read(stream)
 
+    def type_of(self, number: int) -> tuple[str, str]:
+        """Return the topic and the type of a channel; empty if its messages are not in CDR."""
+        channel = self.channels[number]
+        schema = self.schemas.get(channel.schema_id)
+        if channel.message_encoding != _CDR or schema is None:
+            return "", ""
+        package, _, kind = schema.name.partition("/")
+        return channel.topic, schema.name if "/" in kind else f"{package}/msg/{kind}"
 
-def _opened(path: Path) -> IO[bytes]:
-    try:
-        return path.open("rb")
-    except OSError as error:
-        raise OneBotError(f"{path} cannot be read: {error.strerror}") from error
+    @property
+    def is_index(self) -> bool:
+        """Whether it has statistics, channels, schemas, and chunks that do not overlap."""
+        if self.statistics is None or not self.chunks:
+            return False
+        counts, schemas = self.statistics.channel_message_counts, {0, *self.schemas}  # 0: none
+        chunks = sorted((chunk.chunk_start_offset, chunk.chunk_length) for chunk in self.chunks)
+        return (
+            all(a + length <= b for (a, length), (b, _) in zip(chunks, chunks[1:], strict=False))
+            and self.statistics.message_count == sum(counts.values())
+            and counts.keys() <= self.channels.keys()
+            and all(channel.schema_id in schemas for channel in self.channels.values())
+        )
 
 
 def _opened_mcap(path: Path) -> IO[bytes]:
@@ -365,157 +446,246 @@ def _opened_mcap(path: Path) -> IO[bytes]:
     return file
 
 
-def _summary(file: IO[bytes]) -> Summary | None:
+def _index(file: IO[bytes], max_size: int) -> _Declared | None:
     """The summary; None where the file has to be read in order.
 
     It was cut off or ends in a damaged one, or it was written without an index of its chunks,
     without statistics, or without channels or schemas in its summary, all of which are optional.
     """
+    index = _Declared(max_size)
     try:
-        if not _ends_sound(file):
+        file.seek(-_FOOTER.size, os.SEEK_END)
+        start, magic = _FOOTER.unpack(file.read(_FOOTER.size))
+        if magic != MCAP0_MAGIC or not start:
             return None
-        file.seek(0)
-        summary = SeekingReader(file, record_size_limit=_MOST).get_summary()
+        file.seek(start)
+        for opcode, data in _records(file, max_size):
+            if opcode == Opcode.FOOTER:
+                break
+            index.add(opcode, data)
     except _DAMAGE:
         return None
-    return summary if summary is not None and _is_complete(summary) else None
+    return index if index.is_index else None
 
 
-def _is_complete(summary: Summary) -> bool:
-    """Whether it has all that is asked of it: statistics, channels, schemas, chunks."""
-    statistics, channels = summary.statistics, summary.channels
-    if statistics is None or not summary.chunk_indexes:
-        return False
-    counts, schemas = statistics.channel_message_counts, {0, *summary.schemas}  # 0: it has none
-    return (
-        statistics.message_count == sum(counts.values())
-        and counts.keys() <= channels.keys()
-        and all(channel.schema_id in schemas for channel in channels.values())
-    )
+def _records(file: IO[bytes], max_size: int) -> Iterator[tuple[int, bytes]]:
+    """Yield the records from here on: what they are, and their content."""
+    place = file.tell()
+    end = file.seek(0, os.SEEK_END)
+    file.seek(place)
+    while place < end:
+        opcode, length = _RECORD.unpack(file.read(_RECORD.size))
+        place += _RECORD.size + length
+        if opcode == 0 or place > end:
+            raise EOFError("a record is damaged" if opcode == 0 else "it ends within a record")
+        if opcode in _READ:
+            _check_size("a record", length, max_size)
+            yield opcode, file.read(length)
+        else:
+            file.seek(place)
 
 
-def _ends_sound(file: IO[bytes]) -> bool:
-    """Whether the end is there, with the right checksum (which mcap's reader ignores) or none."""
-    file.seek(-_FOOTER.size, os.SEEK_END)
-    end = file.tell() + _CRC_OFFSET
-    start, _, crc, magic = _FOOTER.unpack(file.read(_FOOTER.size))
-    if magic != MCAP0_MAGIC:
-        return False
-    file.seek(start)
-    return not start or not crc or zlib.crc32(file.read(end - start)) == crc
+def _records_of_chunk(data: bytes, max_size: int) -> Iterator[tuple[int, bytes]]:
+    chunk = Chunk.read(ReadDataStream(io.BytesIO(data)))
+    size, packed = chunk.uncompressed_size, chunk.data
+    _check_size("a chunk", size, max_size)
+    if chunk.compression == "zstd":
+        packed = _decompressed(packed, size)
+    elif chunk.compression == "lz4":
+        packed = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+    elif chunk.compression:
+        raise ValueError(f"its chunks are compressed by {chunk.compression}, not zstd or lz4")
+    if chunk.uncompressed_crc and zlib.crc32(packed) != chunk.uncompressed_crc:
+        raise ValueError("a checksum is wrong")
+    return _records(io.BytesIO(packed), max_size)
 
 
-def _full(name: str) -> str:
-    """``package/msg/Type``, of the short name too that some writers use."""
-    package, _, kind = name.partition("/")
-    return name if "/" in kind else f"{package}/msg/{kind}"
+def _in_file_order(
+    file: IO[bytes], declared: _Declared, max_size: int
+) -> Iterator[tuple[int, int, bytes]]:
+    """Yield channel, time and data of each message, after what declares it."""
+    file.seek(len(MCAP0_MAGIC))
+    for opcode, data in _records(file, max_size):
+        if opcode == Opcode.DATA_END:
+            return
+        records = ((opcode, data),)
+        for kind, part in _records_of_chunk(data, max_size) if opcode == Opcode.CHUNK else records:
+            if kind == Opcode.MESSAGE:
+                yield _message(part)
+            else:
+                declared.add(kind, part)
+    raise EOFError("it ends too early")
 
 
-def _counted(file: IO[bytes]) -> _Contents:
+def _message(record: bytes) -> tuple[int, int, bytes]:
+    channel, _, time, _ = _MESSAGE.unpack_from(record)
+    return channel, time, record[_MESSAGE.size :]
+
+
+def _by_time(
+    file: IO[bytes], index: _Declared, channels: Collection[int], max_size: int
+) -> Iterator[tuple[int, int, bytes]]:
+    """Yield channel, time and data of the messages of ``channels``; chunks overlap in time."""
+    waiting: list[tuple[int, int, int, int, bytes]] = []
+    held = 0
+
+    def before(time: float) -> Iterator[tuple[int, int, bytes]]:
+        nonlocal held
+        while waiting and waiting[0][0] < time:
+            stamp, _, _, channel, data = heapq.heappop(waiting)
+            held -= len(data) + _OVERHEAD
+            yield channel, stamp, data
+
+    for chunk in sorted(index.chunks, key=lambda chunk: chunk.message_start_time):
+        if chunk.message_index_offsets and not chunk.message_index_offsets.keys() & channels:
+            continue
+        yield from before(chunk.message_start_time)
+        file.seek(chunk.chunk_start_offset)
+        opcode, data = next(_records(file, max_size))
+        if opcode != Opcode.CHUNK or _RECORD.size + len(data) != chunk.chunk_length:
+            raise ValueError("its index is none of its chunks")
+        for number, (kind, record) in enumerate(_records_of_chunk(data, max_size)):
+            if kind == Opcode.MESSAGE and int.from_bytes(record[:2], "little") in channels:
+                channel, time, content = _message(record)
+                held += len(content) + _OVERHEAD
+                _check_size("what overlaps in time", held, max_size)
+                place = chunk.chunk_start_offset
+                heapq.heappush(waiting, (time, place, number, channel, content))
+    yield from before(math.inf)
+
+
+def _mcap_contents(path: Path, max_size: int) -> _Contents:
+    """What is in the file by its summary, or else by reading all of it."""
     contents = _Contents()
-    for schema, channel, message in _in_file_order(file, lambda _: None):
-        _add_channel(contents, channel, schema)
-        contents.add(channel.topic, 1, message.log_time, message.log_time)
+    with _opened_mcap(path) as file:
+        declared = _index(file, max_size)
+        if declared is not None and (found := declared.statistics) is not None:
+            extent = found.message_start_time, found.message_end_time
+            counts = found.channel_message_counts
+            extents = {number: (count, *extent) for number, count in counts.items()}
+        else:
+            declared = _Declared(max_size)
+            extents = _counted(file, declared, max_size)
+    for number, channel in declared.channels.items():
+        topic, kind = declared.type_of(number)
+        if topic:
+            contents.topics.setdefault(topic, _Topic(kind, channel.metadata.get(_OFFERED, "")))
+            schema = declared.schemas[channel.schema_id]
+            if schema.encoding == _MSG and kind not in contents.definitions:
+                contents.definitions[kind] = schema.data.decode(errors="replace")
+    for number, values in extents.items():
+        contents.add(declared.channels[number].topic, *values)
+    if not contents.topics and contents.count:
+        raise OneBotError(f"{path} holds no messages of ROS 2 (in CDR)")
     return contents
 
 
-def _read_mcap(
-    path: Path, topics: Collection[str], warn: Callable[[str], None]
-) -> Iterator[BagMessage]:
-    """Yield messages by time; of a damaged file, those before the damage, in the file's order."""
+def _counted(
+    file: IO[bytes], declared: _Declared, max_size: int
+) -> dict[int, tuple[int, int, int]]:
+    """Number of messages, first and last time of each channel, up to the first damage."""
+    extents: dict[int, tuple[int, int, int]] = {}
+    with suppress(*_DAMAGE):
+        for number, time, _ in _in_file_order(file, declared, max_size):
+            declared.channels[number]  # or it is damage
+            count, start, end = extents.get(number, (0, time, time))
+            extents[number] = count + 1, min(start, time), max(end, time)
+    return extents
+
+
+def _read_mcap(path: Path, topics: Collection[str], max_size: int) -> Iterator[BagMessage]:
+    """Yield messages by time; of a file without a sound index, in the file's order."""
     with _opened_mcap(path) as file:
-        if _summary(file) is not None:
-            file.seek(0)
-            reader = SeekingReader(file, validate_crcs=True, record_size_limit=_MOST)
-            found = _guarded(reader.iter_messages(topics=list(topics)), path, warn)
+        declared = _index(file, max_size)
+        if declared is not None:
+            channels = {n for n, channel in declared.channels.items() if channel.topic in topics}
+            found = _by_time(file, declared, channels, max_size)
         else:
-            found = _in_file_order(file, lambda why: warn(f"{path} is damaged or cut off: {why}"))
-        for schema, channel, message in found:
-            usable = channel.message_encoding == _CDR and schema is not None
-            if usable and channel.topic in topics:
-                assert schema is not None
-                yield BagMessage(
-                    channel.topic, _full(schema.name), message.log_time, bytes(message.data)
-                )
+            declared = _Declared(max_size)
+            found = _in_file_order(file, declared, max_size)
+        types: dict[int, tuple[str, str]] = {}
+        for number, time, data in found:
+            if number not in types:
+                types[number] = declared.type_of(number)
+            topic, kind = types[number]
+            if topic in topics:
+                yield BagMessage(topic, kind, time, data)
 
 
-def _guarded(found: _Found, path: Path, warn: Callable[[str], None]) -> _Found:
-    try:
-        yield from found
-    except _DAMAGE as error:
-        warn(f"{path} is damaged: {_reason(error)}; what comes before is read")
+# --- SQLite ---------------------------------------------------------------------------------------
 
 
-def _in_file_order(file: IO[bytes], warn: Callable[[str], None]) -> _Found:
-    """Yield messages in the order of the file, up to its end or the first damage."""
-    file.seek(0)
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    try:
-        for record in StreamReader(file, validate_crcs=True, record_size_limit=_MOST).records:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Message):
-                channel = channels[record.channel_id]
-                yield schemas.get(channel.schema_id), channel, record
-    except _DAMAGE as error:
-        warn(f"{_reason(error)}; what comes before is read")
-
-
-def _reason(error: BaseException) -> str:
-    if isinstance(error, CRCValidationError):
-        return "a checksum is wrong"
-    return str(error) or "it ends too early"
-
-
-def _sqlite_contents(path: Path) -> _Contents:
+def _sqlite_contents(path: Path, max_size: int) -> _Contents:
     contents = _Contents()
     try:
-        with closing(_connect(path)) as database:
-            found = database.execute(_TOPICS)
-            columns = [column[0] for column in found.description]
-            for row in found:
-                topic = dict(zip(columns, row, strict=True))
-                offered = str(topic.get("offered_qos_profiles") or "")
+        with _database(path) as (database, tables):
+            topics = _sqlite_topics(database)
+            for topic in topics.values():
+                offered = str(topic.get(_OFFERED) or "")
                 contents.topics.setdefault(topic["name"], _Topic(topic["type"], offered))
-            if database.execute(_HAS_DEFINITIONS).fetchone():
+            if "message_definitions" in tables:
                 contents.definitions.update(database.execute(_DEFINITIONS))
-            for extent in database.execute(_EXTENTS):
-                contents.add(*extent)
-    except _SQLITE_DAMAGE as error:
+            for number, *extent in database.execute(_EXTENTS):
+                if number in topics:
+                    contents.add(topics[number]["name"], *extent)
+    except _DAMAGE as error:
         raise OneBotError(f"{path} is no recording of rosbag2: {error}") from error
     return contents
 
 
-def _read_sqlite(
-    path: Path, topics: Collection[str], warn: Callable[[str], None]
-) -> Iterator[BagMessage]:
-    """Yield messages by time; of a damaged file, those before the damage."""
-    query = _MESSAGES.format(", ".join("?" * len(topics)))
-    try:
-        with closing(_connect(path)) as database:
-            for topic, kind, stamp, data in database.execute(query, list(topics)):
-                yield BagMessage(topic, kind, stamp, data)
-    except _SQLITE_DAMAGE as error:
-        warn(f"{path} is damaged: {error}; what comes before is read")
+def _sqlite_topics(database: sqlite3.Connection) -> dict[Any, dict[str, Any]]:
+    """The rows of its topics, by id."""
+    found = database.execute(_TOPICS)
+    columns = [column[0] for column in found.description]
+    rows = (dict(zip(columns, row, strict=True)) for row in found)
+    return {row["id"]: {**row, "name": str(row["name"]), "type": str(row["type"])} for row in rows}
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    # Read-only, or a file that is missing would be made.
-    options = "mode=ro"
+def _read_sqlite(path: Path, topics: Collection[str], max_size: int) -> Iterator[BagMessage]:
+    with _database(path) as (database, _):
+        names = {
+            number: (topic["name"], topic["type"])
+            for number, topic in _sqlite_topics(database).items()
+            if topic["name"] in topics
+        }
+        query = _MESSAGES.format(", ".join("?" * len(names)))
+        for number, stamp, size, data in database.execute(query, [max_size, *names]):
+            _check_size("a message", size, max_size)
+            yield BagMessage(*names[number], stamp, data)
+
+
+@contextmanager
+def _database(path: Path) -> Iterator[tuple[sqlite3.Connection, Set[str]]]:
+    """Open a recording in SQLite, with those of its tables that are known.
+
+    Ctrl-C works while it is searched.
+
+    Raises:
+        sqlite3.Error, ValueError: it is none.
+    """
+    options = "mode=ro"  # or a file that is missing would be made
     with _opened(path) as file:
         # A log beside it would be made, too, where one can be: Foxy's files have one while written.
-        if file.read(20)[-2:] == _LOGGED and not Path(f"{path}-wal").exists():
+        if file.read(20)[-2:] == _LOGGED and not Path(f"{path}-wal").is_file():
             options += "&immutable=1"
-    return sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True)
+    url = f"{path.absolute().as_uri()}?{options}"
+    with closing(sqlite3.connect(url, uri=True)) as database:
+        database.set_progress_handler(lambda: 0, _STEPS)
+        try:
+            tables = {name for (name,) in database.execute(_TABLES)}
+            if not {"topics", "messages"} <= tables:
+                raise ValueError("it has no tables topics and messages")
+            yield database, tables
+        except sqlite3.OperationalError as error:
+            if str(error) == "interrupted":  # SQLite ends, but drops the handler's exception
+                raise KeyboardInterrupt from error
+            raise
 
 
 class _Format(NamedTuple):
     storage: str
-    contents: Callable[[Path], _Contents]
-    read: Callable[[Path, Collection[str], Callable[[str], None]], Iterator[BagMessage]]
+    contents: Callable[[Path, int], _Contents]
+    read: Callable[[Path, Collection[str], int], Iterator[BagMessage]]
 
 
 _FORMATS: Mapping[str, _Format] = {

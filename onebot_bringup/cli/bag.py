@@ -15,6 +15,7 @@ from onebot_bringup.cli.options import Parser, Subcommand, dispatch, not_negativ
 from onebot_bringup.cli.session import Session
 from onebot_description.discovery import use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from onebot_bringup.bags.reader import Bag
@@ -35,19 +36,25 @@ def info(parser: Parser, argv: Sequence[str]) -> int:
         "-t", "--topic-name", action="store_true", help="show only the names of the topics"
     )
     args = parser.parse(argv)
-    bag = _open(args.bag)
+    bag = _open(args)
     print("\n".join(sorted(bag.topics)) if args.topic_name else _information(bag))
     return 0
 
 
 def _add_source(parser: Parser) -> None:
     parser.add_argument("bag", metavar="BAG", help="a folder of rosbag2, or its .mcap or .db3 file")
+    parser.add_argument(
+        "--max-size", type=positive, default=256.0, metavar="MB",
+        help="of a message or a chunk of messages, unpacked; what comes after a larger one is not "
+        "read (256)",
+    )  # fmt: skip
 
 
-def _open(name: str) -> "Bag":
+def _open(args: Namespace) -> "Bag":
     from onebot_bringup.bags.reader import Bag
 
-    bag = Bag(Path(name).expanduser())
+    with KeyboardInterrupts():  # or temporary files would be left
+        bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
     _warn_of(bag)
     return bag
 
@@ -152,7 +159,7 @@ def play(parser: Parser, argv: Sequence[str]) -> int:
     """
     _add_play_arguments(parser)
     args = parser.parse(argv)
-    bag = _open(args.bag)
+    bag = _open(args)
     ros_args = args.ros_args or ["--ros-args"]
     for rule in args.remap:
         ros_args += ["-r", rule]

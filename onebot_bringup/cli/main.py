@@ -42,7 +42,6 @@ VERBS = {
     "soak": "drive for long, inject faults and judge what happens",
     "completion": "print the tab completion of a shell",
     "accuracy": "measure how accurately OneBot drives",
-    "bench": "measure performance as ratios to floors",
     "steer": "drive from a page in the browser",
     "teleop": "drive from the keyboard",
 }

@@ -8,7 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from onebot_bringup.launch.arguments import Argument, UsageError, complete, port, split, table
+from onebot_bringup.launch.arguments import (
+    Argument,
+    UsageError,
+    complete,
+    number,
+    port,
+    split,
+    table,
+)
 from onebot_description.description.packages import use_environment_prefix
 from onebot_description.errors import OneBotError
 from onebot_description.signals import KeyboardInterrupts
@@ -33,6 +41,7 @@ ARGUMENTS = (
     Argument("fixed_frame", "", "the frame that stands still; empty: the view's, else a root"),
     Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
     Argument("namespace", "", "of one robot, where several are recorded; empty: all"),
+    number("max_size", "256", "MB of a message or chunk, unpacked; larger ones are not read", 0.0),
     port("grpc_port", "9876", "of the recording's server on 127.0.0.1; 0: any"),
     port("web_port", "9090", "of the page on 127.0.0.1; 0: any"),
     Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
@@ -80,7 +89,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
     else:
         from onebot_bringup.bags.reader import Bag
 
-        bag = Bag(source)
+        bag = Bag(source, int(float(values["max_size"]) * 1e6))
     with _server(values) as server:
         if rrd:
             for file in filter(None, (source, view)):

@@ -54,10 +54,12 @@ class Session:
         use_local_discovery()
         use_environment_prefix()
         # This imports rclpy, which is slow.
-        from onebot_description.node import use_writable_log_folder
+        from onebot_description.node import ros_errors, use_writable_log_folder
 
         use_writable_log_folder()
         configure_discovery(whole_graph=True)
+        self._errors = ros_errors()
+        self._errors.__enter__()
         self._interrupts = KeyboardInterrupts().__enter__()
         if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
             sys.stdout.reconfigure(line_buffering=True)  # a pipe gets each line at once
@@ -69,24 +71,26 @@ class Session:
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
+        from onebot_description.node import first_line
+
         try:
             rclpy.init(args=self._ros_args, signal_handler_options=SignalHandlerOptions.NO)
             self.node = rclpy.create_node(self._name, start_parameter_services=False)
         except Exception as error:  # rclpy raises several types, none of them public
             rclpy.try_shutdown()
-            first = next(iter(str(error).strip().splitlines()), type(error).__name__)
-            raise OneBotError(f"ROS does not start: {first}") from None
+            raise OneBotError(f"ROS does not start: {first_line(error)}") from None
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._began = time.monotonic()
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *raised: Any) -> bool | None:
         import rclpy
 
         self._interrupts.__exit__()
         self._executor.shutdown(0.0)
         self.node.destroy_node()
         rclpy.try_shutdown()
+        return self._errors.__exit__(*raised)
 
     def spin(self, until: Callable[[], Any], timeout: float | None = None) -> Any:
         """Run callbacks until ``until()`` is true; return its value.
@@ -147,12 +151,13 @@ class Session:
         from rclpy.expand_topic_name import expand_topic_name
         from rclpy.validate_full_topic_name import validate_full_topic_name
 
+        from onebot_description.node import first_line
+
         try:
             full = expand_topic_name(name, self.node.get_name(), self.node.get_namespace())
             validate_full_topic_name(full)
         except (ValueError, InvalidTopicNameException) as error:
-            reason = " ".join(str(error).split("\n")[0].split())
-            raise OneBotError(f'"{name}" is no name: {reason}') from None
+            raise OneBotError(f'"{name}" is no name: {first_line(error)}') from None
         return str(full)
 
     def topics(self, hidden: bool = False) -> list[tuple[str, list[str]]]:

@@ -21,7 +21,7 @@ from onebot_bringup.launch.arguments import (
     table,
 )
 from onebot_bringup.launch.bringup import environment
-from onebot_bringup.launch.nodes import NICE_VIEWER, RosNodes
+from onebot_bringup.launch.nodes import AWAIT_VIEW, NICE_VIEWER, RosNodes
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_control.poses import prefixed
@@ -100,15 +100,16 @@ def _launch(
     page |= {name: float(values[name]) for name in _NUMBERS}
     page |= {**bind_address.parameters, "open_browser": values["open_browser"] == "true"}
     page["viewer_page"] = f"{_VIEWER if own else 'rerun_viewer'}/page"
-    make = RosNodes(folder, values["namespace"], ros_args)
-    nodes = [make.node("steering_page", "onebot_bringup.steering.steering_page", page)]
+    make, nodes = RosNodes(folder, values["namespace"], ros_args), []
     if view is not None:
-        view |= {"viewer": "web", "view": values["view"], "open_browser": False}
+        view |= {"viewer": "web", "view": values["view"], "embedded": True}
+        page["await_view"] = AWAIT_VIEW
         view |= {"grpc_port": 0, "web_port": 0}
         module = "onebot_bringup.viewer.rerun_viewer"
         nodes.append(
             make.node(_VIEWER, module, view, on_exit="ignore", renamed=True, nice=NICE_VIEWER)
         )
+    nodes.insert(0, make.node("steering_page", "onebot_bringup.steering.steering_page", page))
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
     with Launcher("onebot steer") as launcher:
         return launcher.run(nodes, started_message=hint, temporary=[folder])

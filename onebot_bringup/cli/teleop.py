@@ -58,9 +58,12 @@ _SHORTEST_HOLD = 0.2  # s; over a network repeats arrive in bursts
 _REPEATS_MISSED = 4
 ESCAPE = "\x1b"
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+_LOCK = " "
 _QUIT = (ESCAPE, "\x03", "\x04")
 _ZEROS = 3  # published when a key is released, in case one gets lost
 _SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
+_SPIN = 0.002  # s of callbacks between two reads of the keyboard
+_LOCKED = "\t(locked: a key that drives unlocks)"
 
 HELP = """\
 Reading from the keyboard and publishing {kind} on {topic}
@@ -78,6 +81,7 @@ Sideways (for robots that can), with Shift:
 t : up (+z)
 b : down (-z)
 
+space : stop, and lock the robot for everybody until a key drives it again
 anything else : stop
 
 q/z : increase/decrease max speeds by 10%
@@ -113,6 +117,7 @@ class Driver:
         self.speed, self.turn = speed, turn  # m/s and rad/s while a key is held
         self._hold = hold
         self._key: str | None = None
+        self._blocked = False  # the key has to be released before it moves the robot
         self._pressed = 0.0  # time of the last press or repeat
         self._until = 0.0  # time from which it counts as released
 
@@ -125,6 +130,7 @@ class Driver:
             self._key = None
         else:
             repeated = key == self._key and now < self._until
+            self._blocked = self._blocked and repeated
             interval = now - self._pressed
             self._key, self._pressed = key, now
             self._until = now + (self._hold_after(interval) if repeated else self._hold)
@@ -133,11 +139,15 @@ class Driver:
         """How long a repeat counts, s; the first one, after the long delay, like a press."""
         return min(self._hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * interval))
 
+    def block(self) -> None:
+        """Ignore the key that is held until it is pressed anew."""
+        self._blocked = True
+
     def moving(self, now: float) -> bool:
         """Whether a key that moves the robot is held."""
         if self._key is not None and now >= self._until:
             self._key = None
-        return self._key is not None
+        return self._key is not None and not self._blocked
 
     def velocity(self, now: float) -> TeleopTwist:
         """Return the velocity at ``now``: zero when no key is held."""
@@ -275,11 +285,14 @@ class _Teleop:
     def __init__(self, session: Session, args: Namespace) -> None:
         from geometry_msgs.msg import Twist, TwistStamped
 
+        from onebot_bringup.steering.command_topic import RobotLock
+
         self._session, self._args = session, args
         self._kind = TwistStamped if args.stamped else Twist
         self._topic = chosen_commands(session, args.robot)
         self._publisher = session.node.create_publisher(self._kind, self._topic, 10)
         self._driver = Driver(args.speed, args.turn, args.hold)
+        self._lock = RobotLock(session.node, self._topic, self._on_lock)
         self._shown = ""
         self._note, self._next_poll = "", time.monotonic() + _SUBSCRIBER_PERIOD
 
@@ -289,13 +302,14 @@ class _Teleop:
         zeros, due = 0, time.monotonic()
         while True:
             self._show()
+            self._session.spin(lambda: False, _SPIN)
             pressed = keys.read(due - time.monotonic())
             now = time.monotonic()
             if pressed is None or any(key in _QUIT for key in pressed):
                 return
             was_moving = self._driver.moving(now)
             for key in pressed:
-                self._driver.press(key, now)
+                self._press(key, now)
             if self._driver.moving(now):
                 zeros = _ZEROS
                 due = due if was_moving else now  # publish the first one at once
@@ -307,6 +321,18 @@ class _Teleop:
             if self._driver.moving(now) or zeros > 0:
                 zeros -= not self._driver.moving(now)
                 self._publish(self._driver.velocity(now))
+
+    def _press(self, key: str, now: float) -> None:
+        was_moving = self._driver.moving(now)
+        self._driver.press(key, now)
+        if key == _LOCK:
+            self._lock.set(True)
+        elif self._driver.moving(now) and not was_moving:
+            self._lock.set(False)
+
+    def _on_lock(self, locked: bool) -> None:
+        if locked:
+            self._driver.block()
 
     def stop(self) -> None:
         """Publish zero and wait for acknowledgements."""
@@ -334,7 +360,8 @@ class _Teleop:
         if time.monotonic() > self._next_poll:
             self._next_poll = time.monotonic() + _SUBSCRIBER_PERIOD
             self._note = self._subscriber_note()
-        text = f"{self._driver.status()}{self._note}"
+        note = _LOCKED if self._lock.locked else self._note
+        text = f"{self._driver.status()}{note}"
         if text != self._shown:
             self._shown = text
             sys.stdout.write(f"\r\x1b[K{text}")

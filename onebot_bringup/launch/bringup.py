@@ -123,8 +123,10 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     description = load_description(model, for_xacro)
     description.require_tree()
     robots = _placed(values.get("robots", ""), description)
-    if values.get("sim") == "true" and not robots:
-        check_wheels(description, values)
+    if values.get("sim") == "true":
+        _check_sections(values, own, robots)
+        if not robots:
+            check_wheels(description, values)
     if values.get("world"):
         values["world"] = load_world(values["world"]).source  # checked
         values["view"] = own.get("view", command.world_view)
@@ -265,7 +267,7 @@ def _check_space(folder: Path) -> None:
 
 def _check_joints(file: Path, namespace: str) -> None:
     from onebot_description.joints.config import JointsConfig
-    from onebot_description.parameters.files import no_section, read_files
+    from onebot_description.parameters.files import read_files, refuse_other_sections
     from onebot_description.parameters.reader import ConfigError
 
     node = f"/{namespace}/joint_state_publisher" if namespace else "/joint_state_publisher"
@@ -274,10 +276,25 @@ def _check_joints(file: Path, namespace: str) -> None:
         JointsConfig.from_parameters(parameters.values)
     except ConfigError as error:
         raise error.located(parameters.places) from None
-    warning = no_section(parameters, [file], node)
-    if warning:
-        remedy = "; write /**/joint_state_publisher: for any namespace" if namespace else ""
-        print(f"warning: {warning}{remedy}", file=sys.stderr)
+    refuse_other_sections(file, [node])
+
+
+def _check_sections(
+    values: Mapping[str, str], given: Mapping[str, str], robots: Sequence["PlacedRobot"]
+) -> None:
+    """Refuse parameter files that hold something for no controller that gets them."""
+    space = values["namespace"].strip("/")
+    names = [f"{space}/{robot.name}" for robot in robots] or [space]
+    files = [(Path(values["params_file"]), names)] if "params_file" in given else []
+    for robot, name in zip(robots, names, strict=False):
+        files += [(robot.params_file, [name])] if robot.params_file else []
+    for file, spaces in files:
+        from onebot_control.parameters import BROADCASTER
+        from onebot_description.parameters.files import refuse_other_sections
+
+        nodes = ("velocity_controller", BROADCASTER, "controller_manager")
+        own = [f"/{each.strip('/')}".rstrip("/") for each in spaces]
+        refuse_other_sections(file, [f"{space}/{node}" for node in nodes for space in own])
 
 
 def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
@@ -452,8 +469,9 @@ def _robots(robots: Sequence["PlacedRobot"], space: str) -> list[str]:
 
 
 def _viewer_hint(values: Mapping[str, str]) -> str:
+    steered = values.get("steer") == "true"
     hints = {
-        "web": "in the browser; rerun_viewer prints its address",
+        "web": "on that page" if steered else "in the browser; rerun_viewer prints its address",
         "native": "in a window of its own",
         "none": "none",
     }

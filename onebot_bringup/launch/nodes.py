@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # Where processors are short, the robot comes before what shows it (see nice(2)).
 NICE_VIEWER, NICE_WATCHER = 5, 10
+# The address of the steering page is the one to open: it is printed when the page's view is there.
+AWAIT_VIEW = 15.0  # s at most
 # Of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING: Mapping[str, object] = {"rate": 30.0, "swing": 8.0}
 # Launch arguments that are parameters of the controller.
@@ -112,7 +114,7 @@ class NodeFactory:
             "view": self.values["view"],
             "fixed_frame": self._fixed_frame(),
             "frame_prefix": self.values["frame_prefix"],
-            "open_browser": not self.steered,  # the steering page holds the view
+            "embedded": self.steered,  # in the steering page
         }
         if self.robots:
             parameters["robots"] = [robot.name for robot in self.robots]
@@ -136,6 +138,8 @@ class NodeFactory:
             print(f"warning: {bind_address.warning}", file=sys.stderr)
         module = "onebot_bringup.steering.steering_page"
         parameters: dict[str, object] = dict(bind_address.parameters)
+        if self.values["viewer"] == "web":
+            parameters["await_view"] = AWAIT_VIEW
         if self.robots:
             parameters["topic"] = f"{self.robots[0].name}/velocity_controller/cmd_vel"
         return self._node("steering_page", module, parameters, on_exit="restart")

@@ -5,12 +5,17 @@ arguments, files and description before any node starts, and supervises, restart
 nodes by rules that ros2 launch does not have. There is one list of nodes, too.
 """
 
+import os
 import sys
 from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
 from onebot_bringup.launch.bringup import Bringup
+from onebot_bringup.launcher.launcher import STARTER
+
+# Where launch_ros keeps what PushRosNamespace has pushed.
+_PUSHED = "ros_namespace"
 
 
 def launch_description(script: ModuleType) -> Any:
@@ -30,7 +35,14 @@ def launch_description(script: ModuleType) -> Any:
     def start(context: Any) -> list[Any]:
         given.update(context.launch_configurations)
         process = [sys.executable, "-m", script.__name__, *words(command, given)]
-        return [ExecuteProcess(cmd=process, name=command.program, output="screen")]
+        return [
+            ExecuteProcess(
+                cmd=process,
+                name=command.program,
+                output="screen",
+                additional_env={STARTER: str(os.getpid())},
+            )
+        ]
 
     def forget_defaults(context: Any) -> None:
         for argument in arguments:
@@ -55,10 +67,10 @@ def words(command: Bringup, configurations: Mapping[str, str]) -> list[str]:
 
     The others may be of the launch file that includes this one.
     """
-    of_model = command.model_arguments(configurations)
-    names = {argument.name for argument in (*command.arguments(), *of_model.arguments)}
-    return [
-        f"{name}:={value}"
-        for name, value in configurations.items()
-        if name in names or not of_model.complete
-    ]
+    of_model = command.model_arguments(configurations).arguments
+    names = {argument.name for argument in (*command.arguments(), *of_model)}
+    given = {name: value for name, value in configurations.items() if name in names}
+    if pushed := configurations.get(_PUSHED):
+        own = given.get("namespace", "")
+        given["namespace"] = own if own.startswith("/") else f"{pushed}/{own}"
+    return [f"{name}:={value}" for name, value in given.items()]

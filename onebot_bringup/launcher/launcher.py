@@ -20,6 +20,8 @@ from onebot_bringup.launcher.process import (
 )
 from onebot_description.signals import stop_signals
 
+# The environment variable of a launcher that is to stop when this process, by its id, has ended.
+STARTER = "ONEBOT_STARTER"
 # How a node may end that was asked to stop; 130 is what shells make of SIGINT.
 _STOPPED = (0, -signal.SIGINT, -signal.SIGTERM, 130)
 # Seconds. A wrapper such as `uv run` passes a Ctrl-C on that the terminal has already delivered;
@@ -107,7 +109,8 @@ class Launcher:
         Returns:
             0 when a signal asked to stop, the output was closed, or no node was left to run; 1
             when a node failed: it could not be started, ended with an error, also while stopping,
-            or ended at all although the others need it. Which one is the last line printed.
+            had to be killed to stop in time, or ended at all although the others need it. Which one
+            is the last line printed.
 
         Raises:
             ValueError: two nodes have the same name.
@@ -124,6 +127,8 @@ class Launcher:
     async def _run(self, nodes: Sequence[NodeProcess], started_message: str) -> None:
         for number in stop_signals():
             self._loop.add_signal_handler(number, self._on_signal, number)
+        if starter := os.environ.pop(STARTER, ""):
+            self._watch_starter(int(starter))
         self._given_up = self._loop.create_future()
         try:
             ended = asyncio.gather(*await self._start_all(nodes))
@@ -207,7 +212,9 @@ class Launcher:
         if self._stopping.is_set():
             await process.group_ended()
             await self._forget(process)
-            if code not in _STOPPED and not self._escalated:
+            if code == -signal.SIGKILL and not self._stop_now.is_set():
+                self._failed[node.name] = "had to be killed"
+            elif code not in _STOPPED and not self._escalated:
                 self._warn(f"{node.name} stopped with an error: {describe_exit(code)}")
                 self._failed[node.name] = describe_exit(code)
         else:
@@ -256,6 +263,24 @@ class Launcher:
             self._stop()
         elif number != signal.SIGHUP and self._loop.time() - self._stopped_at > _SAME_SIGNAL:
             self._stop_now.set()
+
+    def _watch_starter(self, process: int) -> None:
+        """Stop when ``process`` has ended, however it ended."""
+        try:
+            ended = os.pidfd_open(process)  # on Linux only
+        except AttributeError:
+            return
+        except ProcessLookupError:
+            self._on_starter_ended()
+            return
+        self._loop.add_reader(ended, self._on_starter_ended, ended)
+
+    def _on_starter_ended(self, *ended: int) -> None:
+        for file in ended:
+            self._loop.remove_reader(file)
+            os.close(file)
+        self._info("what has started it is gone: stopping")
+        self._stop()
 
     def _stop(self) -> None:
         """Ask all nodes to stop, unless that was done."""

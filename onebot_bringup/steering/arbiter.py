@@ -14,13 +14,14 @@ from onebot_bringup.steering.limits import Limits
 from onebot_bringup.steering.protocol import Drive, Release, SetLimits, Stop, Velocity
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver until the robot is stopped
-DRIVER_TIMEOUT = 1.0  # s without a message until the driver has to release and hold again
+MAX_AGE = 0.5  # s since the stamp of a command, which is the round trip, until it is too late
 ZEROS = 3  # zero commands after the last one, in case one gets lost
 
 
 @dataclass
 class _Page:
-    holding: bool = False  # it holds a control, whether it drives or not
+    holding: bool = False  # it holds a control: it drives, or has to release first
+    late: bool = False  # its commands are too old, or come no more
 
 
 class Arbiter:
@@ -38,7 +39,7 @@ class Arbiter:
         self.moving = False  # commands are published, even if their velocity is zero
         self._pages: dict[str, _Page] = {}
         self._velocity = Velocity()
-        self._last_message = 0.0
+        self._deadline = 0.0  # until when the driver's command holds
         self._zeros = 0
 
     @property
@@ -65,31 +66,47 @@ class Arbiter:
         self._drop(page)
         self._pages.pop(page, None)
 
-    def drive(self, page: str, velocity: Velocity, now: float) -> None:
-        """Handle a held control; the first message after a release takes control."""
+    def drive(self, page: str, velocity: Velocity, stamp: float, now: float) -> None:
+        """Handle a held control; the first message in time after a release takes control.
+
+        Args:
+            page: its name.
+            velocity: the command.
+            stamp: when the server sent what the page had received last; it is older than that.
+            now: the time.
+        """
         known = self._pages[page]
+        deadline = min(now + COMMAND_TIMEOUT, stamp + MAX_AGE)
+        known.late = now > deadline
+        if known.late:
+            return  # what the page drove has met its own deadline before
         if not known.holding:
             known.holding = True
             if self.driver is not None:
                 self._halt()  # discard the last driver's command
-            self.driver = page
+            self._set_driver(page)
         if self.driver == page:
-            self._velocity, self._last_message, self.moving, self._zeros = (
+            self._velocity, self._deadline, self.moving, self._zeros = (
                 velocity,
-                now,
+                deadline,
                 True,
                 ZEROS,
             )
 
+    @property
+    def late(self) -> frozenset[str]:
+        """The pages whose connection is too slow to drive."""
+        return frozenset(page for page, known in self._pages.items() if known.late)
+
     def release(self, page: str) -> None:
         """Handle the release of a control."""
         self._drop(page)
-        self._pages[page].holding = False
+        self._pages[page] = _Page()
 
     def stop(self) -> None:
         """Stop the robot, regardless of which page drives, or whether any does."""
         self.stops += 1
-        self.driver = None
+        self._set_driver(None)
         self._halt()
         self._zeros = ZEROS
 
@@ -99,13 +116,11 @@ class Arbiter:
         self._pages[page].holding = True
 
     def check_timeout(self, now: float) -> None:
-        """Stop the robot if its driver has timed out."""
-        silence = now - self._last_message
-        if self.moving and silence > COMMAND_TIMEOUT:
+        """Stop the robot if its driver is silent or late; it drives on when it is in time again."""
+        if self.moving and self.driver is not None and now > self._deadline:
             self._halt()
+            self._pages[self.driver].late = True
             self.timeouts += 1
-        if self.driver is not None and silence > DRIVER_TIMEOUT:
-            self.driver = None
 
     def next_command(self) -> Velocity | None:
         """Return the command to publish now; None for none."""
@@ -121,6 +136,11 @@ class Arbiter:
             self.driver = None
             self._halt()
 
+    def _set_driver(self, page: str | None) -> None:
+        self.driver = page
+        for known in self._pages.values():  # who is late took hold before that
+            known.holding |= known.late
+
     def _halt(self) -> None:
         self._velocity, self.moving = Velocity(), False
 
@@ -131,6 +151,7 @@ class DrivingState:
 
     driver: str | None  # the page that drives
     pages: int  # the number of open pages
+    late: frozenset[str]  # those whose connection is too slow to drive
     limits: Limits
     command: Velocity  # the present command, within the limits
 
@@ -138,16 +159,20 @@ class DrivingState:
 class ThreadSafeArbiter:
     """An Arbiter with a lock that publishes its commands: stops and new drivers at once."""
 
-    def __init__(self, limits: Limits, publish: Callable[[Velocity], None]) -> None:
+    def __init__(
+        self, limits: Limits, publish: Callable[[Velocity], None], lock: Callable[[bool], None]
+    ) -> None:
         """Start without pages.
 
         Args:
             limits: of commands.
             publish: called with each command, from any thread, one call at a time.
+            lock: called likewise, with True when a page stops the robot, and with False before the
+                first command of a page that starts to drive.
         """
         self._lock = threading.Lock()
         self._arbiter = Arbiter(limits)
-        self._publish = publish
+        self._publish, self._lock_robot = publish, lock
         self.changed: Callable[[], None] = lambda: None  # called when pages need a new state
 
     @property
@@ -172,7 +197,7 @@ class ThreadSafeArbiter:
         """Handle a message of a page."""
         with self._update():
             if isinstance(message, Drive):
-                self._arbiter.drive(page, message.velocity, time.monotonic())
+                self._arbiter.drive(page, message.velocity, message.stamp, time.monotonic())
             elif isinstance(message, Release):
                 self._arbiter.release(page)
             elif isinstance(message, Stop):
@@ -229,6 +254,10 @@ class ThreadSafeArbiter:
             stops = self._arbiter.stops
             yield
             after = self._state()
+            if stops != self._arbiter.stops:
+                self._lock_robot(True)
+            elif after.driver not in (None, before.driver):
+                self._lock_robot(False)
             if (before.driver, moving) != (after.driver, self._arbiter.moving) or (
                 stops != self._arbiter.stops
             ):
@@ -247,4 +276,6 @@ class ThreadSafeArbiter:
 
     def _state(self) -> DrivingState:
         arbiter = self._arbiter
-        return DrivingState(arbiter.driver, arbiter.pages, arbiter.limits, arbiter.command)
+        return DrivingState(
+            arbiter.driver, arbiter.pages, arbiter.late, arbiter.limits, arbiter.command
+        )

@@ -2,17 +2,19 @@
 
 import re
 import threading
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
+from std_msgs.msg import Bool
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
+from onebot_description.node import LATCHED
 from onebot_description.topic_subscription import RCLError
 
 _TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
@@ -123,6 +125,43 @@ def foreign_type(node: Node, topic: str) -> str:
     return "" if kinds & _TYPES.keys() else ", ".join(sorted(kinds))
 
 
+class RobotLock:
+    """The lock of a robot's commands: locked, it brakes and ignores them, whoever publishes them.
+
+    Attributes:
+        locked: whether it is, as far as known.
+    """
+
+    def __init__(self, node: Node, topic: str, changed: Callable[[bool], None]) -> None:
+        """Start, not knowing whether it is locked.
+
+        Args:
+            node: to publish and subscribe with.
+            topic: of the commands, a full name.
+            changed: called with ``locked`` when somebody else has changed it.
+        """
+        self._node, self._changed = node, changed
+        self.locked = False
+        self._publisher = node.create_publisher(Bool, f"{topic}_lock", _DEPTH)
+        self._state = node.create_subscription(Bool, f"{topic}_locked", self._on_state, LATCHED)
+
+    def set(self, locked: bool) -> None:
+        """Lock it, or unlock it if it is locked; nothing happens where there is no lock."""
+        if (locked or self.locked) and self._publisher.get_subscription_count():
+            self._publisher.publish(Bool(data=locked))
+            self.locked = locked
+
+    def close(self) -> None:
+        """Leave it as it is, for good."""
+        self._node.destroy_publisher(self._publisher)
+        self._node.destroy_subscription(self._state)
+
+    def _on_state(self, message: Bool) -> None:
+        if message.data != self.locked:
+            self.locked = message.data
+            self._changed(self.locked)
+
+
 class CommandTopic:
     """Publishes commands with the type that the robot subscribes to; from any thread.
 
@@ -130,15 +169,17 @@ class CommandTopic:
     So the publisher is created when the robot's type is known, or when a page drives.
     """
 
-    def __init__(self, node: Node, topic: str) -> None:
-        """Start with ``topic``, a full name."""
-        self._node = node
+    def __init__(self, node: Node, topic: str, locked: Callable[[bool], None]) -> None:
+        """Start with ``topic``, a full name; ``locked`` is ``changed`` of the robot's lock."""
+        self._node, self._locked = node, locked
         self._lock = threading.Lock()
         self._publisher: Any = None
         self._driven = False  # a page has driven
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
         self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
+        self.others: list[str] = []  # the other nodes that publish it
+        self._robot_lock = RobotLock(node, topic, locked)
 
     @property
     def listeners(self) -> list[CommandSubscriber]:
@@ -152,10 +193,23 @@ class CommandTopic:
             if self._publisher is not None:
                 self._publisher.publish(self._message(velocity))
 
+    @property
+    def locked(self) -> bool:
+        """Whether the robot is locked."""
+        return self._robot_lock.locked
+
+    def lock(self, locked: bool) -> None:
+        """Lock or unlock the robot; see ``RobotLock.set``."""
+        with self._lock:
+            self._robot_lock.set(locked)
+
     def choose(self, topic: str) -> None:
         """Switch to another topic; the robot of the old one is stopped."""
         self._destroy_publisher()
         self.topic, self.subscribers, self._driven = topic, [], False
+        with self._lock:
+            self._robot_lock.close()
+            self._robot_lock = RobotLock(self._node, topic, self._locked)
         self.update()
 
     def update(self, controllers: Container[str] = ()) -> None:
@@ -165,6 +219,7 @@ class CommandTopic:
             controllers: the nodes that are known to be the robot's; the type is theirs.
         """
         self.subscribers = command_subscribers(self._node, self.topic)
+        self.others = self._other_publishers()
         foreign = foreign_type(self._node, self.topic)
         if foreign:  # do not add a second type to the topic
             self._destroy_publisher()
@@ -184,6 +239,13 @@ class CommandTopic:
         publisher = self._publisher
         if publisher is not None and publisher.get_subscription_count():
             publisher.wait_for_all_acked(Duration(seconds=0.1))
+
+    def _other_publishers(self) -> list[str]:
+        names = [full_name(end) for end in self._node.get_publishers_info_by_topic(self.topic)]
+        own = self._node.get_fully_qualified_name()
+        if self._publisher is not None and own in names:
+            names.remove(own)  # another page's server may have the same name
+        return sorted(names)
 
     def _warn_foreign_type(self, kind: str) -> None:
         self._node.get_logger().warning(

@@ -1,15 +1,18 @@
 """The messages between a steering page and its server: JSON in WebSocket text frames.
 
 Page to server, each with a ``type``:
-    drive: ``seq`` (integer), ``linear`` (m/s), ``angular`` (rad/s); sent repeatedly while a
-        control is held, even if nothing changes: the robot stops after a timeout.
+    drive: ``stamp`` (ms), ``linear`` (m/s), ``angular`` (rad/s); sent repeatedly while a control
+        is held, even if nothing changes: the robot stops after a timeout. The stamp is that of the
+        newest state (or welcome): the server's own clock comes back to it, so it knows how old a
+        command is at most without comparing clocks.
     release: the control was released.
-    stop: the stop button; every page loses control.
+    stop: the stop button; every page loses control, and the robot is locked until one drives.
     topic: ``topic``, the name of the command topic to publish on.
     limits: ``linear`` (m/s), ``angular`` (rad/s), chosen for all pages; null for the robot's own.
 
-Server to page: ``welcome`` (``id``, ``rate``), ``state`` (see ``state_text``) and ``error``
-(``message``; ``about``, the type of the refused message; ``field``, the one that is wrong).
+Server to page: ``welcome`` (``id``, ``rate``, ``stamp``), ``state`` (see ``state_text``) and
+``error`` (``message``; ``about``, the type of the refused message; ``field``, the one that is
+wrong).
 """
 
 import json
@@ -74,6 +77,7 @@ class Drive:
     """A control is held."""
 
     velocity: Velocity
+    stamp: float  # s, by the server's time.monotonic(): the page sent it after that
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ class SetLimits:
 Message = Drive | Release | Stop | ChooseTopic | SetLimits
 
 _FIELDS: Mapping[str, frozenset[str]] = {
-    "drive": frozenset({"seq", "linear", "angular"}),
+    "drive": frozenset({"stamp", "linear", "angular"}),
     "release": frozenset(),
     "stop": frozenset(),
     "topic": frozenset({"topic"}),
@@ -134,9 +138,8 @@ def _message(kind: str, fields: Mapping[str, Any]) -> Message:
         needed = ", ".join(sorted(_FIELDS[kind])) or "no fields"
         raise ProtocolError(f'a message of type "{kind}" has {needed} beside its type, no others')
     if kind == "drive":
-        if type(fields["seq"]) is not int or fields["seq"] < 0:
-            raise ProtocolError("seq must be an integer from 0 on", "seq")
-        return Drive(Velocity(finite_number("linear", fields), finite_number("angular", fields)))
+        linear, angular, stamp = (finite_number(n, fields) for n in ("linear", "angular", "stamp"))
+        return Drive(Velocity(linear, angular), stamp / 1000.0)
     if kind == "topic":
         return ChooseTopic(_topic(fields["topic"]))
     if kind == "limits":
@@ -208,9 +211,14 @@ def _topic(value: object) -> str:
     return value
 
 
-def welcome_text(page: str, rate: float) -> str:
+def stamp_of(now: float) -> int:
+    """Return the stamp of a message that is sent at ``now``, s by time.monotonic()."""
+    return int(now * 1000.0)
+
+
+def welcome_text(page: str, rate: float, stamp: int) -> str:
     """Return the first message to a page: its name, and the rate of commands in Hz."""
-    return json.dumps({"type": "welcome", "id": page, "rate": rate})
+    return json.dumps({"type": "welcome", "id": page, "rate": rate, "stamp": stamp})
 
 
 def error_text(message: str, about: str | None = None, field: str | None = None) -> str:
@@ -233,9 +241,12 @@ def state_text(fields: Mapping[str, Any]) -> str:
     """Return a state message for a page.
 
     Args:
-        fields: ``driver`` (the name of the page that drives, or None), ``you``, ``pages``,
+        fields: ``stamp``, ``received`` (how many messages came from this page), ``late`` (its
+            commands are too old to drive by), ``driver`` (the name of the page that drives, or
+            None), ``you``, ``pages``,
             ``topic``, ``topic_type``, ``topics``, ``robots`` (``name`` and ``topic`` of each),
-            ``listeners``, ``controllers``, ``limits`` (in force), ``chosen``, ``ceiling``,
-            ``ceiling_from``, ``braking``, ``command``, ``odometry`` and ``view``.
+            ``listeners``, ``others`` (nodes that publish commands, too), ``locked``,
+            ``controllers``, ``limits`` (in force), ``chosen``, ``ceiling``, ``ceiling_from``,
+            ``braking``, ``command``, ``odometry`` and ``view``.
     """
     return json.dumps({"type": "state", **fields}, allow_nan=False)

@@ -23,6 +23,7 @@ from onebot_bringup.steering.protocol import (
     ProtocolError,
     error_text,
     parse,
+    stamp_of,
     state_text,
     velocity_fields,
     welcome_text,
@@ -55,6 +56,8 @@ class RobotStatus:
     topics: tuple[str, ...] = ()  # the topics to choose from, those with subscribers first
     robots: tuple[CommandedRobot, ...] = ()  # to choose from
     listeners: int = 0  # the number of subscribers
+    others: tuple[str, ...] = ()  # the other nodes that publish commands
+    locked: bool = False  # it ignores all commands until a page drives again
     controllers: tuple[str, ...] = ()  # the nodes whose limits are known
     braking: Braking | None = None  # None if no controller is known
     odometry: Mapping[str, Any] | None = None  # its fields in the state
@@ -193,6 +196,7 @@ class SteeringServer:
             message = await page.socket.receive()
             if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                 page.active = time.monotonic()
+                page.received += 1
                 await self._on_message(
                     page, message.data if message.type == WSMsgType.TEXT else None
                 )
@@ -226,7 +230,8 @@ class SteeringServer:
     async def _send_states(self, page: "_Page") -> None:
         """Send one page the state, ten times a second and whenever something changes."""
         try:
-            await page.socket.send_str(welcome_text(page.name, self._context.rate))
+            stamp = stamp_of(time.monotonic())
+            await page.socket.send_str(welcome_text(page.name, self._context.rate, stamp))
             while not page.socket.closed:
                 page.changed.clear()
                 while page.errors:
@@ -247,6 +252,9 @@ class SteeringServer:
             self._context.view.view,
         )
         return {
+            "stamp": stamp_of(time.monotonic()),
+            "received": page.received,
+            "late": page.name in now.late,
             "driver": now.driver,
             "you": now.driver == page.name,
             "pages": now.pages,
@@ -255,6 +263,8 @@ class SteeringServer:
             "topics": robot.topics,
             "robots": [asdict(each) for each in robot.robots],
             "listeners": robot.listeners,
+            "others": robot.others,
+            "locked": robot.locked,
             "controllers": robot.controllers,
             **_limit_fields(now.limits),
             "braking": asdict(robot.braking) if robot.braking is not None else None,
@@ -285,6 +295,7 @@ class _Page:
     peer: str  # the address of its computer
     active: float = field(default_factory=time.monotonic)  # when it was opened, or sent something
     name: str = field(default_factory=lambda: secrets.token_hex(4))
+    received: int = 0  # messages
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     errors: deque[str] = field(default_factory=deque)  # messages that are yet to be sent
 

@@ -1,17 +1,21 @@
 #!/usr/bin/env python3
 """A page in the browser to drive a robot from, with its 3D view: like rqt_robot_steering.
 
-The robot stops as soon as no control is held. If this node dies, the robot's controller stops
+The robot stops as soon as no control is held. Stop also locks it, so that it ignores other nodes'
+commands, too, until a page drives again. If this node dies, the robot's controller stops
 it after its cmd_vel_timeout.
 
 Publishes:
     the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot subscribes, reliable,
         depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
         three zero commands, and nothing more, so that other nodes can drive.
+    the same with _lock at its end (std_msgs/Bool): true while a page stops the robot, false before
+        a page drives a locked one.
     goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point
         (PointStamped), in the namespace of the robot that is steered: the page's tools.
 
 Subscribes:
+    the parameter topic with _locked at its end (std_msgs/Bool, latched): whether the robot is.
     odometry (nav_msgs/Odometry, best effort, depth 1): see odom_topic.
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
@@ -37,6 +41,8 @@ Parameters:
         are always the controller's linear.x.max_velocity and angular.z.max_velocity; without either
         it is 2.0 and 4.0, and the limits are 1.0 and 2.0 until a page sets others.
     viewer_page (string, "rerun_viewer/page"): the topic with the address of the view.
+    await_view (double, 0.0 s): for so long at most, print the address and open the page only when
+        there is a view.
     open_browser (bool, true): open the page, if there is a display.
 """
 
@@ -130,6 +136,9 @@ class SteeringParameters:
     viewer_page: str = parameter(
         "rerun_viewer/page", "the topic with the address of the view", read_only=True
     )
+    await_view: float = parameter(
+        0.0, "s to wait for the view before the address is printed", at_least=0.0, read_only=True
+    )
     open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
 
     @classmethod
@@ -170,14 +179,15 @@ class SteeringPage(Node):
         self._server: ServerThread | None = None
         self._show_error: Callable[[str, str], None] = lambda page, why: None
         self._settings = settings = SteeringParameters.of(self)
-        self._commands = CommandTopic(self, settings.topic)
+        self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
-        self._arbiter = ThreadSafeArbiter(settings.limits(()), self._commands.publish)
+        commands = self._commands
+        self._arbiter = ThreadSafeArbiter(settings.limits(()), commands.publish, commands.lock)
         self._view = ViewProxy()
         self._rejected = 0
         self._timeouts = 0  # of drivers, that were logged
@@ -191,6 +201,10 @@ class SteeringPage(Node):
         self.create_subscription(String, f"{self._viewer}/displays", self._on_displays, LATCHED)
         self._serve()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        if settings.await_view:
+            self.create_timer(settings.await_view, self._announce, clock=steady)
+        else:
+            self._announce()
         self.create_timer(1.0 / settings.rate, self._arbiter.tick, clock=steady)
         self.create_timer(_TIMEOUT_PERIOD, self._check_driver, clock=steady)
         self.create_timer(_GRAPH_PERIOD, self._poll_graph, clock=steady)
@@ -218,7 +232,13 @@ class SteeringPage(Node):
         self._arbiter.changed = lambda: thread.call(server.notify)
         self._show_error = lambda page, why: thread.call(lambda: server.show_topic_error(page, why))
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
-        url = f"http://{reachable_as(listener)}{query}"
+        self._url = f"http://{reachable_as(listener)}{query}"
+
+    def _announce(self) -> None:
+        """Print the page's address and open it, once."""
+        url, self._url = self._url, ""
+        if not url:
+            return
         # Not by the logger, which publishes on /rosout: the token must not get there.
         print(f"open {url}", flush=True)
         if self._settings.open_browser and has_display():
@@ -265,6 +285,8 @@ class SteeringPage(Node):
             self._topics,
             self._robots,
             len(commands.listeners),
+            tuple(commands.others),
+            commands.locked,
             tuple(one.node for one in controllers),
             self._braking,
             self._odometry.fields(),
@@ -275,7 +297,8 @@ class SteeringPage(Node):
         if self._timeouts != self._arbiter.timeouts:
             self._timeouts = self._arbiter.timeouts
             self.get_logger().warning(
-                "stopped: no message from the page that drives", throttle_duration_sec=_WARN_EVERY
+                "stopped: no message from the page that drives, or one that is too old",
+                throttle_duration_sec=_WARN_EVERY,
             )
         while not self._requests.empty():
             self._choose(*self._requests.get())
@@ -313,6 +336,13 @@ class SteeringPage(Node):
         if before != after:
             self._arbiter.changed()
 
+    def _on_lock(self, locked: bool) -> None:
+        """Show it; whoever drove has to release and drive again to unlock it."""
+        if locked:
+            self._arbiter.halt()
+        else:
+            self._arbiter.changed()
+
     def _on_controllers(self) -> None:
         """Apply the limits of the controllers, and report which count where there are several."""
         known = self._controllers.known
@@ -335,6 +365,8 @@ class SteeringPage(Node):
                 throttle_duration_sec=_WARN_EVERY,
             )
         self._set_view(view)
+        if view is not None:
+            self._announce()
 
     def ground(self, frame: str) -> Mapping[str, Any]:
         """Return what a page's map shows, and of which robot; prepare for its clicks."""

@@ -394,6 +394,7 @@ class DisplayServer:
         web_port: int,
         memory_limit: str,
         open_browser: bool,
+        embedded: bool = False,
         log: Log,
     ) -> None:
         """Open the recording, then what shows it; call it from the main thread.
@@ -405,13 +406,14 @@ class DisplayServer:
             web_port: wanted port of the page, 0 for any.
             memory_limit: what the server keeps for late viewers, such as "256MB".
             open_browser: open the page, if there is a display.
+            embedded: another page holds this one, whose address is nobody's to open.
             log: where to say what happens.
 
         Raises:
             OneBotError: a file, a port or a display that cannot be had.
         """
         self._log = log
-        self._open_browser = open_browser
+        self._open_browser, self._embedded = open_browser, embedded
         self._page: WebPage | None = None
         self._window: NativeWindow | None = None
         self._announced = False
@@ -477,6 +479,8 @@ class DisplayServer:
                 self._log.warning(f"the page's server died, restarting: {page.restart()}")
         elif not self._announced and page.ready:
             self._announced = True
+            if self._embedded:
+                return
             self._log.info(f"open {page.url}")
             if self._open_browser and has_display():
                 page.open_in_browser()

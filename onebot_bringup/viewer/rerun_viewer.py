@@ -40,6 +40,7 @@ Parameters:
         prefix of each is its namespace.
     grpc_port (int, 9876), web_port (int, 9090): on 127.0.0.1; another if it is in use, 0 for any.
     open_browser (bool, true): open the page, if there is a display.
+    embedded (bool, false): another page holds this one: its address is not logged, nor opened.
     memory_limit (string, "256MB"): what is kept for viewers that join later.
 """
 
@@ -131,6 +132,9 @@ class ViewerParameters:
     grpc_port: int = _port(9876, "port on 127.0.0.1 for viewers; 0: any")
     web_port: int = _port(9090, "port on 127.0.0.1 for the page; 0: any")
     open_browser: bool = parameter(True, "open the page, if there is a display", read_only=True)
+    embedded: bool = parameter(
+        False, "another page holds this one, which is neither logged nor opened", read_only=True
+    )
     memory_limit: str = parameter(
         "256MB",
         "what is kept for viewers that join later",
@@ -177,6 +181,7 @@ class ViewerParameters:
             web_port=self.web_port,
             memory_limit=self.memory_limit,
             open_browser=self.open_browser,
+            embedded=self.embedded,
             log=log,
         )
 

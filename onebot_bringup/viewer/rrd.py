@@ -6,6 +6,7 @@ from pathlib import Path
 
 from onebot_bringup.viewer.display_server import program
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.bounded_yaml import open_regular
 
 _STARTS = (b"RRF", b"RRIO")  # of the files of all of Rerun's versions
 _NOTHING = 200  # bytes of a file in which no message is whole
@@ -20,7 +21,7 @@ def check_rrd(rrd: Path) -> None:
         OneBotError: with what is wrong.
     """
     try:
-        with rrd.open("rb") as file:
+        with open_regular(rrd) as file:
             start = file.read(4)
             size = file.seek(0, 2)
     except FileNotFoundError:

@@ -43,6 +43,11 @@ class WorldRobot:
         """What stands around the robots."""
         return self._world.scene
 
+    @property
+    def obstructed(self) -> bool:
+        """Whether something other than the ground touches the robot."""
+        return self._world.obstructed(self._row)
+
     def turn(self, velocities: Mapping[str, float] | ArrayLike) -> None:
         """Set the target velocities of the motors; see ``step``."""
         targets = self.body.targets(velocities)
@@ -209,6 +214,14 @@ class World:
         if self.scene is not None:
             self.scene.read()
         self.check_usable()
+
+    def obstructed(self, row: int) -> bool:
+        """Return whether something other than the ground touches the robot of ``row``."""
+        if len(self.bodies) == 1 and self.scene is None:
+            return False
+        parts = self.bodies[row].parts
+        points = engine.getContactPoints(parts.body, physicsClientId=self.client)
+        return any(not {point[1], point[2]} <= {parts.body, parts.ground} for point in points)
 
     def reset(self) -> None:
         """Restore the initial state, bit for bit; time is 0 again."""

@@ -5,6 +5,7 @@ the left or the right, and hangs on no joint that swivels it. Names decide only 
 several sets of wheels.
 """
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -22,8 +23,9 @@ Floats = NDArray[np.float64]
 _MIDDLE = 0.005  # m from the middle line; a wheel there is on neither side
 _GROUND = 0.1  # of its radius that a wheel may end above the lowest one
 _ALIKE = 0.01  # m of radius and height by which the wheels of a set differ at most
+_ACROSS = math.cos(math.radians(1.0))  # cosine of the angle to the lateral axis, of wheels' axles
+_TRAIL = 0.1  # of its radius by which a wheel at least trails what swivels it, if that is a caster
 _VERTICAL = 0.9  # cosine of the angle to the vertical, of joints that swivel wheels
-_LEFT = np.array([0.0, 1.0, 0.0])
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
 # In the names of wheels and of their meshes.
 _ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
@@ -38,8 +40,8 @@ class Axle(NamedTuple):
 
     @property
     def across(self) -> bool:
-        """Whether it points to the left or to the right, as a wheel's does."""
-        return bool(np.allclose(abs(self.axis), _LEFT, atol=1e-3))
+        """Whether it points to the left or to the right, as a wheel's does, but for a degree."""
+        return abs(float(self.axis[1])) >= _ACROSS
 
     @property
     def direction(self) -> float:
@@ -104,9 +106,14 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
     wheels = [wheel for wheel in rolling if not swivels[wheel.name]]
     for wheel in rolling:
         swivel = swivels[wheel.name]
-        if swivel and swivel.kind == "revolute" and not _PASSIVE.search(swivel.name):
-            reason = f'joint "{swivel.name}" steers the wheel of "{wheel.name}"'
-            raise _not_driven(description, turning, f"it is no differential drive: {reason}")
+        if swivel and _is_steered(wheel, turning[wheel.name], turning[swivel.name]):
+            raise OneBotError(
+                f'robot "{description.robot_name}" cannot be driven: it is no differential drive: '
+                f'joint "{swivel.name}" steers the wheel of "{wheel.name}". That takes a '
+                "controller for Ackermann steering, which is not here; show the robot without a "
+                "simulation: sim:=false. If it is a caster, name it so, have its wheel trail it, "
+                "or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
+            )
     sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
     if len(sets) > 1:
         sets = [each for each in sets if not any(map(_is_passive, each))] or sets
@@ -173,6 +180,15 @@ def _swivel(description: Description, name: str, turning: Mapping[str, Axle]) ->
             return joint
         link = joint.parent
     return None
+
+
+def _is_steered(wheel: _Wheel, axle: Axle, swivel: Axle) -> bool:
+    """Whether a wheel is swivelled by a motor: a caster swivels without end, and trails."""
+    if _PASSIVE.search(f"{swivel.joint.name} {wheel.name} {wheel.link}"):
+        return False
+    x, y, _ = np.cross(axle.axis, (0.0, 0.0, 1.0))
+    trail = x * (wheel.x - swivel.pose[0, 3]) + y * (wheel.y - swivel.pose[1, 3])
+    return swivel.joint.kind == "revolute" or abs(float(trail)) < _TRAIL * wheel.radius
 
 
 def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:

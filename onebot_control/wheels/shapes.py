@@ -1,6 +1,5 @@
 """The round shapes that wheels roll on, read from the robot's description."""
 
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +19,9 @@ from onebot_description.errors import OneBotError
 
 Floats = NDArray[np.float64]
 
-_SAME = 1e-6  # m by which the radii of a wheel's shapes may differ
-# A mesh is round if it reaches as far from the axle in four directions, but for this share.
+_SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
+# A cylinder or a sphere is round about the axle if it is no farther off than this share of its
+# radius, and a mesh if it reaches as far in four directions, but for this share.
 _ROUND = 0.05
 
 
@@ -50,8 +50,8 @@ class Tyres:
     def of(self, name: str) -> Tyre | None:
         """Return the shape on which the link turned by this joint rolls; None if none is round.
 
-        Of the collisions, or if none of these is round of the visuals. A mesh counts only where
-        there is neither sphere nor cylinder.
+        Of the collisions, or if none of these is round of the visuals, the one with the largest
+        radius: it is what reaches the ground.
         """
         if name not in self._known:
             self._known[name] = self._find(self._joints[name])
@@ -61,23 +61,24 @@ class Tyres:
         axis = np.array(joint.axis)
         for rank in (0, 1):
             shapes = [each for each in self._bodies[joint.child] if each[2] == rank]
-            for find in (_primitives, _meshes):
-                tyres = list(find(shapes, axis))
-                if tyres and max(tyres).radius - min(tyres).radius <= _SAME:
-                    return Tyre(tyres[0].radius, float(np.mean([tyre.offset for tyre in tyres])))
+            tyres = [t for shape, pose, _ in shapes if (t := _tyre(shape, pose, axis)) is not None]
+            if tyres:
+                radius = max(tyres).radius
+                offsets = [tyre.offset for tyre in tyres if tyre.radius >= radius - _SAME]
+                return Tyre(radius, float(np.mean(offsets)))
         return None
 
 
-def _primitives(shapes: Sequence[tuple[Geometry, Floats, int]], axis: Floats) -> Iterator[Tyre]:
-    for geometry, pose, _ in shapes:
-        if isinstance(geometry.shape, Cylinder | Sphere):
-            yield Tyre(geometry.shape.radius, float(pose[:3, 3] @ axis))
-
-
-def _meshes(shapes: Sequence[tuple[Geometry, Floats, int]], axis: Floats) -> Iterator[Tyre]:
-    for geometry, pose, _ in shapes:
-        if isinstance(geometry.shape, Mesh) and (found := _round_mesh(geometry.shape, pose, axis)):
-            yield found
+def _tyre(geometry: Geometry, pose: Floats, axis: Floats) -> Tyre | None:
+    """Return a shape as a wheel about ``axis``; None if it is not round about it."""
+    shape = geometry.shape
+    if isinstance(shape, Mesh):
+        return _round_mesh(shape, pose, axis)
+    if not isinstance(shape, Cylinder | Sphere):
+        return None
+    offset = float(pose[:3, 3] @ axis)
+    beside = float(np.linalg.norm(pose[:3, 3] - offset * axis))
+    return Tyre(shape.radius, offset) if beside <= _ROUND * shape.radius else None
 
 
 def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:

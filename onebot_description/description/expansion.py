@@ -248,7 +248,7 @@ def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
     if isinstance(chain[-1], MemoryError):
         raise chain[-1]
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    places = [place for frame in frames if (place := _place(frame)) is not None]
+    places = [place for frame in frames if (place := written_at(_node(frame))) is not None]
     place = places[-1] if places else shown_path(path)
     return f"{place}: {_cause(chain, frames, list(arguments))}"
 
@@ -277,9 +277,12 @@ def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]
         return f'unknown property "{name[1]}"{where}{hint}'
     if type(inner).__name__ == "ArgException":
         if str(inner) in arguments:
-            return (
-                f'argument "{inner}" has no value here; move its <xacro:arg name="{inner}"> above'
-            )
+            nodes = [node for frame in frames if (node := _node(frame)) is not None]
+            # Nothing can stand above the outermost element.
+            in_root = nodes and nodes[-1].parentNode is nodes[-1].ownerDocument
+            above = f'move its <xacro:arg name="{inner}"> above'
+            remedy = f"give {inner}:=VALUE" if in_root else above
+            return f'argument "{inner}" has no value here; {remedy}'
         hint = did_you_mean(str(inner), arguments, "declared")
         return (
             f'argument "{inner}" has no value{hint}; give {inner}:=<value>, '
@@ -320,11 +323,11 @@ def written_at(node: Any) -> str | None:
     return None
 
 
-def _place(frame: FrameType) -> str | None:
-    """Where the XML node that a frame of xacro works on was written."""
+def _node(frame: FrameType) -> Any:
+    """The XML node that a frame of xacro works on; None if there is none."""
     if frame.f_globals.get("__name__") != "xacro":
         return None
-    return written_at(frame.f_locals.get("node", frame.f_locals.get("elt")))
+    return frame.f_locals.get("node", frame.f_locals.get("elt"))
 
 
 def _recursing(frames: list[FrameType]) -> str:

@@ -585,7 +585,10 @@ def _read_limit(
     velocity = read_number(findings, limit, "velocity", required=needed, negative=False)
     if not bounded:
         if kind == "continuous" and (lower or upper):
-            findings.warning(limit, "a continuous joint has no lower or upper; make it revolute")
+            text = "a continuous joint turns without end, so lower and upper are ignored"
+            findings.warning(
+                limit, f"{text}; delete them, or if it must stop there make it revolute"
+            )
         return None, None, velocity, effort
     if lower is not None and upper is not None and lower > upper:
         findings.problem(limit, f"lower {lower:g} is above upper {upper:g}; swap them")

@@ -8,6 +8,7 @@ element.
 import codecs
 import os
 import stat
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -136,27 +137,28 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     if not data.strip():
         raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])
     parser = expat.ParserCreate(encoding, namespace_separator=" ")
+    parser.namespace_prefixes = True
     lines: list[int] = []
     namespaces: set[str] = set()
-    depth = parts = 0
+    opened: list[tuple[str, int]] = []  # the elements around the place, each with its line
+    parts = 0
 
     def place() -> str:
         return f"{shown}:{parser.CurrentLineNumber}"
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal depth, parts
-        depth += 1
+        nonlocal parts
+        opened.append((name, parser.CurrentLineNumber))
         parts += 1 + len(attributes)
         if parts > _MOST_PARTS:
             text = f"holds more than {_MOST_PARTS} elements and attributes"
             raise DescriptionError([f"{place()}: {text}"])
-        if depth > _DEEPEST:
+        if len(opened) > _DEEPEST:
             raise DescriptionError([f"{place()}: elements are nested deeper than {_DEEPEST}"])
         lines.append(parser.CurrentLineNumber)
 
     def end(name: str) -> None:
-        nonlocal depth
-        depth -= 1
+        opened.pop()
 
     def doctype(*_: object) -> NoReturn:
         raise DescriptionError(
@@ -175,12 +177,12 @@ def scan(data: bytes, shown: str, encoding: str | None = None) -> Scan:
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, LookupError, ValueError) as error:
-        raise DescriptionError([_malformed(data, shown, error)]) from None
+        raise DescriptionError([_malformed(data, shown, error, opened)]) from None
     return Scan(tuple(lines), not namespaces.isdisjoint(XACRO_NAMESPACES))
 
 
-def _malformed(data: bytes, shown: str, error: Exception) -> str:
-    """The message for XML that expat does not accept."""
+def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple[str, int]]) -> str:
+    """The message for XML that expat does not accept; ``opened`` are the elements around it."""
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if b"\0" in data and not wide:
         return f"{shown}: is a binary file, not URDF or xacro"
@@ -203,6 +205,10 @@ def _malformed(data: bytes, shown: str, error: Exception) -> str:
             )
     if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") and not wide:
         return f"{place}: is not XML: URDF starts with <robot ...>"
+    if opened and reason in ("mismatched tag", "no element found"):
+        name, line = opened[-1]
+        words = name.split(" ")  # namespace, name, prefix, or fewer
+        reason += f": <{':'.join(reversed(words[1:] or words))}> of line {line} is not closed"
     return f"{place}: malformed XML: {reason}"
 
 

@@ -10,7 +10,6 @@ from onebot_description.joints.motions import (
     BLENDS,
     LINEAR,
     MINIMUM_JERK,
-    Constant,
     Keyframes,
     Motion,
     Sine,
@@ -35,9 +34,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
 class MotionParameters:
     """The parameters ``motions.<joint>``; None for those that are not given."""
 
-    type: str | None = parameter(
-        None, "of the motion; by default inferred from the other keys", choices=(*_KEYS,)
-    )
+    type: str = parameter(REQUIRED, "the kind of motion", choices=(*_KEYS,))
     position: float | None = parameter(None, "constant: position to hold, rad or m")
     amplitude: float | None = parameter(None, "sine: rad or m")
     frequency: float | None = parameter(None, "sine: Hz", at_least=0.0)
@@ -56,20 +53,11 @@ class MotionParameters:
         names = (one.name for one in fields(self) if one.name != "type")
         return {name for name in names if getattr(self, name) is not None}
 
-    @property
-    def kind(self) -> str | None:
-        """The given type, or else the first type that has all of the given keys."""
-        if self.type or not self.given:
-            return self.type
-        return next((kind for kind, keys in _KEYS.items() if self.given.issubset(keys)), None)
-
     def check(self) -> Iterator[Problem]:
         """Yield all problems except unknown poses."""
-        if self.kind is None:
-            yield Problem("", f"write its type, one of {', '.join(_KEYS)}")
-        elif self.kind == "pose" and not self.pose:
+        if self.type == "pose" and not self.pose:
             yield Problem("pose", "write the name of a pose")
-        elif self.kind == "keyframes":
+        elif self.type == "keyframes":
             yield from self._check_keyframes()
 
     def _check_keyframes(self) -> Iterator[Problem]:
@@ -88,7 +76,7 @@ class MotionParameters:
     def check_poses(self, joint: str, poses: Poses) -> Iterator[Problem]:
         """Yield the problems with the poses that the motion of ``joint`` refers to."""
         named = {"pose": ("pose", (self.pose,)), "keyframes": ("poses", self.poses or ())}
-        key, names = named.get(self.kind or "", ("", ()))
+        key, names = named.get(self.type, ("", ()))
         for name in names:
             if name and name not in poses:
                 yield Problem(key, f'no pose "{name}"{did_you_mean(name, poses, "poses")}')
@@ -98,25 +86,24 @@ class MotionParameters:
 
     def notes(self) -> Iterator[Problem]:
         """Yield warnings on parameters that are valid, but probably not intended."""
-        kind = self.kind or ""
-        for key in sorted(self.given.difference(_KEYS[kind])):
+        for key in sorted(self.given.difference(_KEYS[self.type])):
             users = next(name for name, keys in _KEYS.items() if key in keys)
-            yield Problem(key, f"not used by type {kind}, only by type {users}")
+            yield Problem(key, f"not used by type {self.type}, only by type {users}")
         missing = [key for key in ("amplitude", "frequency") if getattr(self, key) is None]
-        if kind == "sine" and missing:
+        if self.type == "sine" and missing:
             yield Problem("", f"sine without {' and '.join(missing)} does not swing")
 
     def motion(self, joint: str, poses: Poses) -> Motion:
         """Return the motion of ``joint``; the parameters must have passed both checks."""
-        if self.kind == "constant":
-            return Constant(self.position or 0.0)
-        if self.kind == "sine":
+        if self.type == "constant":
+            return Keyframes.hold(self.position or 0.0)
+        if self.type == "sine":
             return Sine(
                 self.amplitude or 0.0, self.frequency or 0.0, self.phase or 0.0, self.offset or 0.0
             )
-        if self.kind == "pose":
+        if self.type == "pose":
             name = self.pose or ""
-            return Constant(poses[name][joint], name)
+            return Keyframes.hold(poses[name][joint], name)
         positions = self.positions or tuple(poses[name][joint] for name in self.poses or ())
         return Keyframes(self.times or (), positions, self.blend or LINEAR, self.loop is not False)
 

@@ -4,7 +4,6 @@
 nodes publish, and `JointStateSource` samples both.
 """
 
-import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -22,12 +21,9 @@ from onebot_description.joints.mimic import Following
 from onebot_description.joints.motions import (
     TURN,
     Allowed,
-    Constant,
     Keyframes,
     Motion,
     Sine,
-    Sweep,
-    Tracks,
     violations,
 )
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -68,10 +64,11 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     ]
     alone = np.ones(len(joints), dtype=bool)
     alone[following.leader[following.follows]] = False
-    endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
-    planner = _Planner(joints, narrowed, limits, config, [*config.notes, *problems])
+    continuous = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
+    endless = continuous & alone & ~following.follows
+    planner = _Planner(joints, narrowed, limits, endless, config, [*config.notes, *problems])
     motions = tuple(
-        Constant(0.0) if follows else planner.motion(index)
+        Keyframes.hold(0.0) if follows else planner.motion(index)
         for index, follows in enumerate(following.follows)
     )
     planner.report_poses(following)
@@ -79,7 +76,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         config=config,
         following=following,
         limits=narrowed,
-        endless=endless & alone & ~following.follows,
+        endless=endless,
         zeros=np.array([planner.zero(index) for index in range(len(joints))]),
         motions=motions,
         unsuitable=tuple(problem for problem in problems if problem.key),
@@ -95,12 +92,14 @@ class _Planner:
         joints: Sequence[Joint],
         limits: JointLimits,
         own_limits: JointLimits,
+        endless: NDArray[np.bool_],
         config: JointsConfig,
         notes: list[Problem],
     ) -> None:
         self._joints = joints
         self._limits = limits
         self._own = own_limits
+        self._endless = endless
         self._config = config
         self.reports = notes
         known = {joint.name for joint in joints}
@@ -118,17 +117,23 @@ class _Planner:
         config, name = self._config, self._joints[index].name
         zero = self.zero(index)
         if name in config.zeros:
-            self._check(index, Constant(config.zeros[name]), f"zeros.{name}")
+            self._check(index, Keyframes.hold(config.zeros[name]), f"zeros.{name}")
         if config.pose and name in config.poses[config.pose]:
-            return Constant(self._clamp(index, config.poses[config.pose][name]), config.pose)
+            return Keyframes.hold(self._clamp(index, config.poses[config.pose][name]), config.pose)
         if name in config.motions:
-            return self._check(index, config.motions[name], f"motions.{name}")
+            motion = self._check(index, config.motions[name], f"motions.{name}")
+            return self._turning(index, motion)
         steps = self._sequence(index, zero)
         if steps is not None:
-            return self._check(index, steps, "sequence")
+            return self._turning(index, self._check(index, steps, "sequence"))
         if config.delta:
             return self._sweep(index, zero)
-        return self._swing(index) if config.swing else Constant(zero)
+        return self._swing(index) if config.swing else Keyframes.hold(zero)
+
+    def _turning(self, index: int, motion: Motion) -> Motion:
+        if self._endless[index] and isinstance(motion, Keyframes):
+            return motion.turning()
+        return motion
 
     def report_poses(self, following: Following) -> None:
         """Report poses beyond limits, and pose entries of joints that follow others."""
@@ -142,7 +147,7 @@ class _Planner:
                     leader = self._joints[following.leader[number]].name
                     self._report(key, f'not used: this joint follows "{leader}"')
                 else:
-                    self._check(number, Constant(position), key)
+                    self._check(number, Keyframes.hold(position), key)
 
     def _sequence(self, index: int, zero: float) -> Keyframes | None:
         sequence, name = self._config.sequence, self._joints[index].name
@@ -172,10 +177,14 @@ class _Planner:
 
     def _sweep(self, index: int, zero: float) -> Motion:
         lower, upper = float(self._limits.lower[index]), float(self._limits.upper[index])
-        sweep = Sweep(self._config.delta * self._config.rate, zero, lower, upper)
-        self._check(index, sweep, "delta")
-        speed = min(sweep.speed, float(self._limits.velocity[index]))
-        return dataclasses.replace(sweep, speed=speed)
+        allowed, speed = self._allowed(index), self._config.delta * self._config.rate
+        if not allowed.reaches(speed):
+            text = f"delta times rate is {speed:.4g} {allowed.unit}/s, over {allowed.speed}"
+            joint = self._joints[index].name
+            self._report(
+                "delta", f'joint "{joint}": {text}, which it keeps to: lower delta or rate'
+            )
+        return Keyframes.sweep(min(speed, allowed.velocity), zero, lower, upper)
 
     def _swing(self, index: int) -> Motion:
         """Swing through most of the range, at no more than a part of the speed allowed.
@@ -194,18 +203,21 @@ class _Planner:
 
     def _check(self, index: int, motion: Motion, key: str) -> Motion:
         """Report where the motion exceeds the joint's limits, and return it."""
-        joint = self._joints[index]
-        allowed = Allowed(
+        name = self._joints[index].name
+        about = "" if key.endswith(f".{name}") else f'joint "{name}": '
+        for text in violations(motion, self._allowed(index)):
+            self._report(key, about + text)
+        return motion
+
+    def _allowed(self, index: int) -> Allowed:
+        kind = self._joints[index].kind
+        return Allowed(
             lower=float(self._limits.lower[index]),
             upper=float(self._limits.upper[index]),
             velocity=float(self._limits.velocity[index]),
-            unit="m" if joint.kind == "prismatic" else "rad",
-            endless=joint.kind == "continuous",
+            unit="m" if kind == "prismatic" else "rad",
+            endless=kind == "continuous",
         )
-        about = "" if key.endswith(f".{joint.name}") else f'joint "{joint.name}": '
-        for text in violations(motion, allowed):
-            self._report(key, about + text)
-        return motion
 
     def _clamp(self, index: int, position: float) -> float:
         return float(min(max(position, self._limits.lower[index]), self._limits.upper[index]))
@@ -414,7 +426,6 @@ class JointStateSource:
         self._position = np.where(turning, wrapped(self._position), self._position)
         self._origins = np.where(changed, self._elapsed, self._origins)
         self._starts = np.where(changed, self._position, self._starts)
-        self._tracks = Tracks(plan.motions, self._origins, self._starts, plan.endless)
         # A continuous joint turns the short way to its new target.
         turns = np.round((self._asked() - self._position) / TURN)
         self._position = self._position + np.where(turning, TURN * turns, 0.0)
@@ -455,8 +466,9 @@ class JointStateSource:
 
     def _asked(self) -> FloatArray:
         """The motions' positions of now; the present one where a motion's cannot be computed."""
-        with np.errstate(all="ignore"):
-            asked = self._tracks.at(self._elapsed)
+        times = np.maximum(self._elapsed - self._origins, 0.0).tolist()
+        motions = zip(self._plan.motions, times, self._starts.tolist(), strict=True)
+        asked = np.array([motion.at(time, start) for motion, time, start in motions], float)
         return np.where(np.isfinite(asked), asked, self._position)
 
     def _toward(self, target: FloatArray, step: float) -> FloatArray:

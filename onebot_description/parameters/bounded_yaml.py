@@ -9,7 +9,7 @@ import os
 import stat
 import time
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import yaml
 
@@ -27,21 +27,31 @@ class BoundError(yaml.MarkedYAMLError):
 
 
 def read_text(file: Path) -> str:
-    """Return the text of a file, which must be a regular one: a pipe or a device may never end.
+    """Return the text of a file.
 
     Raises:
-        OSError: it cannot be read, or is no such file.
+        OSError: it cannot be read, or is no regular file.
         UnicodeDecodeError: it is not UTF-8.
     """
-    # Without waiting: to open a pipe takes until somebody writes to it.
-    descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    with open(descriptor, "rb") as opened:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(0, "not a regular file")
+    with open_regular(file) as opened:
         data = opened.read(_MOST_BYTES + 1)
     if len(data) > _MOST_BYTES:
         raise OSError(0, f"larger than {_MOST_BYTES // 1_000_000} MB")
     return data.decode()
+
+
+def open_regular(file: Path) -> IO[bytes]:
+    """Open a file, which must be a regular one: a pipe or a device may never end.
+
+    Raises:
+        OSError: it cannot be read, or is no regular file.
+    """
+    # Without waiting: to open a pipe takes until somebody writes to it.
+    opened = open(os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
+    if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
+        opened.close()
+        raise OSError(0, "not a regular file")
+    return opened
 
 
 def load(text: str, loader: Any = SafeLoader) -> Any:

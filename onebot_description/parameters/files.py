@@ -309,6 +309,29 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
     return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
+def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
+    """Refuse a file with sections that are for none of ``nodes``: they would do nothing.
+
+    Args:
+        file: a parameter file.
+        nodes: full names of those that it is given to.
+
+    Raises:
+        ConfigError: with the sections that would be for them; or the file cannot be read.
+    """
+    problems = []
+    for section in _sections(read_text(file), str(file)):
+        if not any(section_matches(section, node) for node in nodes):
+            name = section.rpartition("/")[2]
+            same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
+            names = dict.fromkeys(node.rpartition("/")[2] for node in same)
+            possible = listing([*same, *(f"/**/{each}" for each in names)])
+            text = f'{file}: section "{section}" is for no node that it is given to: {possible}'
+            problems.append(Problem("", text))
+    if problems:
+        raise ConfigError(problems)
+
+
 def read_text(file: Path) -> str:
     """Return a file's text; one that cannot be read is a ConfigError."""
     try:

@@ -492,7 +492,8 @@ class _Reading:
 
     def _missing(self, field: _Field, key: str) -> None:
         rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
-        what = f", {rule.description}" if rule.description else ""
+        choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
+        what = "".join(f", {text}" for text in (rule.description, choices) if text)
         if key:  # the group's, because only what is written has a line
             self._report(key, f"has no {field.name}{what}")
         else:
@@ -537,7 +538,8 @@ def declare(
 ) -> dict[str, Any]:
     """Declare every parameter of the dataclass ``kind``, with what is known of each.
 
-    Their types are left open, so that 10 and 10.0 are both right: ``read`` checks them.
+    Their types are left open, so that ``read`` reports a wrong one with all else that is wrong; an
+    integer for a double is declared as a double.
 
     Args:
         node: to declare them on.
@@ -551,38 +553,54 @@ def declare(
     """
     first = {**defaults(kind), **(values or {}), **(fixed or {})}
     for name, default in first.items():
-        _declare(node, name, default, descriptor(kind, name), ignore_override=name in (fixed or {}))
+        _declare(node, kind, name, default, ignore_override=name in (fixed or {}))
     found = {name: plain(node.get_parameter(name).value) for name in first}
     ours = {name: value for name, value in found.items() if is_parameter(kind, name)}
     return {name: value for name, value in ours.items() if value is not None}
 
 
-def _declare(
-    node: "Node", name: str, default: Any, final: "ParameterDescriptor", ignore_override: bool
-) -> None:
+def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_override: bool) -> None:
     from rcl_interfaces.msg import ParameterDescriptor
     from rclpy.exceptions import InvalidParameterValueException
 
     if node.has_parameter(name):
         return
-    empty, unlimited = default == [], ParameterDescriptor(dynamic_typing=True)
+    # rclpy cannot infer the type of an empty list: it is set afterwards, as is a double.
+    first = None if default == [] else default
+    node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True), ignore_override)
+    given = node.get_parameter(name)
+    value = ros_parameter(name, default) if given.value is None else given
+    final = _with_doubles(kind, value)
+    if final.type_ != given.type_:
+        node.set_parameters([final])
+    # Out of range, it is left to ``read`` to report.
+    with contextlib.suppress(InvalidParameterValueException):
+        node.set_descriptor(name, descriptor(kind, name))
+
+
+def _with_doubles(kind: type, parameter: "Parameter") -> "Parameter":
+    """Return a parameter of the dataclass ``kind``, as a double if it has an integer for one."""
+    value = plain(parameter.value)
     try:
-        # rclpy cannot infer the type of an empty list: it is set afterwards.
-        first, now = (None, unlimited) if empty else (default, final)
-        node.declare_parameter(name, first, now, ignore_override)
-    except InvalidParameterValueException:
-        # Out of range: ``read`` reports it, with all else that is wrong.
-        node.declare_parameter(name, default, unlimited, ignore_override)
-    if empty:
-        if node.get_parameter(name).value is None:
-            node.set_parameters([ros_parameter(name, default)])
-        node.set_descriptor(name, final)
+        _, leaf = _locate(_group(kind), parameter.name)
+        if isinstance(leaf, ValueType) and leaf.base is float and value not in (None, []):
+            return ros_parameter(parameter.name, _as_ros(leaf, leaf.checked(value)))
+    except (_Unknown, ValueError):  # ``read`` reports it
+        pass
+    return parameter
+
+
+def set_doubles(node: "Node", kind: type) -> None:
+    """Have an integer that is set for a double of the dataclass ``kind`` be one on ``node``."""
+    node.add_pre_set_parameters_callback(
+        lambda parameters: [_with_doubles(kind, one) for one in parameters]
+    )
 
 
 def refuse_undeclared(node: "Node", kind: type) -> None:
     """Refuse to set what ``node`` does not have, with its name and what would be right.
 
-    rclpy refuses it as well, but names nothing.
+    rclpy refuses it as well, but names nothing. Integers for doubles are set as doubles.
 
     Args:
         node: that declared its parameters.
@@ -600,7 +618,7 @@ def refuse_undeclared(node: "Node", kind: type) -> None:
             error = ParameterNotDeclaredException(names)
             error.args = ("\n".join(problem.message() for problem in problems),)
             raise error
-        return parameters
+        return [_with_doubles(kind, one) for one in parameters]
 
     node.add_pre_set_parameters_callback(check)
 

@@ -19,7 +19,6 @@ from pathlib import Path
 _FOLDER = Path(__file__).parent
 SOURCES = (
     _FOLDER / "_tf_message.c",
-    _FOLDER / "_cdr.c",
     _FOLDER / "_schema.c",
     _FOLDER / "_state_converter.c",
     _FOLDER.with_name("model") / "_kinematics.c",

@@ -1,35 +1,25 @@
 """ROS messages as arrays, and arrays as ROS messages.
 
-Messages come as bytes. Plain CDR is read in place (see ``cdr``), without objects between; any other
-encoding is deserialized by rclpy, to the same result.
+Messages come as bytes, which ``Schema`` reads in place.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Twist, TwistStamped, Vector3
-from nav_msgs.msg import Odometry
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from numpy.typing import NDArray
 from rclpy import serialization
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from onebot_description.wire.cdr import (
-    DOUBLES_PER_TRANSFORM,
-    NANO,
-    Floats,
-    Reader,
-    WireError,
-    nanoseconds,
-)
-from onebot_description.wire.remembered import Remembered, size_of_names
+from onebot_description.wire.cdr import NANO, Floats, nanoseconds
+from onebot_description.wire.schema import Message, Schema
 from onebot_description.wire.tf_message import TFMessage
 
-T = TypeVar("T")
-
-BAD_MESSAGE = (ValueError, IndexError)  # what is raised for bytes that are no such message
+BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
 
 _COVARIANCE = 36
 _UNKNOWN: Floats = np.zeros(_COVARIANCE)
@@ -78,56 +68,87 @@ class OdometrySample(NamedTuple):
     covariance: Floats = _UNKNOWN
 
 
-# From plain CDR. Each raises WireError where the bytes are no whole message in it; the arrays are
-# views into the bytes where they can be.
+_HEADER = "std_msgs/Header header\n"
+_TYPES = {  # their fields
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "sensor_msgs/JointState": (
+        f"{_HEADER}string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+    ),
+    "nav_msgs/Odometry": (
+        f"{_HEADER}string child_frame_id\n"
+        "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist"
+    ),
+    "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/Pose": "Vector3 position\nQuaternion orientation",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/Transform": "Vector3 translation\nQuaternion rotation",
+    "geometry_msgs/TransformStamped": f"{_HEADER}string child_frame_id\nTransform transform",
+    "geometry_msgs/Twist": "Vector3 linear\nVector3 angular",
+    "geometry_msgs/TwistStamped": f"{_HEADER}Twist twist",
+    "geometry_msgs/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+}
 
 
-def decode_tf(data: bytes) -> TfArrays:
-    """Read a serialized tf2_msgs/msg/TFMessage. The lists of names may not be changed."""
-    reader = Reader(data)
-    names, stamps, values = reader.transforms(reader.count(4 * DOUBLES_PER_TRANSFORM))
-    return TfArrays(*_parents_and_children(names), stamps, values[:, :3], values[:, 3:])
+@functools.cache
+def _schema(name: str) -> Schema:
+    sections = (f"MSG: {inner}\n{fields}" for inner, fields in _TYPES.items())
+    return Schema(name, f"\n{'=' * 80}\n".join(["", *sections]))
 
 
-def _frames(names: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Return the parents and the children of names that alternate."""
-    return list(names[::2]), list(names[1::2])
+# These raise WireError where the bytes are no whole message of plain little-endian CDR. The arrays
+# are views into the bytes where they can be.
 
 
-_parents_and_children = Remembered(_frames, size_of_names)
+def tf_arrays(data: bytes) -> TfArrays:
+    """Read a serialized tf2_msgs/msg/TFMessage."""
+    transforms = _schema("tf2_msgs/TFMessage").read(data).transforms
+    header = transforms.header
+    values = transforms.transform.array()
+    stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
+    parents, children = header.frame_id, transforms.child_frame_id
+    return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
 
 
-def decode_joint_state(data: bytes) -> JointStateArrays:
+def one_joint_state(data: bytes) -> JointStateArrays:
     """Read a serialized sensor_msgs/msg/JointState."""
-    reader = Reader(data)
-    stamp, frame_id = reader.stamp_ns(), reader.string()
-    names = reader.strings(reader.count(4))
-    fields = [reader.doubles(reader.count(8)) for _ in range(3)]
-    return JointStateArrays(stamp, frame_id, names, *fields)
+    state = _schema("sensor_msgs/JointState").read(data)
+    fields = state.position, state.velocity, state.effort
+    stamp_ns = nanoseconds(state.header.stamp)
+    return JointStateArrays(stamp_ns, state.header.frame_id, tuple(state.name), *fields)
 
 
-def decode_odometry(data: bytes) -> OdometrySample:
+def odometry_sample(data: bytes) -> OdometrySample:
     """Read a serialized nav_msgs/msg/Odometry."""
-    reader = Reader(data)
-    stamp, frame, child = reader.stamp_ns(), reader.string(), reader.string()
-    pose = reader.doubles(7 + _COVARIANCE)
-    twist = reader.doubles(6 + _COVARIANCE)
-    return OdometrySample(stamp, frame, child, pose[:3], pose[3:7], twist[:3], twist[3:6], pose[7:])
+    message = _schema("nav_msgs/Odometry").read(data)
+    pose = message.pose.pose.array()
+    twist = message.twist.twist
+    return OdometrySample(
+        nanoseconds(message.header.stamp),
+        message.header.frame_id,
+        message.child_frame_id,
+        pose[:3],
+        pose[3:],
+        twist.linear.array(),
+        twist.angular.array(),
+        message.pose.covariance,
+    )
 
 
-def decode_twist(data: bytes) -> TwistSample:
-    """Read a serialized geometry_msgs/msg/Twist."""
-    twist = Reader(data).doubles(6)
-    return TwistSample(0, twist[:3], twist[3:])
+def twist_sample(data: bytes) -> TwistSample:
+    """Read a serialized geometry_msgs/msg/Twist, which has no stamp: its time is 0."""
+    return _twist(_schema("geometry_msgs/Twist").read(data), 0)
 
 
-def decode_twist_stamped(data: bytes) -> TwistSample:
+def twist_stamped_sample(data: bytes) -> TwistSample:
     """Read a serialized geometry_msgs/msg/TwistStamped."""
-    reader = Reader(data)
-    stamp = reader.stamp_ns()
-    reader.string()
-    twist = reader.doubles(6)
-    return TwistSample(stamp, twist[:3], twist[3:])
+    message = _schema("geometry_msgs/TwistStamped").read(data)
+    return _twist(message.twist, nanoseconds(message.header.stamp))
+
+
+def _twist(twist: Message, stamp_ns: int) -> TwistSample:
+    return TwistSample(stamp_ns, twist.linear.array(), twist.angular.array())
 
 
 def deserialize_message(data: bytes, kind: type) -> Any:
@@ -152,78 +173,6 @@ def joint_state_arrays(message: JointState) -> JointStateArrays:
         tuple(message.name),
         *(np.array(field, float) for field in fields),
     )
-
-
-def _tf_arrays(message: TFMessage) -> TfArrays:
-    transforms = message.transforms
-    shifts = [t.transform.translation for t in transforms]
-    turns = [t.transform.rotation for t in transforms]
-    return TfArrays(
-        [t.header.frame_id for t in transforms],
-        [t.child_frame_id for t in transforms],
-        np.array([nanoseconds(t.header.stamp) for t in transforms], np.int64),
-        np.array([(v.x, v.y, v.z) for v in shifts], float).reshape(-1, 3),
-        np.array([(q.x, q.y, q.z, q.w) for q in turns], float).reshape(-1, 4),
-    )
-
-
-def _odometry_sample(message: Odometry) -> OdometrySample:
-    pose, twist = message.pose.pose, message.twist.twist
-    turn = pose.orientation
-    return OdometrySample(
-        nanoseconds(message.header.stamp),
-        message.header.frame_id,
-        message.child_frame_id,
-        _vector(pose.position),
-        np.array([turn.x, turn.y, turn.z, turn.w], float),
-        _vector(twist.linear),
-        _vector(twist.angular),
-        np.array(message.pose.covariance, float),
-    )
-
-
-def _twist_sample(message: Twist, stamp_ns: int = 0) -> TwistSample:
-    return TwistSample(stamp_ns, _vector(message.linear), _vector(message.angular))
-
-
-def _twist_stamped_sample(message: TwistStamped) -> TwistSample:
-    return _twist_sample(message.twist, nanoseconds(message.header.stamp))
-
-
-def _vector(vector: Any) -> Floats:
-    return np.array([vector.x, vector.y, vector.z], float)
-
-
-def _read(data: bytes, decode: Callable[[bytes], T], kind: type, convert: Callable[[Any], T]) -> T:
-    try:
-        return decode(data)
-    except WireError:
-        return convert(deserialize_message(data, kind))
-
-
-def tf_arrays(data: bytes) -> TfArrays:
-    """Read a TFMessage; the lists of names may not be changed."""
-    return _read(data, decode_tf, TFMessage, _tf_arrays)
-
-
-def one_joint_state(data: bytes) -> JointStateArrays:
-    """Read a JointState."""
-    return _read(data, decode_joint_state, JointState, joint_state_arrays)
-
-
-def odometry_sample(data: bytes) -> OdometrySample:
-    """Read an Odometry."""
-    return _read(data, decode_odometry, Odometry, _odometry_sample)
-
-
-def twist_sample(data: bytes) -> TwistSample:
-    """Read a Twist, which has no stamp: its time is 0."""
-    return _read(data, decode_twist, Twist, _twist_sample)
-
-
-def twist_stamped_sample(data: bytes) -> TwistSample:
-    """Read a TwistStamped."""
-    return _read(data, decode_twist_stamped, TwistStamped, _twist_stamped_sample)
 
 
 def time_message(stamp_ns: int) -> Time:

@@ -23,8 +23,7 @@ from tests.benchmarks.measuring import (
     percentile,
     ros_domain,
 )
-from tests.benchmarks.registry import Options
-from tests.benchmarks.report import Report, Value, at_most
+from tests.benchmarks.report import Options, Report, Value, at_most
 
 FLOOR, ALONE = "bare sleeping thread", "controller, viewer off"
 VIEWED = "controller, viewer on"

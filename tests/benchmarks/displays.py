@@ -30,8 +30,7 @@ from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
 from onebot_description.wire.messages import transforms_message
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import batches
-from tests.benchmarks.registry import Options
-from tests.benchmarks.report import Goal, Report, Value, at_most
+from tests.benchmarks.report import Goal, Options, Report, Value, at_most
 from tests.benchmarks.viewer import Logger, bare_recording
 
 FLOOR, OURS = "bare send_columns", "viewer"

@@ -30,8 +30,7 @@ from tests.benchmarks.measuring import (
     ros_domain,
     rss_bytes,
 )
-from tests.benchmarks.registry import Options
-from tests.benchmarks.report import Goal, Report, Value, at_least, at_most
+from tests.benchmarks.report import Goal, Options, Report, Value, at_least, at_most
 from tests.benchmarks.startup import pss_bytes
 
 MODEL = "package://onebot_description/urdf/onebot.urdf.xacro"

@@ -1,12 +1,35 @@
-"""Results of a benchmark: rows of a table, goals met or not, and how cost grows."""
+"""Options of a benchmark and its results: rows of a table, and goals met or not."""
 
 import math
-from collections.abc import Mapping, Sequence
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+
+from onebot_description.errors import OneBotError
 
 Value = str | int | float | None
-Point = tuple[float, float]
+
+BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"
+
+
+def say_on_stderr(text: str) -> None:
+    """Print a line of progress, with the time of day, beside the results on standard output."""
+    print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a benchmark."""
+
+    quick: bool = False  # do a little of everything, to check the answers; the times mean nothing
+    # Reports progress, a line at a time.
+    say: Callable[[str], None] = field(default=say_on_stderr, repr=False)
+
+    def choose(self, full: int, quick: int) -> int:
+        """``full``, or ``quick`` in quick mode: for counts of rounds, messages and the like."""
+        return quick if self.quick else full
 
 
 @dataclass(frozen=True)
@@ -20,14 +43,15 @@ class Goal:
     unit: str = ""  # of both; empty for a ratio
     at_least: bool = False  # the limit is the least allowed, not the most
 
-    def sentence(self) -> str:
-        """Return the goal and its result, such as "...: 1.2 (goal: at most 1.25): met"."""
-        unit = f" {self.unit}" if self.unit else ""
-        bound = "at least" if self.at_least else "at most"
-        return (
-            f"{self.what}: {text(self.measured)}{unit} (goal: {bound} {self.limit:g}{unit}): "
-            f"{'met' if self.met else 'MISSED'}"
-        )
+    @property
+    def result(self) -> str:
+        """What was measured, such as "1.20 s", and whether the goal was missed."""
+        return f"{text(self.measured)} {self.unit}".rstrip() + ("" if self.met else " (MISSED)")
+
+    @property
+    def bound(self) -> str:
+        """The limit, such as "at most 1.25"."""
+        return f"at {'least' if self.at_least else 'most'} {self.limit:g} {self.unit}".rstrip()
 
 
 def at_most(what: str, measured: float, limit: float, unit: str = "") -> Goal:
@@ -41,17 +65,6 @@ def at_least(what: str, measured: float, limit: float, unit: str = "") -> Goal:
 
 
 @dataclass(frozen=True)
-class Plot:
-    """How cost grows: some curves over one quantity, on logarithmic axes."""
-
-    title: str  # of the plot
-    x: str  # name and unit of the horizontal axis
-    y: str  # name and unit of the vertical axis
-    curves: Mapping[str, Sequence[Point]]  # the points of each, (x, y), both above zero
-    note: str = ""  # where it bends, and why
-
-
-@dataclass(frozen=True)
 class Report:
     """Results of a benchmark."""
 
@@ -60,18 +73,6 @@ class Report:
     rows: Sequence[Mapping[str, Value]]
     goals: Sequence[Goal] = ()  # that the project set itself
     notes: Sequence[str] = ()  # whole sentences on how it was measured, what was left out, and why
-    growth: Sequence[Plot] = field(default=())  # plots of cost
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "Report":
-        """Return what ``dataclasses.asdict`` wrote."""
-        return cls(
-            data["name"],
-            data["rows"],
-            [Goal(**goal) for goal in data["goals"]],
-            data["notes"],
-            [Plot(**plot) for plot in data["growth"]],
-        )
 
 
 def columns(rows: Sequence[Mapping[str, Value]]) -> list[str]:
@@ -130,8 +131,34 @@ def plain(report: Report, *, verdict: bool = True) -> str:
     """
     parts = [f"== {report.name}", plain_table(report.rows)]
     if verdict and report.goals:
-        parts.append("\n".join(goal.sentence() for goal in report.goals))
+        parts.append(
+            "\n".join(f"{goal.what}: {goal.result} (goal: {goal.bound})" for goal in report.goals)
+        )
     parts += [note for note in report.notes if note]
-    if verdict:
-        parts += [f"{plot.title}: {plot.note}" for plot in report.growth if plot.note]
     return "\n\n".join(parts) + "\n"
+
+
+def markdown(machine: str, reports: Sequence[Report]) -> str:
+    """Return the goals of a run as a section of a README."""
+    goals = [
+        {"Benchmark": report.name, "What": goal.what, "Measured": goal.result, "Goal": goal.bound}
+        for report in reports
+        for goal in report.goals
+    ]
+    return f"Measured by `python -m tests.benchmarks` on: {machine}.\n\n{markdown_table(goals)}\n"
+
+
+def write_section(file: Path, section: str) -> None:
+    """Replace what stands between the marks in ``file``.
+
+    Raises:
+        OneBotError: the file has no marks, or cannot be read or written.
+    """
+    try:
+        before, begin, rest = file.read_text(encoding="utf-8").partition(BEGIN)
+        _, end, after = rest.partition(END)
+        if not (begin and end):
+            raise OneBotError(f"{file}: has no lines {BEGIN} and {END} to put the tables between")
+        file.write_text(f"{before}{begin}\n{section}{end}{after}", encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise OneBotError(f"{file}: {error}") from None

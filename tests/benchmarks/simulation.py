@@ -23,8 +23,7 @@ from onebot_control.simulation import Settings
 from onebot_control.simulation.engine import engine
 from onebot_description.description import Description, load_description
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median
-from tests.benchmarks.registry import Options
-from tests.benchmarks.report import Plot, Report, Value, at_least
+from tests.benchmarks.report import Options, Report, Value, at_least
 
 MODEL = "package://onebot_description/urdf/onebot.urdf.xacro"
 BARE, OURS = "bare stepSimulation", "with controllers"
@@ -86,12 +85,10 @@ def run(options: Options) -> Report:
     notes = [
         f"Every robot was where it was commanded to drive: at most {1e3 * worst:.2f} mm from "
         f"its arc after {_DRIVEN:g} s. {_per_cycle(config)} physics steps a control cycle, solver "
-        "iterations as in the table of onebot accuracy. The real-time factor is of one core, "
-        "on the wall; the rest is processor time."
+        "iterations as in the table of onebot_control.accuracy. The real-time factor is of one "
+        "core, on the wall; the rest is processor time."
     ]
-    return Report(
-        "simulation", [_row(result) for result in results], goals, notes, _growth(results)
-    )
+    return Report("simulation", [_row(result) for result in results], goals, notes)
 
 
 def _so_many(robots: int) -> str:
@@ -228,15 +225,3 @@ def _row(result: Measured) -> dict[str, Value]:
         "bare": result.robots * result.cycle_us(BARE),
         "bare over ours": result.share,
     }
-
-
-def _growth(results: list[Measured]) -> list[Plot]:
-    curves = {
-        name: [(float(each.robots), each.robots * each.cycle_us(name)) for each in results]
-        for name in (OURS, BARE)
-    }
-    note = (
-        "proportional to the number of robots, which the solver takes one by one; it bends up by "
-        "some tens of percent where their data no longer fits into the processor's caches"
-    )
-    return [Plot("Simulation", "OneBots in one world", "CPU us per control cycle", curves, note)]

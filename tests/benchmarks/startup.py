@@ -25,8 +25,7 @@ from tests.benchmarks.measuring import (
     rss_bytes,
 )
 from tests.benchmarks.recorded import frames_logged
-from tests.benchmarks.registry import Options
-from tests.benchmarks.report import Report, Value, at_most
+from tests.benchmarks.report import Options, Report, Value, at_most
 
 FLOOR, OURS, VIEWED = "empty rclpy node with PyBullet", "onebot_bringup", "with viewer"
 _ODOM = "/velocity_controller/odom"

@@ -2,12 +2,8 @@
 
 The floor is a relay (relay.py) that parses nothing and sends constant bytes of the same size, on
 the events executor; beside it the same on the SingleThreadedExecutor, a node that builds message
-objects (naive_publisher.py), and any other node with ``--peer``. Each node is a process of its own
-in a ROS domain of its own and has a load generator (load_generator.py) of its own; they are
-measured in turn, while the others are idle.
-
-In the command of ``--peer``, ``{urdf}`` stands for a parameter file that sets robot_description for
-any node, and ``{file}`` for the URDF itself.
+objects (naive_publisher.py). Each node is a process of its own in a ROS domain of its own and has a
+load generator (load_generator.py) of its own; they are measured in turn, while the others are idle.
 """
 
 import json
@@ -23,7 +19,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from onebot_description.errors import OneBotError
 from tests.benchmarks.chains import Chain
@@ -37,11 +32,10 @@ from tests.benchmarks.measuring import (
     ros_domain,
     rss_bytes,
 )
-from tests.benchmarks.registry import Options
-from tests.benchmarks.report import Goal, Report, at_most
+from tests.benchmarks.report import Goal, Options, Report, at_most
 
 OURS, FLOOR = "robot_state_publisher", "relay, events executor (the floor)"
-SLOW_FLOOR, NAIVE, PEER = "relay, SingleThreadedExecutor", "naive rclpy node", "peer"
+SLOW_FLOOR, NAIVE = "relay, SingleThreadedExecutor", "naive rclpy node"
 CLOSED_LOOP, PACED = "closed loop", "100 Hz"
 _IN_FLIGHT = 4
 _RATE = 100.0
@@ -150,7 +144,7 @@ def run(options: Options) -> Report:
     goals: list[Goal] = []
     worst = 0.0
     for joints in counts:
-        results = measure(joints, commands(peer=options.peer), effort, options)
+        results = measure(joints, commands(), effort, options)
         for load, nodes in results.items():
             rows += [_row(joints, load, name, node, nodes[FLOOR]) for name, node in nodes.items()]
             worst = max([worst, *(max(n.windows, key=_error).worst_error for n in nodes.values())])
@@ -160,8 +154,6 @@ def run(options: Options) -> Report:
         f"{_IN_FLIGHT} messages in flight. CPU is of the node's process with all its threads; "
         "ratios are medians of those to the floor's window of the same round.",
     ]
-    if options.peer:
-        notes.append(f"The peer is: {options.peer}")
     return Report("state_publisher", rows, goals, notes)
 
 
@@ -203,21 +195,19 @@ def measure(
         return results
 
 
-def commands(*names: str, peer: str | None = None) -> dict[str, str]:
-    """Return the nodes that can be measured (default: all), name to command.
+def commands() -> dict[str, str]:
+    """Return the nodes that are measured, name to command.
 
-    ``{urdf}``, ``{file}`` and ``{answer}`` in a command stand for files, see ``_files``.
+    ``{file}`` and ``{answer}`` in a command stand for files, see ``_files``.
     """
     python = shlex.quote(sys.executable)
     relay = f"{python} -m tests.benchmarks.relay {{answer}}"
-    known = {
+    return {
         FLOOR: f"{relay} events",
         OURS: f"{python} -m onebot_description.robot_state_publisher {{file}}",
         SLOW_FLOOR: f"{relay} single",
         NAIVE: f"{python} -m tests.benchmarks.naive_publisher {{file}}",
     }
-    chosen = {name: known[name] for name in known if not names or name in names}
-    return {**chosen, PEER: peer} if peer else chosen
 
 
 def _windows(
@@ -240,15 +230,12 @@ def _windows(
 
 @contextmanager
 def _files(joints: int) -> Iterator[dict[str, str]]:
-    """What the commands read: the URDF, the same as parameter, and the relay's answer."""
+    """What the commands read: the URDF, and the relay's answer."""
     with tempfile.TemporaryDirectory() as folder:
-        file, urdf, answer = (Path(folder) / name for name in ("a.urdf", "a.yaml", "answer"))
-        text = Chain(joints).urdf()
-        file.write_text(text)
-        parameters = {"ros__parameters": {"robot_description": text}}
-        urdf.write_text(yaml.safe_dump({"/**": parameters}, width=1_000_000))
+        file, answer = Path(folder) / "a.urdf", Path(folder) / "answer"
+        file.write_text(Chain(joints).urdf())
         answer.write_bytes(constant_answer(joints))
-        yield {"file": str(file), "urdf": str(urdf), "answer": str(answer)}
+        yield {"file": str(file), "answer": str(answer)}
 
 
 def _start(

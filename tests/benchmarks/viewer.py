@@ -34,8 +34,7 @@ from onebot_description.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median
 from tests.benchmarks.recorded import Frames, read_frames
-from tests.benchmarks.registry import Options
-from tests.benchmarks.report import Goal, Plot, Report, Value, at_most
+from tests.benchmarks.report import Goal, Options, Report, Value, at_most
 
 FLOOR, OURS = "bare send_columns", "viewer"
 _PER_CALL = 5
@@ -241,15 +240,12 @@ def run(options: Options) -> Report:
     counts = (10,) if options.quick else (10, 30, 100, 300, 1000)
     rows: list[dict[str, Value]] = []
     goals: list[Goal] = []
-    curves: dict[str, list[tuple[float, float]]] = {OURS: [], FLOOR: []}
     for joints in counts:
         options.say(f"viewer: {joints} joints")
         taken = measure(joints, options)
         pairs = zip(taken[OURS], taken[FLOOR], strict=True)
         over = median([ours / floor for ours, floor in pairs])
         ours, floor = median(taken[OURS]), median(taken[FLOOR])
-        for name, value in ((OURS, ours), (FLOOR, floor)):
-            curves[name].append((float(joints), value))
         names = ("Joints", "CPU us/state", "bare", "over bare")
         rows.append(dict(zip(names, (joints, ours, floor, over), strict=True)))
         if joints in _GOALS_FOR:
@@ -261,8 +257,7 @@ def run(options: Options) -> Report:
         "threads, Rerun's too, which write a file. All that was logged was read from the files "
         "again, and is the same."
     ]
-    plot = Plot("Viewer", "joints", "CPU us per robot state", curves)
-    return Report("viewer", rows, goals, notes, [plot])
+    return Report("viewer", rows, goals, notes)
 
 
 def measure(joints: int, options: Options) -> dict[str, list[float]]:

@@ -134,17 +134,6 @@ def test_a_namespace_names_topics_and_frames(
     stop(running)
 
 
-def test_a_joints_file_for_another_namespace_is_noticed(start: Start, tmp_path: Path) -> None:
-    """A file that would leave the robot at rest is remarked on, with what to write."""
-    path = Path(write_joints(tmp_path, 0.5))
-    path.write_text(path.read_text().replace("/**/", ""))
-    running = start("namespace:=left", f"joints:={path}")
-    running.wait_for_out("starting")
-    assert "has no section for /left/joint_state_publisher" in running.err
-    assert "/**/joint_state_publisher:" in running.err
-    stop(running)
-
-
 def test_the_end_of_a_node_that_matters_ends_all(
     start: Start, transforms: Transforms, mark: str, tmp_path: Path
 ) -> None:

@@ -2,11 +2,12 @@
 
 import asyncio
 import json
+import math
 import re
 import socket
 import threading
 from collections.abc import Coroutine, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -76,7 +77,7 @@ class PageClient:
 
     def drive(self, linear: float, angular: float = 0.0) -> None:
         """Send one command, as a page that falls silent then."""
-        self.send("drive", seq=1, linear=linear, angular=angular)
+        self.send("drive", stamp=self.state["stamp"], linear=linear, angular=angular)
 
     def hold(self, linear: float, angular: float = 0.0) -> None:
         """Drive until told otherwise, as a page does while something is held."""
@@ -84,15 +85,9 @@ class PageClient:
         self._holding = asyncio.run_coroutine_threadsafe(self._hold(linear, angular), self._loop)
 
     async def _hold(self, linear: float, angular: float) -> None:
-        seq, said = 0, self._loop.time()
+        fields = {"type": "drive", "linear": linear, "angular": angular}
         while True:
-            if self._loop.time() - said > 0.9 and self.state["driver"] is None:
-                # A slow machine: the grip is lost.
-                await self._socket.send_str(json.dumps({"type": "release"}))
-            said = self._loop.time()
-            fields = {"type": "drive", "seq": seq, "linear": linear, "angular": angular}
-            await self._socket.send_str(json.dumps(fields))
-            seq += 1
+            await self._socket.send_str(json.dumps({**fields, "stamp": self.state["stamp"]}))
             await asyncio.sleep(0.05)
 
     def silence(self) -> None:
@@ -138,6 +133,58 @@ class PageClient:
     def __exit__(self, *_: object) -> None:
         if self._thread.is_alive():
             self.close()
+
+
+class SlowWay:
+    """A proxy in front of the server; what pages send can be slow to get through it."""
+
+    def __init__(self, address: str) -> None:
+        self.delay = 0.0  # s
+        self.rate = math.inf  # bytes/s
+        self._server = urlsplit(address)
+        self._loop = asyncio.new_event_loop()
+        threading.Thread(target=self._loop.run_forever, daemon=True).start()
+        listening = asyncio.start_server(self._serve, "127.0.0.1", 0)
+        server = asyncio.run_coroutine_threadsafe(listening, self._loop).result(PATIENCE)
+        self.address = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        host, port = self._server.hostname, self._server.port
+        answers, onward = await asyncio.open_connection(host, port)
+        sent: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
+        with suppress(ConnectionError):
+            await asyncio.gather(
+                self._take(reader, sent), self._pass(sent, onward), self._answer(answers, writer)
+            )
+
+    async def _take(self, reader: asyncio.StreamReader, sent: asyncio.Queue[Any]) -> None:
+        while data := await reader.read(1 << 16):
+            sent.put_nowait((self._loop.time(), data))
+        sent.put_nowait((self._loop.time(), b""))
+
+    async def _pass(self, sent: asyncio.Queue[Any], onward: asyncio.StreamWriter) -> None:
+        while (found := await sent.get())[1]:
+            came, data = found
+            while data:
+                # By what holds now: a way that was slow is fast at once for all that waits.
+                size = len(data) if self.rate == math.inf else 10
+                while (wait := came + self.delay - self._loop.time()) > 0.0:
+                    await asyncio.sleep(min(wait, 0.02))
+                await asyncio.sleep(size / self.rate)
+                onward.write(data[:size])
+                data = data[size:]
+        onward.close()
+
+    async def _answer(self, answers: asyncio.StreamReader, page: asyncio.StreamWriter) -> None:
+        while data := await answers.read(1 << 16):
+            page.write(data)
+        page.close()
+
+    def __enter__(self) -> "SlowWay":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
 
 
 def raw_page(address: str, source: str = "127.0.0.1") -> socket.socket:

@@ -1,6 +1,8 @@
 """The recorder on real DDS: what a peer publishes is what an independent reader finds."""
 
+import re
 import signal
+import time
 
 import pytest
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
@@ -114,6 +116,26 @@ def test_killed(tmp_path, ros_domain):
     found = [deserialize_message(data, JointState) for _, _, data in read_all(folder)[0]]
     assert found[:300] == states.sent[:300]
     assert Bag(folder).warnings == []
+
+
+def test_absence(tmp_path, ros_domain):
+    """What was published while the recorder was stopped is missing, and it says so."""
+    folder = tmp_path / "run"
+    with Peer(ros_domain) as peer, record(folder) as node:
+        states = peer.publisher(JointState, "/joint_states", QoSProfile(depth=1))
+        send = lambda: states.publish(JointState())  # noqa: E731
+        wait_for(lambda: send() or counted(folder, "/joint_states"), "a message")
+        node.process.send_signal(signal.SIGSTOP)
+        until = time.monotonic() + 4.0
+        while time.monotonic() < until:  # more than fits into what DDS has on the way
+            states.publish(JointState(name=["joint" * 1000]))
+            time.sleep(0.001)
+        node.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: "received nothing for " in node.output, "a warning of the absence")
+        lost = "/joint_states: [0-9]+ messages were lost by now"
+        wait_for(lambda: send() or re.search(lost, node.output), "a warning of the loss")
+        assert node.interrupt() == 0
+        assert re.search(f"to {folder}, [0-9]+ were lost", node.output)
 
 
 def test_suits_every_publisher(tmp_path, ros_domain):

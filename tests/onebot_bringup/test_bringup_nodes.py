@@ -451,13 +451,15 @@ def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], 
 
 
 def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
-    """A browser is opened for the view unless the steering page holds it."""
+    """Its address is named unless the steering page holds it, whose address waits for it."""
     given = {"viewer": "native", "save": "x.rrd", "view": "v.yaml", "frame_prefix": "r/"}
     found = parameters(make(**given).rerun_viewer())
     assert {name: found[name] for name in given} == given
-    assert found["open_browser"] is True
-    assert parameters(make(steer="true").rerun_viewer())["open_browser"] is False
-    assert parameters(make(False).rerun_viewer())["open_browser"] is True
+    assert found["embedded"] is False
+    assert parameters(make(steer="true").rerun_viewer())["embedded"] is True
+    assert parameters(make(False).rerun_viewer())["embedded"] is False
+    assert parameters(make(steer="true").steering_page())["await_view"] > 0.0
+    assert "await_view" not in parameters(make(steer="true", viewer="none").steering_page())
 
 
 def test_the_steering_page_has_a_port_before_it_starts(
@@ -588,18 +590,55 @@ def test_files_that_are_right_are_accepted(
     assert not (arm.parent / "x.rrd").exists() and not (arm.parent / "bag").exists()
 
 
-def test_joint_parameters_for_another_node_are_reported(
-    driven: Bringup, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+FOR_OTHERS = {
+    "joint_state_publisher": JOINTS.replace("/**", "joint_state_publisher"),
+    "velocity_controller": (
+        "velocity_controller:\n  ros__parameters: {linear.x.max_velocity: 0.15}\n"
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("node", "words", "possible"),
+    [
+        (
+            "joint_state_publisher",
+            ("joints:=file.yaml",),
+            "/**/joint_state_publisher, /r1/joint_state_publisher",
+        ),
+        (
+            "velocity_controller",
+            ("params_file:=file.yaml",),
+            "/**/velocity_controller, /r1/velocity_controller",
+        ),
+        (
+            "velocity_controller",
+            ("params_file:=file.yaml", "robots:=2"),
+            "/**/velocity_controller, /r1/robot1/velocity_controller, "
+            "/r1/robot2/velocity_controller",
+        ),
+        (
+            "velocity_controller",
+            ("robots:=fleet.yaml",),
+            "/**/velocity_controller, /r1/a/velocity_controller",
+        ),
+    ],
+)
+def test_parameters_for_no_node_are_refused(
+    driven: Bringup,
+    arm: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    node: str,
+    words: tuple[str, ...],
+    possible: str,
 ) -> None:
-    """They are no error, as the file may be that of several nodes."""
+    """A limit would be none; the error has the sections that would do."""
     monkeypatch.chdir(arm.parent)
-    (arm.parent / "other.yaml").write_text(JOINTS.replace("/**", "other_node"))
-    words = ("joints:=other.yaml", "model:=absent.xacro")
-    refused(driven, *words)
-    said = capsys.readouterr().err
-    assert said.startswith("warning: ") and "for any namespace" not in said
-    refused(driven, *words, "namespace:=left")
-    assert "write /**/joint_state_publisher: for any namespace" in capsys.readouterr().err
+    Path("file.yaml").write_text(FOR_OTHERS[node])
+    Path("fleet.yaml").write_text("robots: {a: {x: 0.0, y: 0.0, params_file: file.yaml}}\n")
+    said = refused(driven, *words, "namespace:=r1")
+    assert f'file.yaml: section "/{node}" is for no node' in said
+    assert said.endswith(f"that it is given to: {possible}")
 
 
 def test_joint_parameters_of_the_robot_s_own_count_only_where_joints_move_by_them(

@@ -269,6 +269,7 @@ def test_view_finds_the_nearest_among_both_kinds(arm: str) -> None:
         ("publish_frequency:=nan", "a number from 0 to 1000"),
         ("domain_id:=233", "an integer from 0 to 232"),
         ("namespace:=1st", "a ROS name"),
+        (f"namespace:={'n' * 151}", "150 characters at most"),
         ("viewer=none", "written viewer:=none"),
     ],
 )

@@ -2,11 +2,13 @@
 
 import io
 import math
+from pathlib import Path
 
 import pytest
 import rclpy
 import yaml
 from rcl_interfaces.msg import (
+    IntegerRange,
     ParameterDescriptor,
     ParameterType,
     ParameterValue,
@@ -29,7 +31,11 @@ def with_parameters(peer: Peer) -> None:
     node.declare_parameter("label", "x")
     node.declare_parameter("limits.speed", 0.5)
     node.declare_parameter("weights", [1.0, 2.0])
-    node.declare_parameter("fixed", 3, ParameterDescriptor(read_only=True))
+    limits = IntegerRange(from_value=0, to_value=9, step=3)
+    described = ParameterDescriptor(
+        description="a digit", read_only=True, integer_range=[limits], additional_constraints="odd"
+    )
+    node.declare_parameter("fixed", 3, described)
     node.add_on_set_parameters_callback(
         lambda found: SetParametersResult(
             successful=all(p.name != "rate" or p.value > 0 for p in found),
@@ -143,6 +149,48 @@ def test_param_set(ros_domain: int) -> None:
             assert node.get_parameter("rate").value == math.inf
 
 
+def test_param_describe_load_and_delete(ros_domain: int, tmp_path: Path) -> None:
+    """In ros2's words: constraints; a file's values, its refusals with reasons; a value no more."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "/**: {ros__parameters: {label: '12', absent: 1}}\n"
+        "/robot: {ros__parameters: {rate: 20, limits: {speed: .inf}, weights: [3, 4], fixed: 4}}\n"
+    )
+    with Peer(ros_domain, "robot") as peer:
+        with_parameters(peer)
+        node = peer.node
+        node.declare_parameter("any", 1, ParameterDescriptor(dynamic_typing=True))
+        assert output_of("param", "describe", "/robot", "fixed", "rate") == (
+            "Parameter name: fixed\n  Type: integer\n  Description: a digit\n  Constraints:\n"
+            "    Read only: true\n    Min value: 0\n    Max value: 9\n    Step: 3\n"
+            "    Additional constraints: odd\n"
+            "Parameter name: rate\n  Type: double\n  Constraints:\n"
+        )
+        infinite = onebot("param", "load", "/robot", str(file))
+        assert infinite.returncode == 1 and "limits.speed is a finite number" in infinite.stderr
+        words = "param", "load", "/robot", str(file), "--allow-non-finite"
+        loaded = onebot(*words, "--no-use-wildcard")
+        assert loaded.returncode == 1  # one is refused
+        assert loaded.stdout == "".join(
+            f"Set parameter {name} successful\n" for name in ("rate", "limits.speed", "weights")
+        )
+        assert "Set parameter fixed failed: " in loaded.stderr
+        assert node.get_parameter("rate").value == 20.0
+        assert list(node.get_parameter("weights").value) == [3.0, 4.0]
+        assert node.get_parameter("label").value == "x"
+        loaded = onebot(*words)
+        assert node.get_parameter("label").value == "12"
+        assert "Set parameter absent failed: " in loaded.stderr
+        other = onebot("param", "load", "/robot", str(file.parent / "none.yaml"))
+        assert other.returncode == 1 and "none.yaml: cannot be read" in other.stderr
+        assert output_of("param", "delete", "/robot", "any") == "Deleted parameter successfully\n"
+        assert not node.has_parameter("any")
+        kept = onebot("param", "delete", "/robot", "rate")
+        assert kept.returncode == 1 and "Deleting parameter failed: " in kept.stderr
+        wrong = onebot("param", "describe", "/robot", "rat")
+        assert wrong.returncode == 1 and 'did you mean "rate"' in wrong.stderr
+
+
 @pytest.mark.parametrize(
     ("text", "declared", "expected"),
     [
@@ -186,6 +234,8 @@ def test_services(ros_domain: int) -> None:
         assert wrong.returncode == 1 and "is a std_srvs/srv/SetBool, not a" in wrong.stderr
         assert "/switch [std_srvs/srv/SetBool]\n" in output_of("service", "list", "-t")
         assert output_of("service", "type", "switch") == "std_srvs/srv/SetBool\n"
+        assert output_of("service", "find", "std_srvs/srv/SetBool") == "/switch\n"
+        assert output_of("service", "find", "-c", "std_srvs/srv/Empty") == "0\n"
 
 
 def test_service_mistakes(ros_domain: int) -> None:

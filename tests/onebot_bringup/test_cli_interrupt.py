@@ -61,8 +61,6 @@ def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
     """Such as ROS and Rerun, which take seconds."""
     png = str(tmp_path / "a.png")
     commands = {
-        ("bench", "--nope"): 2,
-        ("bench", "--list"): 0,
         ("snapshot", "--nope"): 2,
         ("snapshot", "a.jpg"): 1,
         ("snapshot", png, "absent.urdf"): 1,

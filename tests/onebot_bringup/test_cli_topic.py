@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import String
 
 from onebot_description.wire.tf_message import TFMessage
-from tests.benchmarks.hosts import missing
+from tests.hosts import missing
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of, running
 from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, skip_for, wait_for
@@ -90,6 +90,7 @@ def test_pub_waits_and_says_for_what(ros_domain: int) -> None:
         (("/x", TWIST, "{liner: 1}"), 1, 'did you mean "linear"? fields: angular, linear'),
         (("/x", "geometry_msgs/msg/Twst"), 1, f'did you mean "{TWIST}"'),
         (("bad name", TWIST), 1, '"bad name" is no name'),
+        (("/rosout", TWIST, "-1"), 1, "a node has a topic as one type only"),
         (("/x",), 2, "TYPE"),
         (("/x", TWIST, "-r", "0"), 2, "not above zero"),
         (("/x", TWIST, "-1", "-t", "3"), 2, "not allowed with"),
@@ -123,6 +124,8 @@ def test_echo_forms(ros_domain: int) -> None:
         ("--csv",): "0.5,0.0,0.0,0.0,0.0,0.0\n",
         ("--field", "linear"): "x: 0.5\ny: 0.0\nz: 0.0\n---\n",
         ("--field", "linear.x"): "0.5\n---\n",
+        ("--filter", "any(getattr(m.linear, x) > 0.4 for x in 'xyz')", "--csv"):
+            "0.5,0.0,0.0,0.0,0.0,0.0\n",
     }  # fmt: skip
     with Peer(ros_domain) as peer:
         publisher = peer.node.create_publisher(Twist, "/cmd_vel", LATCHED)
@@ -134,6 +137,13 @@ def test_echo_forms(ros_domain: int) -> None:
             assert (done.returncode, done.stdout) == (0, expected), done.stderr
         wrong = onebot("topic", "echo", "--once", "/cmd_vel", "--field", "linar.x")
         assert wrong.returncode == 1 and 'did you mean "linear"' in wrong.stderr
+        for words, code, part in (
+            (("--filter", "m.x > 1", "--field", "linear", "--timeout", "1"), 1, "no message that"),
+            (("--filter", "m.speed"), 1, "--filter: AttributeError: 'Twist' object has no"),
+            (("--filter", "m."), 2, "m. is no Python expression: invalid syntax"),
+        ):
+            wrong = onebot("topic", "echo", "--once", "/cmd_vel", *words)
+            assert wrong.returncode == code and part in wrong.stderr, wrong.stderr
 
 
 def test_errors_of_dds_are_not_output(ros_domain: int) -> None:
@@ -229,10 +239,13 @@ def test_info_type_and_find(ros_domain: int) -> None:
         assert wrong.returncode == 1 and 'did you mean "/chatter"' in wrong.stderr
 
 
-def test_hz(ros_domain: int, tmp_path: Path) -> None:
+# Simulated time stands still without a /clock.
+@pytest.mark.parametrize("options", [(), ("--wall-time", "--ros-args", "-p", "use_sim_time:=true")])
+def test_hz(ros_domain: int, tmp_path: Path, options: tuple[str, ...]) -> None:
     """The rate, in ros2's form, once a second, until Ctrl-C."""
     form = r"average rate: (\d+\.\d{3})\n\tmin: \d\.\d{3}s max: \d\.\d{3}s std dev: \d\.\d{5}s w"
-    with Peer(ros_domain) as peer, running(tmp_path, "topic", "hz", "-w", "50", "/x") as command:
+    words = ("topic", "hz", "-w", "50", "/x", *options)
+    with Peer(ros_domain) as peer, running(tmp_path, *words) as command:
         publisher = peer.node.create_publisher(String, "/x", 10)
         sent: list[float] = []
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.benchmarks.hosts import Host, connected_hosts, missing
+from tests.hosts import Host, connected_hosts, missing
 from tests.support import PATIENCE, skip_for, wait_for
 
 ONEBOT = "onebot_bringup.cli.main"

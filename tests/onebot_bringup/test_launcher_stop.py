@@ -109,15 +109,16 @@ def test_all_is_over_within_five_seconds() -> None:
 
 
 def test_a_node_that_ignores_all_signals_is_killed(start: Start, tmp_path: Path) -> None:
-    """Ctrl-C ends even a node that ignores SIGINT and SIGTERM, and with exit code 0."""
+    """Ctrl-C ends even a node that ignores SIGINT and SIGTERM; the exit code says so."""
     nodes = "[script('mule', 'stubborn.py'), script('a', 'polite.py')]"
     launcher = start(nodes, grace="Grace()")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
     launcher.send(signal.SIGINT)
-    assert launcher.wait() == 0
+    assert launcher.wait() == 1
     assert not alive(number_in(tmp_path / "stubborn.pid"))
     assert "mule has not stopped yet: SIGTERM" in launcher.err
     assert "mule has not stopped yet: SIGKILL" in launcher.err
+    assert launcher.err.endswith("failed: mule (had to be killed)\n")
 
 
 def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:

@@ -76,10 +76,10 @@ def test_long_values_are_cut() -> None:
 
 
 def test_csv() -> None:
-    """All values in order, separated by commas."""
-    assert to_csv(joint_state()) == "3,0,base,a,b,0.5,-1.0"
+    """All values in order, separated by commas; an empty list is an empty value."""
+    assert to_csv(joint_state()) == "3,0,base,a,b,0.5,-1.0,,"
     assert to_csv(joint_state(), Style(arrays=False)).endswith("<sequence type: double, length: 0>")
-    assert to_csv(JointState(position=[1.0] * 3), Style(longest=2)) == "0,0,,1.0,1.0,..."
+    assert to_csv(JointState(position=[1.0] * 3), Style(longest=2)) == "0,0,,,1.0,1.0,...,,"
     assert to_csv(2.5) == "2.5"
 
 

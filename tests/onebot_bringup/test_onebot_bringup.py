@@ -161,6 +161,14 @@ def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):
         assert again[0][1] == address[2]
 
 
+def test_one_address_is_named(ros_domain):
+    """Of the page that holds the view; what is printed later has none."""
+    with NodeProcess(MODULE, "steer:=true", "port:=0") as node, Peer(ros_domain) as peer:
+        pages = peer.hear(String, "/rerun_viewer/page", LATCHED)
+        wait_for(lambda: pages and pages[-1].data and "open http" in node.output, "both pages")
+        assert node.output.count("http://") == 1
+
+
 def test_record_keeps_all_that_is_said(ros_domain, tmp_path):
     """record:= makes a folder that rosbags reads, with the topics of the robot."""
     folder = tmp_path / "run"

@@ -5,7 +5,9 @@ classes of the same signatures; what it would start is a real process.
 """
 
 import importlib.util
+import os
 import signal
+import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,8 +58,10 @@ class DeclareLaunchArgument:
 class ExecuteProcess:
     """Starts a process."""
 
-    def __init__(self, *, cmd: list[str], name: str, output: str) -> None:
-        self.cmd, self.name, self.output = cmd, name, output
+    def __init__(
+        self, *, cmd: list[str], name: str, output: str, additional_env: dict[str, str]
+    ) -> None:
+        self.cmd, self.name, self.output, self.environment = cmd, name, output, additional_env
 
 
 class LaunchDescription:
@@ -86,12 +90,16 @@ def entities(script: ModuleType) -> list[Any]:
     return module.generate_launch_description().entities
 
 
-def visit(script: ModuleType, context: LaunchContext) -> list[str]:
-    """Execute what is described, in order; the command line that it starts."""
-    started = [action for each in entities(script) for action in each.execute(context)]
-    (process,) = started
+def started(script: ModuleType, context: LaunchContext) -> ExecuteProcess:
+    """Execute what is described, in order; the process that it starts."""
+    (process,) = [action for each in entities(script) for action in each.execute(context)]
     assert process.output == "screen"
-    return process.cmd
+    return process
+
+
+def visit(script: ModuleType, context: LaunchContext) -> list[str]:
+    """The command line of the process that is started."""
+    return started(script, context).cmd
 
 
 @pytest.mark.parametrize("script", FILES)
@@ -122,6 +130,34 @@ def test_an_argument_of_the_model_is_passed_on():
     assert words == []
 
 
+@pytest.mark.parametrize(
+    ("pushed", "given", "expected"),
+    [
+        ("/r1", {}, "/r1/"),
+        ("fleet/r1", {"namespace": "arm"}, "fleet/r1/arm"),
+        ("/r1", {"namespace": "/r2"}, "/r2"),
+    ],
+)
+def test_a_pushed_namespace_is_the_robots(
+    pushed: str, given: dict[str, str], expected: str
+) -> None:
+    """PushRosNamespace around the included file, as it counts for a Node."""
+    context = LaunchContext({"viewer": "none", "ros_namespace": pushed, **given})
+    assert visit(onebot_bringup, context)[3:] == ["viewer:=none", f"namespace:={expected}"]
+
+
+def test_another_files_argument_is_not_passed_on(tmp_path: Path) -> None:
+    """Also where the model's own arguments cannot all be known before it is expanded."""
+    model = tmp_path / "robot.xacro"
+    model.write_text(
+        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="own"/>'
+        '<xacro:include filename="$(arg own).xacro"/></robot>'
+    )
+    given = {"model": str(model), "own": "part"}
+    words = visit(onebot_bringup, LaunchContext({**given, "mine": "1"}))[3:]
+    assert words == [f"{name}:={value}" for name, value in given.items()]
+
+
 def test_two_in_one_launch_file_do_not_mix():
     """What the first one declares is no choice of the user's to the second."""
     context = LaunchContext({"viewer": "none"})
@@ -140,3 +176,21 @@ def test_it_brings_the_robot_up_until_ctrl_c(tmp_path, ros_domain):
     finally:
         running.close()
     assert "Traceback" not in running.out + running.err
+
+
+def test_it_ends_when_ros2_launch_is_killed(tmp_path: Path, ros_domain: int) -> None:
+    """SIGKILL leaves nothing that runs; here the process killed is not even its parent."""
+    starter = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1e6)"])
+    process = started(mrm_bringup, LaunchContext({"viewer": "none"}))
+    (name,) = process.environment
+    assert process.environment[name] == str(os.getpid())
+    running = RunningCommand(tmp_path, process.cmd, {name: str(starter.pid)})
+    try:
+        running.wait_for_out("Ctrl-C stops everything")
+        starter.kill()
+        assert running.wait() == 0
+    finally:
+        starter.kill()
+        starter.wait()
+        running.close()
+    assert "what has started it is gone: stopping" in running.out

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, DRIVER_TIMEOUT, ZEROS, Arbiter
+from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, ZEROS, Arbiter
 from onebot_bringup.steering.limits import Bound, Limits
 from onebot_bringup.steering.protocol import SetLimits, Velocity
 
@@ -38,7 +38,7 @@ def test_nothing_is_published_before_anybody_drives(arbiter):
 
 def test_what_is_held_is_published_within_the_limits(arbiter):
     """A command beyond them is slowed, and so is one that was given before they were lowered."""
-    arbiter.drive("a", Velocity(4.0, -8.0), 0.0)
+    arbiter.drive("a", Velocity(4.0, -8.0), 0.0, 0.0)
     assert arbiter.next_command() == Velocity(1.0, -2.0)
     arbiter.limits = replace(LIMITS, chosen=SetLimits(0.25, None))
     assert arbiter.next_command() == arbiter.command == Velocity(0.25, -0.5)
@@ -59,7 +59,7 @@ def test_what_is_held_is_published_within_the_limits(arbiter):
 )
 def test_every_end_gives_zeros_and_then_silence(arbiter, end):
     """Three zeros follow, so that one may get lost, and then others may drive."""
-    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.drive("a", FORWARD, 0.0, 0.0)
     end(arbiter)
     assert arbiter.command == ZERO
     assert _all_that_follows(arbiter) == [ZERO] * ZEROS
@@ -67,60 +67,82 @@ def test_every_end_gives_zeros_and_then_silence(arbiter, end):
 
 def test_the_last_to_take_hold_drives(arbiter):
     """The one it takes control from does nothing until it lets go and takes hold anew."""
-    arbiter.drive("a", FORWARD, 0.0)
-    arbiter.drive("b", Velocity(0.1, 0.0), 0.1)
-    arbiter.drive("a", FORWARD, 0.2)
+    arbiter.drive("a", FORWARD, 0.0, 0.0)
+    arbiter.drive("b", Velocity(0.1, 0.0), 0.1, 0.1)
+    arbiter.drive("a", FORWARD, 0.2, 0.2)
     assert arbiter.driver == "b" and arbiter.command == Velocity(0.1, 0.0)
     arbiter.release("b")
-    arbiter.drive("a", FORWARD, 0.3)
+    arbiter.drive("a", FORWARD, 0.3, 0.3)
     assert arbiter.driver is None and arbiter.command == ZERO
     arbiter.release("a")
-    arbiter.drive("a", FORWARD, 0.4)
+    arbiter.drive("a", FORWARD, 0.4, 0.4)
     assert arbiter.driver == "a" and arbiter.command == FORWARD
 
 
 @pytest.mark.parametrize("end", ["stop", "reject"])
 def test_a_driver_that_was_stopped_has_to_let_go_first(arbiter, end):
     """The stop button, and a message that was refused, are not undone by going on to hold."""
-    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.drive("a", FORWARD, 0.0, 0.0)
     if end == "stop":
         arbiter.stop()
     else:
         arbiter.reject("a")
-    arbiter.drive("a", FORWARD, 0.05)
+    arbiter.drive("a", FORWARD, 0.05, 0.05)
     assert arbiter.driver is None and arbiter.command == ZERO
     arbiter.release("a")
-    arbiter.drive("a", FORWARD, 0.1)
+    arbiter.drive("a", FORWARD, 0.1, 0.1)
     assert arbiter.driver == "a"
 
 
 def test_a_page_that_lost_control_stops_nobody_by_letting_go(arbiter):
     """Its release, its end and its nonsense are its own."""
-    arbiter.drive("a", FORWARD, 0.0)
-    arbiter.drive("b", FORWARD, 0.1)
+    arbiter.drive("a", FORWARD, 0.0, 0.0)
+    arbiter.drive("b", FORWARD, 0.1, 0.1)
     arbiter.release("a")
     arbiter.reject("a")
     arbiter.leave("a")
     assert arbiter.driver == "b" and arbiter.command == FORWARD
 
 
-def test_a_short_silence_stops_but_keeps_control(arbiter):
-    """A hitch of the network stops the robot; the same grip goes on when it is over."""
-    arbiter.drive("a", FORWARD, 0.0)
+def test_a_silence_stops_and_the_same_grip_goes_on_after_it(arbiter):
+    """However long it was: what was sent meanwhile and comes late does not count."""
+    arbiter.drive("a", FORWARD, 0.0, 0.0)
     arbiter.check_timeout(COMMAND_TIMEOUT - 0.01)
-    assert arbiter.command == FORWARD
+    assert arbiter.command == FORWARD and not arbiter.late
     arbiter.check_timeout(COMMAND_TIMEOUT + 0.01)
-    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.timeouts == 1
-    arbiter.drive("a", FORWARD, DRIVER_TIMEOUT - 0.1)
+    assert arbiter.command == ZERO and arbiter.timeouts == 1
+    assert arbiter.driver == "a" and arbiter.late == {"a"}
+    arbiter.drive("a", FORWARD, 0.1, 10.0)
+    assert arbiter.command == ZERO and arbiter.late == {"a"}
+    arbiter.drive("a", FORWARD, 9.9, 10.0)
+    assert arbiter.command == FORWARD and not arbiter.late
+
+
+def test_a_command_holds_until_half_a_second_after_its_stamp(arbiter):
+    """Whenever it comes: the hand that gave it may be gone as long as that."""
+    arbiter.drive("a", FORWARD, 10.0, 10.4)
+    arbiter.check_timeout(10.0 + MAX_AGE)
     assert arbiter.command == FORWARD
+    arbiter.check_timeout(10.0 + MAX_AGE + 0.001)
+    assert arbiter.command == ZERO and arbiter.late == {"a"}
+    for end in (arbiter.release, arbiter.leave):
+        arbiter.drive("a", FORWARD, 10.0, 12.0)
+        end("a")
+        assert not arbiter.late
 
 
-def test_a_long_silence_loses_control(arbiter):
-    """What was queued up meanwhile must not set the robot going."""
-    arbiter.drive("a", FORWARD, 0.0)
-    arbiter.check_timeout(DRIVER_TIMEOUT + 0.01)
-    arbiter.drive("a", FORWARD, DRIVER_TIMEOUT + 0.02)
-    assert arbiter.driver is None and arbiter.command == ZERO
+@pytest.mark.parametrize("other", [lambda a: a.stop(), lambda a: a.drive("b", FORWARD, 5.0, 5.0)])
+@pytest.mark.parametrize("first", [0.0, 4.9])
+def test_who_held_before_another_page_acted_does_not_drive_after_it(arbiter, first, other):
+    """Whether it drove and fell silent, or never came in time: it has to let go first."""
+    arbiter.drive("a", FORWARD, first, 4.9)
+    arbiter.check_timeout(4.9 + COMMAND_TIMEOUT + 0.01)
+    other(arbiter)
+    arbiter.drive("a", FORWARD, 5.1, 5.1)
+    assert arbiter.driver != "a"
+    arbiter.release("a")
+    arbiter.drive("a", FORWARD, 5.2, 5.2)
+    assert arbiter.driver == "a"
 
 
 _event = st.tuples(
@@ -147,33 +169,33 @@ def test_the_robot_moves_only_while_its_driver_says_so(events):
             arbiter.next_command()
         elif page in there:
             if kind == "drive":
-                arbiter.drive(page, FORWARD, now)
-                spoke[page] = now
+                arbiter.drive(page, FORWARD, now - 2.0 * wait, now)
+                spoke[page] = now, now - 2.0 * wait
             else:
                 getattr(arbiter, kind)(page)
                 there -= {page} if kind == "leave" else set()
                 assert arbiter.driver != page
         if arbiter.command != ZERO:
             assert arbiter.driver in there
-            assert now - spoke[arbiter.driver] <= COMMAND_TIMEOUT
+            came, stamp = spoke[arbiter.driver]
+            assert now - came <= COMMAND_TIMEOUT and now - stamp <= MAX_AGE
         assert arbiter.pages == len(there)
 
 
 def test_the_times_of_silence_are_exceeded_not_reached(arbiter):
     """At the limit itself nothing happens yet; nor does an old time undo anything."""
-    arbiter.drive("a", FORWARD, 10.0)
+    arbiter.drive("a", FORWARD, 10.0, 10.0)
     arbiter.check_timeout(10.0 + COMMAND_TIMEOUT)
     assert arbiter.command == FORWARD and arbiter.timeouts == 0
-    arbiter.drive("a", FORWARD, 20.0)
-    arbiter.check_timeout(20.0 + DRIVER_TIMEOUT)
-    assert arbiter.command == ZERO and arbiter.driver == "a" and arbiter.timeouts == 1
-    arbiter.check_timeout(20.0 + DRIVER_TIMEOUT + 0.001)
-    assert arbiter.driver is None and arbiter.timeouts == 1
+    arbiter.check_timeout(10.0 + COMMAND_TIMEOUT + 0.001)
+    assert arbiter.command == ZERO and arbiter.timeouts == 1
+    arbiter.check_timeout(20.0)
+    assert arbiter.timeouts == 1
 
 
 def test_a_robot_held_at_zero_is_told_so_and_stopped_like_any_other(arbiter):
     """A page that has control at rest commands zero, all the time."""
-    arbiter.drive("a", ZERO, 0.0)
+    arbiter.drive("a", ZERO, 0.0, 0.0)
     assert arbiter.moving and arbiter.busy
     assert [arbiter.next_command() for _ in range(5)] == [ZERO] * 5
     arbiter.release("a")
@@ -192,9 +214,9 @@ def test_stops_and_zeros_are_counted_anew(arbiter):
 
 def test_a_page_that_comes_back_may_take_hold(arbiter):
     """It is a new one: what it held before is forgotten."""
-    arbiter.drive("a", FORWARD, 0.0)
+    arbiter.drive("a", FORWARD, 0.0, 0.0)
     arbiter.leave("a")
     assert arbiter.pages == 1 and arbiter.driver is None
     arbiter.join("a")
-    arbiter.drive("a", FORWARD, 0.1)
+    arbiter.drive("a", FORWARD, 0.1, 0.1)
     assert arbiter.driver == "a" and arbiter.command == FORWARD and arbiter.pages == 2

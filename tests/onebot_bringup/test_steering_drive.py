@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from tests.onebot_bringup.steering_support import PageClient, address_of, steering
@@ -75,6 +76,38 @@ def test_the_robot_stops_when_the_page_does(odometry, end):
         _drive(page, odometry)
         getattr(page, end)()
         _come_to_rest(odometry)
+
+
+def test_stop_stops_the_robot_whoever_drives_it(odometry, ros_domain):
+    """Beside a script that drives on; also when the server dies, until a page drives again."""
+    command = Twist()
+    command.linear.x = SPEED
+    with Peer(ros_domain, "script") as script:
+        publisher = script.publisher(Twist, "/velocity_controller/cmd_vel")
+        timer = script.node.create_timer(0.05, lambda: publisher.publish(command))
+        args = ros_args(port=0, open_browser="false")
+        with NodeProcess("onebot_bringup.steering.steering_page", *args, check=False) as node:
+            with PageClient(address_of(node)) as page:
+                wait_for(lambda: page.state["others"] == ["/script"], "the other publisher")
+                wait_for(lambda: page.state["controllers"], "the robot")
+                wait_for(lambda: abs(_speed(odometry) - SPEED) < 0.01, "the robot to drive")
+                assert not page.state["locked"]
+
+                def locked() -> bool:
+                    page.send("stop")  # as a page does while Stop is held
+                    return bool(page.state["locked"])
+
+                wait_for(locked, "the lock")
+                _come_to_rest(odometry)
+            node.process.send_signal(signal.SIGKILL)
+        with steering() as node, PageClient(address_of(node)) as page:
+            wait_for(lambda: page.state["locked"], "the state of the lock")
+            count = len(odometry)
+            wait_for(lambda: len(odometry) > count + 25, "half a second at rest")
+            assert all(abs(m.twist.twist.linear.x) < 1e-3 for m in odometry[count:])
+            timer.cancel()
+            _drive(page, odometry)
+            assert not page.state["locked"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])

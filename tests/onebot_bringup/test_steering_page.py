@@ -1,5 +1,6 @@
 """The steering page's node on real DDS, with a WebSocket client in the page's place."""
 
+import math
 import re
 import signal
 import socket
@@ -13,18 +14,20 @@ from urllib.request import Request, urlopen
 
 import aiohttp
 import pytest
+from std_msgs.msg import String
 
 from tests.onebot_bringup.steering_support import (
     MODULE,
     TOPIC,
     Commands,
     PageClient,
+    SlowWay,
     address_of,
     raw_page,
     steered,
     steering,
 )
-from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import PATIENCE, wait_for
 
 
@@ -74,20 +77,39 @@ def test_a_page_that_goes_stops_the_robot(peer):
             robot.come_to_rest()
 
 
-def test_silence_loses_the_wheel_and_says_so(peer):
-    """After a while without a word, going on to hold is not enough."""
-    with steered() as (node, page):
+@pytest.mark.parametrize("slow", [{"delay": 3.0}, {"rate": 200.0}])
+def test_a_slow_way_to_the_server_stops_the_robot(peer, slow):
+    """At once, not after the delay; it drives again when the way is fast. A late stop counts."""
+    with (
+        steering() as node,
+        SlowWay(address_of(node)) as way,
+        PageClient(way.address) as page,
+        PageClient(address_of(node)) as other,
+    ):
         robot = Commands(peer, page)
-        page.drive(0.3)
-        robot.come_to_rest()
-        wait_for(lambda: page.state["driver"] is None, "control to be free")
-        wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
-        count = len(robot.speeds)
         page.hold(0.3)
+        robot.reach(0.3)
+        count = len(robot.moving)
+        way.__dict__.update(slow)
+        wait_for(lambda: page.state["late"], "word of it")
+        assert page.state["you"] and not other.state["late"]
+        wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
+        robot.come_to_rest()
+        received = page.state["received"]
+        wait_for(lambda: page.state["received"] > received + 5, "late commands")
+        # At 20 Hz: a quarter or half of a second, until it was noticed.
+        assert len(robot.moving) < count + 15
+        way.delay, way.rate = 0.0, math.inf
+        page.hold(0.2)
+        robot.reach(0.2)
+        way.__dict__.update(slow)
         page.let_go()
-        page.hold(0.4)
-        robot.reach(0.4)
-        assert 0.3 not in robot.speeds[count:]
+        page.send("stop")
+        other.hold(0.1)
+        robot.reach(0.1)
+        way.delay, way.rate = 0.0, math.inf
+        wait_for(lambda: other.state["driver"] is None, "the stop")
+        robot.come_to_rest()
 
 
 def test_any_page_stops_the_robot(peer):
@@ -122,8 +144,8 @@ def test_the_last_page_to_take_hold_drives_and_the_others_see_so(peer):
 
 
 NONSENSE = {
-    "NaN": '{"type":"drive","seq":1,"linear":NaN,"angular":0}',
-    "unknown field": '{"type":"drive","seq":1,"linear":0.9,"angular":0,"more":1}',
+    "NaN": '{"type":"drive","stamp":1e12,"linear":NaN,"angular":0}',
+    "unknown field": '{"type":"drive","stamp":1e12,"linear":0.9,"angular":0,"more":1}',
     "no JSON": "not JSON",
     "bytes": b'{"type":"release"}',
     "too large": " " * 5000,
@@ -423,6 +445,18 @@ def test_wrong_numbers_are_one_clear_error(ros_domain):
             "topic: is empty; write the name of the topic",
         ):
             assert complaint in node.output
+
+
+def test_the_address_is_printed_when_the_view_is_there(peer):
+    """For that long it waits, to be the last line; the page is there before."""
+    page = peer.node.create_publisher(String, "/rerun_viewer/page", LATCHED)
+    args = ros_args(port=0, open_browser="false", await_view=600.0)
+    with NodeProcess(MODULE, *args) as node:
+        wait_for(lambda: page.get_subscription_count(), "the node")
+        peer.set_parameters("/steering_page")  # waits until it spins
+        assert "open http" not in node.output
+        page.publish(String(data="http://127.0.0.1:9090/?url=x"))
+        assert urlopen(address_of(node), timeout=PATIENCE).status == 200
 
 
 def test_a_killed_server_leaves_no_process_and_pages_notice(ros_domain):

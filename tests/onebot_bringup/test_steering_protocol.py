@@ -17,6 +17,7 @@ from onebot_bringup.steering.protocol import (
     Velocity,
     error_text,
     parse,
+    stamp_of,
     state_text,
     velocity_fields,
     welcome_text,
@@ -26,7 +27,10 @@ from onebot_bringup.steering.protocol import (
 @pytest.mark.parametrize(
     "text, meant",
     [
-        ('{"type":"drive","seq":0,"linear":0.5,"angular":-1}', Drive(Velocity(0.5, -1.0))),
+        (
+            '{"type":"drive","stamp":1500,"linear":0.5,"angular":-1}',
+            Drive(Velocity(0.5, -1.0), 1.5),
+        ),
         ('{"type":"release"}', Release()),
         ('{"type":"stop"}', Stop()),
         ('{"type":"topic","topic":"/robot_1/cmd_vel"}', ChooseTopic("/robot_1/cmd_vel")),
@@ -52,18 +56,17 @@ def test_each_message_is_understood(text, meant):
         '{"type":["drive"]}',
         '{"type":"stop","now":true}',
         '{"type":"drive","linear":1,"angular":0}',
-        '{"type":"drive","seq":1,"linear":1,"angular":0,"z":1}',
-        '{"type":"drive","seq":1,"linear":NaN,"angular":0}',
-        '{"type":"drive","seq":1,"linear":1,"angular":-Infinity}',
-        '{"type":"drive","seq":1,"linear":1e999,"angular":0}',
-        '{"type":"drive","seq":1,"linear":1' + "0" * 400 + ',"angular":0}',
-        '{"type":"drive","seq":1,"linear":"1","angular":0}',
-        '{"type":"drive","seq":1,"linear":true,"angular":0}',
-        '{"type":"drive","seq":1,"linear":null,"angular":0}',
-        '{"type":"drive","seq":1,"linear":1,"linear":2,"angular":0}',
-        '{"type":"drive","seq":-1,"linear":1,"angular":0}',
-        '{"type":"drive","seq":0.5,"linear":1,"angular":0}',
-        '{"type":"drive","seq":true,"linear":1,"angular":0}',
+        '{"type":"drive","stamp":1,"linear":1,"angular":0,"z":1}',
+        '{"type":"drive","stamp":1,"linear":NaN,"angular":0}',
+        '{"type":"drive","stamp":1,"linear":1,"angular":-Infinity}',
+        '{"type":"drive","stamp":1,"linear":1e999,"angular":0}',
+        '{"type":"drive","stamp":1,"linear":1' + "0" * 400 + ',"angular":0}',
+        '{"type":"drive","stamp":1,"linear":"1","angular":0}',
+        '{"type":"drive","stamp":1,"linear":true,"angular":0}',
+        '{"type":"drive","stamp":1,"linear":null,"angular":0}',
+        '{"type":"drive","stamp":1,"linear":1,"linear":2,"angular":0}',
+        '{"type":"drive","stamp":null,"linear":1,"angular":0}',
+        '{"type":"drive","stamp":true,"linear":1,"angular":0}',
         '{"type":"limits","linear":0,"angular":1}',
         '{"type":"limits","linear":1,"angular":-1}',
         '{"type":"topic","topic":""}',
@@ -90,7 +93,7 @@ _json = st.recursive(
     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
     max_leaves=8,
 )
-_names = st.sampled_from(["type", "seq", "linear", "angular", "topic", "x"])
+_names = st.sampled_from(["type", "stamp", "linear", "angular", "topic", "x"])
 _kinds = st.sampled_from(["drive", "release", "stop", "topic", "limits"])
 
 
@@ -186,11 +189,11 @@ def test_both_limits_are_above_zero(limits, name):
 def test_what_is_refused_is_named():
     """The field, the type and what would be right."""
     for text, words in (
-        ('{"type":"drive","seq":1,"linear":0,"angular":"1"}', "angular must be a number"),
-        ('{"type":"drive","seq":1,"linear":1e999,"angular":0}', "linear must be a finite number"),
-        ('{"type":"drive","seq":-1,"linear":1,"angular":0}', "seq must be an integer"),
+        ('{"type":"drive","stamp":1,"linear":0,"angular":"1"}', "angular must be a number"),
+        ('{"type":"drive","stamp":1,"linear":1e999,"angular":0}', "linear must be a finite"),
+        ('{"type":"drive","stamp":"","linear":1,"angular":0}', "stamp must be a number"),
         ('{"type":"release","a":1}', '"release" has no fields beside its type'),
-        ('{"type":"drive"}', '"drive" has angular, linear, seq beside its type'),
+        ('{"type":"drive"}', '"drive" has angular, linear, stamp beside its type'),
         ('{"type":"fly"}', "one of drive, release, stop, topic, limits"),
         ('{"type":"stop","type":"stop"}', "given twice"),
         ("NaN", "NaN is not valid JSON"),
@@ -207,7 +210,7 @@ def test_what_is_refused_is_named():
         ('{"type":"limits","linear":null,"angular":"0,5"}', "limits", "angular"),
         ('{"type":"limits","linear":1}', "limits", None),
         ('{"type":"topic","topic":"/a//b"}', "topic", "topic"),
-        ('{"type":"drive","seq":-1,"linear":1,"angular":1}', "drive", "seq"),
+        ('{"type":"drive","stamp":"","linear":1,"angular":1}', "drive", "stamp"),
         ('{"type":"fly"}', None, None),
         ("hello", None, None),
     ],
@@ -221,7 +224,9 @@ def test_a_refusal_names_the_message_and_the_field(text, about, field):
 
 def test_what_the_server_says_is_json():
     """Each message has its type."""
-    assert json.loads(welcome_text("p1", 20.0)) == {"type": "welcome", "id": "p1", "rate": 20.0}
+    assert json.loads(welcome_text("p1", 20.0, stamp_of(1.5))) == {
+        "type": "welcome", "id": "p1", "rate": 20.0, "stamp": 1500
+    }  # fmt: skip
     error = {"type": "error", "message": 'a "b"', "about": None, "field": None}
     assert json.loads(error_text('a "b"')) == error
     about = {"about": "limits", "field": "linear"}

@@ -4,7 +4,6 @@ import pytest
 
 from onebot_bringup.steering.arbiter import (
     COMMAND_TIMEOUT,
-    DRIVER_TIMEOUT,
     ZEROS,
     ThreadSafeArbiter,
 )
@@ -27,7 +26,8 @@ class Steered:
         monkeypatch.setattr("time.monotonic", lambda: self.now)
         self.published: list[Velocity] = []
         self.changes = 0
-        self.arbiter = ThreadSafeArbiter(limits(3.0, 4.0), self.published.append)
+        self.locks: list[bool] = []
+        self.arbiter = ThreadSafeArbiter(limits(3.0, 4.0), self.published.append, self.locks.append)
         self.arbiter.handle("", SetLimits(1.0, 2.0))
         self.arbiter.join("a")
         self.arbiter.join("b")
@@ -35,6 +35,10 @@ class Steered:
 
     def _changed(self) -> None:
         self.changes += 1
+
+    def drive(self, page: str, velocity: Velocity = FORWARD) -> None:
+        """Have a page send a command that is not late."""
+        self.arbiter.handle(page, Drive(velocity, self.now))
 
     def sent(self) -> list[Velocity]:
         """What was published since the last call."""
@@ -50,9 +54,9 @@ def steered(monkeypatch: pytest.MonkeyPatch) -> Steered:
 
 def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: Steered) -> None:
     """More of the same waits for its turn."""
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     assert steered.sent() == [FORWARD] and steered.changes == 1
-    steered.arbiter.handle("a", Drive(Velocity(0.6, 0.0)))
+    steered.drive("a", Velocity(0.6, 0.0))
     assert steered.sent() == [] and steered.changes == 1
     steered.arbiter.tick()
     assert steered.sent() == [Velocity(0.6, 0.0)]
@@ -61,7 +65,7 @@ def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: S
 @pytest.mark.parametrize("end", ["release", "stop", "leave", "reject"])
 def test_an_end_is_published_at_once(steered: Steered, end: str) -> None:
     """A zero, and the others with the next ticks; pages learn that nobody drives."""
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     steered.sent()
     ends = {
         "release": lambda: steered.arbiter.handle("a", Release()),
@@ -79,9 +83,9 @@ def test_an_end_is_published_at_once(steered: Steered, end: str) -> None:
 
 def test_another_driver_s_command_is_published_at_once(steered: Steered) -> None:
     """The robot does not go on for a period of the first one's."""
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     steered.sent()
-    steered.arbiter.handle("b", Drive(Velocity(-0.2, 0.0)))
+    steered.drive("b", Velocity(-0.2, 0.0))
     assert steered.sent() == [Velocity(-0.2, 0.0)] and steered.arbiter.state.driver == "b"
 
 
@@ -93,30 +97,40 @@ def test_the_stop_button_is_published_even_if_nobody_drives(steered: Steered) ->
     assert steered.changes == 0
 
 
-def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:
-    """After the time of the dead man's switch, not at it; then it loses control."""
+def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> None:
+    """What is held all the time unlocks nothing, nor does a halt of the server lock."""
     steered.arbiter.handle("a", Drive(FORWARD))
+    steered.arbiter.handle("b", Stop())
+    steered.arbiter.handle("b", Stop())
+    steered.arbiter.handle("a", Drive(FORWARD))
+    assert steered.locks == [False, True, True]
+    steered.arbiter.handle("a", Release())
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.arbiter.halt()
+    assert steered.locks == [False, True, True, False]
+
+
+def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:
+    """After the time of the dead man's switch, not at it; its next word drives on."""
+    steered.drive("a")
     steered.sent()
     steered.now += COMMAND_TIMEOUT
     steered.arbiter.check_timeout()
     assert steered.sent() == [] and steered.arbiter.timeouts == 0
     steered.now = 100.0 + COMMAND_TIMEOUT + 0.001
     steered.arbiter.check_timeout()
-    assert steered.sent() == [ZERO] and steered.arbiter.timeouts == 1 and steered.changes == 1
+    assert steered.sent() == [ZERO] and steered.arbiter.timeouts == 1
     steered.arbiter.check_timeout()
     assert steered.sent() == [] and steered.arbiter.timeouts == 1
-    steered.now = 100.0 + DRIVER_TIMEOUT
-    steered.arbiter.check_timeout()
-    assert steered.arbiter.state.driver == "a" and steered.changes == 1
-    steered.now = 100.0 + DRIVER_TIMEOUT + 0.001
-    steered.arbiter.check_timeout()
-    assert steered.arbiter.state.driver is None and steered.changes == 2
-    assert steered.arbiter.timeouts == 1
+    assert steered.arbiter.state.driver == "a" and steered.arbiter.state.late == {"a"}
+    steered.drive("a")
+    assert steered.sent() == [FORWARD] and not steered.arbiter.state.late
 
 
 def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
     """The next tick may come before the next check: its command is zero, too."""
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     steered.sent()
     steered.now += COMMAND_TIMEOUT + 0.001
     for _ in range(ZEROS + 2):
@@ -127,7 +141,7 @@ def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
 def test_silence_counts_from_the_last_word(steered: Steered) -> None:
     """Saying the same again keeps the robot going."""
     for _ in range(10):
-        steered.arbiter.handle("a", Drive(FORWARD))
+        steered.drive("a")
         steered.now += COMMAND_TIMEOUT * 0.9
         steered.arbiter.check_timeout()
     assert steered.arbiter.state.command == FORWARD and steered.arbiter.timeouts == 0
@@ -143,7 +157,7 @@ def test_limits_are_the_robots_or_lower(steered: Steered) -> None:
     arbiter.handle("a", SetLimits(0.25, None))
     assert arbiter.state.limits.in_force == Velocity(0.25, 4.0)
     assert steered.changes == 2 and steered.sent() == []
-    arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     assert steered.sent() == [Velocity(0.25, 0.05)] == [arbiter.state.command]
 
 
@@ -151,7 +165,7 @@ def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
     """Also what is above the present robot's limit; and it binds a command that is held."""
     arbiter = steered.arbiter
     arbiter.handle("a", SetLimits(0.5, 9.0))
-    arbiter.handle("a", Drive(Velocity(0.5, 0.0)))
+    steered.drive("a", Velocity(0.5, 0.0))
     arbiter.set_limits(limits(0.125, 1.0))
     assert arbiter.state.command == Velocity(0.125, 0.0) and arbiter.state.driver == "a"
     assert arbiter.state.limits.in_force == Velocity(0.125, 1.0)
@@ -162,10 +176,10 @@ def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
 
 def test_who_drove_is_known_to_the_log(steered: Steered) -> None:
     """To lose a page that drives is another thing than to lose one that looks on."""
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     assert not steered.arbiter.reject("b") and steered.arbiter.reject("a")
     steered.arbiter.handle("b", Release())
-    steered.arbiter.handle("b", Drive(FORWARD))
+    steered.drive("b")
     assert not steered.arbiter.leave("a") and steered.arbiter.leave("b")
 
 
@@ -184,13 +198,13 @@ def test_to_halt_sends_all_zeros_at_once(steered: Steered) -> None:
     assert steered.sent() == [] and steered.changes == 1
     steered.arbiter.tick()
     assert steered.sent() == []
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     steered.sent()
     steered.arbiter.halt()
     assert steered.sent() == [ZERO] * ZEROS and steered.arbiter.state.driver is None
     steered.arbiter.tick()
     assert steered.sent() == []
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     assert steered.sent() == [], "it has to let go first"
 
 
@@ -198,8 +212,8 @@ def test_a_page_cannot_drive_on_after_nonsense_without_letting_go(steered: Steer
     """Also one that did not drive when it was refused."""
     steered.arbiter.reject("a")
     assert steered.sent() == []
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     assert steered.sent() == [] and steered.arbiter.state.driver is None
     steered.arbiter.handle("a", Release())
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     assert steered.sent() == [FORWARD]

@@ -14,10 +14,11 @@ from contextlib import contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
+from std_msgs.msg import Bool
 
 from onebot_bringup.cli.teleop import HELP, Driver, TeleopTwist, split_keys
 from tests.onebot_bringup.cli_support import MODULE, onebot
-from tests.ros_support import Peer
+from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, wait_for
 
 TOPIC = "/velocity_controller/cmd_vel"
@@ -91,6 +92,22 @@ def test_another_key_takes_over() -> None:
         driver.press("i", moment)
     driver.press("j", 0.6)
     assert driver.velocity(1.2) == TeleopTwist(turn=1.0) and driver.velocity(1.3) == STILL
+
+
+def test_a_blocked_key_has_to_be_pressed_anew() -> None:
+    """Its repeats do not count."""
+    driver = Driver(0.5, 1.0, 0.7)
+    driver.press("i", 0.0)
+    driver.block()
+    driver.press("i", 0.5)
+    assert driver.velocity(0.5) == TeleopTwist()
+    driver.press("i", 0.6)
+    assert driver.velocity(0.6) == TeleopTwist()
+    driver.press("o", 0.7)
+    assert driver.velocity(0.7) == TeleopTwist(x=0.5, turn=-1.0)
+    driver.block()
+    driver.press("o", 3.0)
+    assert driver.moving(3.0)
 
 
 def test_keys_of_a_terminal() -> None:
@@ -201,6 +218,34 @@ def test_drives_while_a_key_is_held(ros_domain: int) -> None:
         time.sleep(0.5)
         assert len(heard) - len(moving) <= 3
         assert terminal.process.poll() is None
+
+
+def test_space_locks_the_robot_and_a_driving_key_unlocks_it(ros_domain: int) -> None:
+    """A key that is held while somebody else locks the robot neither moves nor unlocks it."""
+    with Peer(ros_domain) as peer:
+        heard, locks = peer.hear(Twist, TOPIC), peer.hear(Bool, f"{TOPIC}_lock")
+        state = peer.node.create_publisher(Bool, f"{TOPIC}_locked", LATCHED)
+        with teleop("--hold", "3") as terminal:
+            ready(peer, terminal)
+            met(terminal, heard)
+            wait_for(lambda: peer.node.count_publishers(f"{TOPIC}_lock"), "the lock")
+            wait_for(state.get_subscription_count, "the subscriber of the state")
+            terminal.type(" ")
+            terminal.says("(locked: a key that drives unlocks)")
+            wait_for(lambda: locks == [Bool(data=True)], "the lock")
+            terminal.type("i")
+            wait_for(lambda: heard and heard[-1].linear.x == 0.5, "a motion")
+            wait_for(lambda: locks == [Bool(data=True), Bool(data=False)], "the unlock")
+            state.publish(Bool(data=True))
+            wait_for(lambda: heard[-1] == Twist(), "a stop")
+            terminal.type("i")
+            count = terminal.shown.count("locked")
+            terminal.type("w")  # its effect shows that the other was read
+            wait_for(lambda: terminal.shown.count("locked") > count, "the key")
+            assert heard[-1] == Twist() and len(locks) == 2
+            terminal.type("o")
+            wait_for(lambda: heard[-1].angular.z, "another motion")
+            wait_for(lambda: locks[2:] == [Bool(data=False)], "the unlock")
 
 
 def test_speeds_are_shown_and_used(ros_domain: int) -> None:

@@ -76,6 +76,7 @@ class IdealPlant:
 
     joints = ("left_wheel_joint", "right_wheel_joint")
     scene = None
+    obstructed = False
 
     def __init__(self, left: float = 0.0, right: float = 0.0) -> None:
         self.left, self.right = left, right

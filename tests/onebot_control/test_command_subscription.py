@@ -1,5 +1,6 @@
 """~/cmd_vel of either type: which one is subscribed to, on real DDS."""
 
+import time
 from collections.abc import Callable, Iterator
 from queue import SimpleQueue
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 
-from onebot_control.driving import CommandSubscription
+from onebot_control.commands import CommandSubscription
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -121,3 +122,24 @@ def test_auto_keeps_the_type_in_use_while_it_is_published(driver: Driver, sender
     assert send(publisher, message, driver) == (0.1, 0.2, None)
     driver.look_again()
     assert (driver.topic.kind, driver.warnings) == ("Twist", [])
+
+
+def test_commands_on_cmd_vel_are_reported_if_nobody_receives_them(
+    driver: Driver, sender: Peer
+) -> None:
+    """Once, with the topic that is meant; a node that relays them is enough."""
+    relay = sender.node.create_subscription(Twist, "/cmd_vel", lambda _: None, 10)
+    sender.node.create_publisher(Twist, "/cmd_vel", 10)
+    driver.start("auto")
+    wait_for(lambda: driver.peer.node.count_subscribers("/cmd_vel"), "the relay")
+    start = time.monotonic()
+    wait_for(lambda: time.monotonic() > start + 2.5, "a time in which it would be reported")
+    assert driver.warnings == []
+    sender.node.destroy_subscription(relay)
+    wait_for(lambda: driver.warnings, "the warning")
+    driver.look_again()
+    ((_, text),) = driver.warnings
+    assert text == (
+        "/cmd_vel is published, but no node subscribes to it: "
+        "the topic of this robot's commands is /driver/cmd_vel"
+    )

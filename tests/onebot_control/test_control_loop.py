@@ -4,7 +4,8 @@ import ctypes
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import cast
 
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onebot_control import control_loop
 from onebot_control.control_loop import (
     ControlLoop,
     Divider,
@@ -21,11 +23,24 @@ from onebot_control.control_loop import (
 )
 from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet
+from onebot_control.real_time import PaceMeter
 from onebot_control.simulation import World
 from onebot_description.errors import OneBotError
 from onebot_description.wire.cdr import NANO
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive
 from tests.support import PATIENCE, wait_for
+
+
+class RecordingMeter(PaceMeter):
+    """Keeps how many cycles were left out, where any were."""
+
+    def __init__(self, missed: list[int]) -> None:
+        super().__init__()
+        self._found = missed
+
+    def cycle(self, due: float, simulated: float, missed: int) -> None:
+        self._found += [missed] if missed else []
+        super().cycle(due, simulated, missed)
 
 
 class Run:
@@ -34,14 +49,14 @@ class Run:
     def __init__(self, *, simulated: bool = False, factor: float = 1.0, **values: float) -> None:
         self.plant = IdealPlant()
         self.drive = ideal_drive(self.plant, real_time_factor=factor, **values)
-        self.lags: list[float] = []
+        self.missed: list[int] = []
         self.published: list[tuple[Snapshot, int]] = []
         self.failures: list[BaseException] = []
         self.loop = ControlLoop(
             Fleet([self.drive], cast(World, IdealWorld([self.plant]))),
             lambda snapshots, stamp: self.published.append((snapshots[0], stamp)),
             simulated=simulated,
-            late=self.lags.append,
+            meter=RecordingMeter(self.missed),
             failed=self.failures.append,
         )
 
@@ -173,7 +188,7 @@ def test_real_time_factor_changes_while_it_runs() -> None:
     Each limit of time is one that a slow machine cannot miss.
     """
     with Run(simulated=True, factor=0.0) as run:
-        assert run.lags == []
+        assert run.missed == []
         began = time.monotonic()
         run.loop.call(lambda: run.loop.set_factor(2.0))
         first = run.loop.fleet.ticks
@@ -187,7 +202,7 @@ def test_real_time_factor_changes_while_it_runs() -> None:
 
 
 def test_cycles_left_out_are_reported() -> None:
-    """By how long, and stamps of the system's time go on from there."""
+    """How many, and stamps of the system's time go on from there."""
     with Run(update_rate=1000) as run:
 
         def work() -> None:
@@ -196,10 +211,9 @@ def test_cycles_left_out_are_reported() -> None:
                 pass
 
         run.loop.call(work)
-        wait_for(lambda: max(run.lags, default=0.0) >= 0.028, "the lag")
+        wait_for(lambda: max(run.missed, default=0) >= 28, "the lag")
         count = len(run.published)
         wait_for(lambda: len(run.published) > count, "cycles after the lag")
-    assert all(lag >= 0.001 for lag in run.lags)
     stamps = [stamp for _, stamp in run.published]
     assert stamps == sorted(stamps)
 
@@ -237,6 +251,43 @@ def test_a_command_ages_while_paused_on_the_systems_time() -> None:
         at = run.loop.call(lambda: setattr(run.loop, "paused", False) or len(run.published))
         wait_for(lambda: len(run.published) > at, "a cycle")
         assert run.published[at][0].command.linear == 0.0
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_velocities_are_by_the_clock_that_stamps_them(
+    monkeypatch: pytest.MonkeyPatch, simulated: bool
+) -> None:
+    """Cycles of 10 ms that each take 40 ms: in the system's time the robot is four times slower."""
+    machine = Machine()
+    clock_ns = lambda: round(machine.now * NANO)  # noqa: E731
+    monkeypatch.setattr(control_loop, "Pacer", partial(Pacer, clock=lambda: machine.now))
+    monkeypatch.setattr(control_loop, "SystemStamps", partial(SystemStamps, clock_ns, clock_ns))
+    monkeypatch.setattr(IdealWorld, "step", machine.slow(IdealWorld.step, 0.04))
+    run = Run(simulated=simulated, cmd_vel_timeout=0.0)
+    run.drive.accept(0.6, 0.0)
+    with run:
+        wait_for(lambda: len(run.published) > 40, "40 cycles")
+        run.loop.call(lambda: setattr(run.loop, "paused", True))
+    speed = 0.6 if simulated else 0.15
+    for (before, then), (after, now) in pairwise(run.published[20:40]):
+        seconds = (now - then) / NANO
+        assert (after.odometry.x - before.odometry.x) / seconds == pytest.approx(speed)
+        assert after.twist == pytest.approx((speed, 0.0))
+        turned = after.joints.positions - before.joints.positions
+        assert turned / seconds == pytest.approx(after.joints.velocities)
+    assert set(run.missed) == {3}
+
+
+def test_velocities_of_a_robot_that_is_paused_are_zero() -> None:
+    """On the system's time it stands where it is, and says so."""
+    with Run(cmd_vel_timeout=0.0) as run:
+        run.loop.call(lambda: run.drive.accept(0.6, 0.2))
+        wait_for(lambda: run.published[-1][0].twist[0] > 0.1, "the robot to drive")
+        run.loop.call(lambda: setattr(run.loop, "paused", True))
+        count = len(run.published)
+        wait_for(lambda: len(run.published) > count + 15, "messages while paused")
+        assert run.published[-1][0].twist == (0.0, 0.0)
+        assert not run.published[-1][0].joints.velocities.any()
 
 
 def test_stamps_of_the_systems_time_are_the_systems() -> None:
@@ -284,7 +335,7 @@ def test_stop_is_no_failure_and_may_come_twice() -> None:
         run.loop.stop()
         assert time.monotonic() - began < PATIENCE
     assert len(run.published) == 1
-    assert run.failures == run.lags == []
+    assert run.failures == run.missed == []
 
 
 @pytest.mark.parametrize(("simulated", "slow"), [(True, 1e-5), (True, 1e-320), (False, 1.0)])
@@ -326,6 +377,15 @@ class Machine:
 
     def wait(self, seconds: float) -> None:
         self.now += seconds
+
+    def slow(self, function: Callable[..., None], seconds: float) -> Callable[..., None]:
+        """Return the function, as one that takes so long."""
+
+        def slowed(*args: float) -> None:
+            self.now += seconds
+            function(*args)
+
+        return slowed
 
     def pacer(self, period: float = 0.01, factor: float = 1.0) -> Pacer:
         return Pacer(period, factor, clock=lambda: self.now)

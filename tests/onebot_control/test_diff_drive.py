@@ -110,6 +110,8 @@ def test_commands_without_an_age_are_ignored_after_a_long_stall() -> None:
     drive.stalled(0.6)
     refused = drive.accept(0.2, 0.0)
     assert refused is not None and "no stamp" in refused
+    refused = drive.accept(0.2, 0.0, age=-29.0)  # the system clock was set back meanwhile
+    assert refused is not None and "a stamp 29.000 s ahead" in refused
     assert drive.accept(0.1, 0.0, age=0.1) is None
     assert updates(drive, 30).linear == 0.1
     assert drive.accept(0.2, 0.0) is not None

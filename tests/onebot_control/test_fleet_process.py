@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
@@ -13,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from onebot_description.wire.cdr import nanoseconds
 from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
@@ -123,3 +125,41 @@ def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) ->
             "error: /c/velocity_controller: update_rate: 50, but 100 of /a/velocity_controller; "
             "it is the same for all robots of a world"
         ]
+
+
+@pytest.mark.slow
+def test_slow_motion_is_reported(ros_domain: int, tmp_path: Path) -> None:
+    """Twenty robots at 1000 Hz are too many for any computer; /odom does not contradict itself."""
+    model = tmp_path / "bot.urdf"
+    model.write_text(urdf())
+    words = [
+        word
+        for row in range(20)
+        for word in ("--robot", "-r", f"__ns:=/r{row}", "-p", f"y:={float(row)}")
+    ]
+    common = ros_args(update_rate=1000.0, cmd_vel_timeout=0.0, velocity_rolling_window_size=20)
+    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(model), *words, *common) as node:
+        odometry = peer.hear(Odometry, "/r0/velocity_controller/odom", 1000)
+        diagnostics = peer.hear(DiagnosticArray, "/diagnostics")
+        command = Twist()
+        command.linear.x = 0.3
+        peer.publisher(Twist, "/r0/velocity_controller/cmd_vel").publish(command)
+        wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.0, "the robot to drive")
+        first = len(odometry) + 20
+        wait_for(lambda: len(odometry) > first + 40, "odometry of 0.8 simulated seconds")
+        found = odometry[first:]
+        wait_for(lambda: diagnostics, "diagnostics")
+        wait_for(lambda: "slow motion: real-time factor 0." in node.output, "the log")
+    stamps = [nanoseconds(message.header.stamp) * 1e-9 for message in found]
+    driven = sum(
+        message.twist.twist.linear.x * (now - before)
+        for message, before, now in zip(found[1:], stamps, stamps[1:], strict=False)
+    )
+    way = found[-1].pose.pose.position.x - found[0].pose.pose.position.x
+    assert driven == pytest.approx(way, rel=0.01)
+    assert way < 0.9 * 0.3 * (stamps[-1] - stamps[0])
+    (status,) = diagnostics[-1].status
+    assert status.level == DiagnosticStatus.WARN
+    assert status.name == "r0/velocity_controller: real-time factor"
+    values = {each.key: float(each.value) for each in status.values}
+    assert 0.0 < values["real_time_factor"] < 0.9 and values["missed control cycles"] > 100.0

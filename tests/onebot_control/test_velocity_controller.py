@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_bringup.launch.nodes import write_parameters
@@ -121,6 +121,17 @@ def test_drives_as_told_and_brakes_when_commands_stop(peer: Peer, model: str) ->
         assert len(slowing) > 20
 
 
+def test_odometry_that_drifts_from_the_truth_is_warned_of_once(peer: Peer, model: str) -> None:
+    """As by a wrong radius."""
+    truth = peer.hear(Odometry, f"{NODE}/ground_truth")
+    with NodeProcess(MODULE, model, *ros_args(wheel_radius=0.12, real_time_factor=0.0)) as node:
+        Driver(peer, twist(0.2))
+        wait_for(lambda: "odometry and truth drift apart" in node.output, "the warning")
+        before = x(truth[-1])
+        wait_for(lambda: x(truth[-1]) > before + 2.0, "some more metres")
+        assert node.output.count("drift apart") == 1
+
+
 def test_publishes_from_the_start(peer: Peer, model: str) -> None:
     """Without any command there are joint states, odometry, truth and transforms."""
     joints = peer.hear(JointState, "/joint_states")
@@ -158,11 +169,19 @@ def test_both_kinds_of_command_are_heard(peer: Peer, model: str) -> None:
         assert node.output.count("has stamp 0") == 1
 
 
-def test_a_stopped_process_does_not_drive_on(peer: Peer, model: str) -> None:
-    """SIGSTOP, and no commands any more: after SIGCONT it brakes at once, whatever was queued."""
+@pytest.mark.parametrize("stamped", [False, True])
+def test_a_stopped_process_does_not_drive_on(peer: Peer, model: str, stamped: bool) -> None:
+    """SIGSTOP, and no commands any more: after SIGCONT it brakes at once, whatever was queued.
+
+    Stamps half a minute ahead are what is queued when the system clock is set back meanwhile.
+    """
+    message: Any = twist(0.3)
+    if stamped:
+        message = TwistStamped(twist=message)
+        message.header.stamp.sec = int(time.time()) + 30
     limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
     with NodeProcess(MODULE, model) as node:
-        driver = Driver(peer, twist(0.3))
+        driver = Driver(peer, message)
         wait_for(lambda: limited and limited[-1].twist.linear.x == 0.3, "0.3 m/s")
         os.kill(node.process.pid, signal.SIGSTOP)
         stopped = time.monotonic()
@@ -177,6 +196,37 @@ def test_a_stopped_process_does_not_drive_on(peer: Peer, model: str) -> None:
         speeds = [m.twist.linear.x for m in limited if seconds(m) >= resumed]
         assert speeds[0] < 0.3 and speeds == sorted(speeds, reverse=True) and speeds[-1] == 0.0
         assert "the process was stopped" in node.output
+
+
+def test_a_lock_stops_the_robot_whoever_drives(peer: Peer, model: str) -> None:
+    """Locked, it brakes within its limits and ignores commands; unlocked, it waits for new ones.
+
+    Its state is latched, and the log names the way to unlock it.
+    """
+    limited = peer.hear(TwistStamped, f"{NODE}/cmd_vel_out", 1000)
+    with NodeProcess(MODULE, model) as node:
+        driver = Driver(peer, twist(0.3))
+        wait_for(lambda: limited and limited[-1].twist.linear.x == 0.3, "0.3 m/s")
+        lock = peer.publisher(Bool, f"{NODE}/cmd_vel_lock")
+        lock.publish(Bool(data=True))
+        wait_for(lambda: limited[-1].twist.linear.x == 0.0, "rest")
+        speeds = [m.twist.linear.x for m in limited]
+        braking = speeds[max(i for i, v in enumerate(speeds) if v == 0.3) :]
+        assert len(braking) > 50  # by control.yaml's 0.5 m/s^2
+        count = len(limited)
+        wait_for(lambda: len(limited) > count + 50, "cycles at rest")
+        driver.stop()
+        state = peer.hear(Bool, f"{NODE}/cmd_vel_locked", LATCHED)
+        wait_for(lambda: state == [Bool(data=True)], "the state")
+        lock.publish(Bool(data=False))
+        wait_for(lambda: state[-1] == Bool(data=False), "the state")
+        settled = len(limited)
+        wait_for(lambda: len(limited) > settled + 50, "cycles at rest")
+        assert not any(m.twist.linear.x for m in limited[count:])
+        Driver(peer, twist(0.2))
+        wait_for(lambda: limited[-1].twist.linear.x == 0.2, "0.2 m/s")
+        assert f"until false is published on {NODE}/cmd_vel_lock, or" in node.output
+        assert node.output.count("~/cmd_vel is ignored: the robot is locked until") == 1
 
 
 def test_late_commands_are_refused(peer: Peer, model: str) -> None:

@@ -117,16 +117,6 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             "it is not clear which of its wheels drive it: m_joint, n_joint or l_joint, r_joint",
         ),
         (
-            (
-                *TWO,
-                part(
-                    "hinge", "0.2 0.2 0", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", kind="revolute"
-                ),
-                part("tyre", "0 0 0", '<sphere radius="0.1"/>', parent="hinge"),
-            ),
-            'it is no differential drive: joint "hinge_joint" steers the wheel of "tyre_joint"',
-        ),
-        (
             (swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")),
             'all of its wheels swivel, by joint "fork_l_joint", "fork_r_joint"',
         ),
@@ -213,6 +203,10 @@ def test_what_is_simulated() -> None:
     assert drivable(Wheels(robot())).description.joints == robot().joints
 
 
+PUBLIC = Path(__file__).parents[1] / "robots"
+DEEPRACER = PUBLIC / "warn_deepracer.xacro"
+
+
 def drive(description: Description) -> list[tuple[float, float]]:
     """Drive 2 m straight and turn once; return odometry's and truth's distance and angle."""
     parameters = read_control_files([default_control_file()], "/", "velocity_controller")
@@ -254,6 +248,46 @@ def test_several_wheels_a_side_skid(parts: tuple[str, ...]) -> None:
     straight, turn = drive(base(*parts))
     assert straight[1] == pytest.approx(straight[0], rel=1e-4)
     assert turn[1] == pytest.approx(turn[0], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "separation", "radius"),
+    [
+        ("leo_rover", 0.614, 0.0625),
+        ("scout_v2", 1.008, 0.16459),
+        ("tracer", 0.34, 0.0457774),
+    ],
+)
+def test_public_robots_drive(name: str, separation: float, radius: float) -> None:
+    """Chamfered tyres beside a smaller hub, and joints turned by 3.14 and -1.57."""
+    description = load_description(PUBLIC / f"good_{name}.xacro")
+    assert Wheels(description).geometry() == pytest.approx((separation, radius), abs=1e-3)
+    for odometry, truth in drive(description):
+        assert truth == pytest.approx(odometry, rel=0.01)
+
+
+BALL = '<sphere radius="0.1"/>'
+HINGE = part("hinge", "0.2 0.2 0", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", kind="revolute")
+
+
+@pytest.mark.parametrize(
+    ("car", "hinge", "wheel"),
+    [
+        (
+            load_description(PUBLIC / "warn_deepracer.xacro"),
+            "left_steering_hinge",
+            "left_front_wheel",
+        ),
+        (base(*TWO, HINGE, part("tyre", "-0.05 0 0", BALL, parent="hinge")), "hinge", "tyre"),
+    ],
+)
+def test_a_car_is_no_differential_drive(car: Description, hinge: str, wheel: str) -> None:
+    """A hinge with limits steers a wheel, and so does any that the wheel does not trail."""
+    with pytest.raises(OneBotError) as caught:
+        Wheels(car)
+    message = str(caught.value)
+    assert f'joint "{hinge}_joint" steers the wheel of "{wheel}_joint"' in message
+    assert "Ackermann" in message and "sim:=false" in message
 
 
 def test_a_hub_is_no_joint_of_the_robot() -> None:

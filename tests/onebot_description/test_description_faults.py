@@ -20,7 +20,7 @@ FAULTS: dict[str, tuple[str, ...]] = {
     # the document
     "wrong_root.urdf": ("<sdf>: is a robot in SDF", "convert it to URDF"),
     "robot_without_name.urdf": (":1: <robot>", 'write <robot name="...">'),
-    "malformed.urdf": (":3:3: malformed XML: mismatched tag",),
+    "malformed.urdf": (":3:3: malformed XML: mismatched tag: <link> of line 2 is",),
     "not_xml.urdf": (":1:1: is not XML", "<robot"),
     "empty.urdf": ("is empty", "<robot"),
     "binary.urdf": ("is a binary file",),
@@ -142,7 +142,8 @@ WARNINGS: dict[str, str] = {
     "warn_limits_zero.urdf": "lower and upper are both 0",
     "warn_velocity_zero.urdf": "velocity is 0",
     "warn_long_axis.urdf": "length 5; it is taken as length 1",
-    "warn_continuous_limit.urdf": "continuous joint has no lower or upper",
+    "warn_continuous_limit.urdf": "turns without end, so lower and upper are ignored; delete them",
+    "warn_deepracer.xacro": "turns without end, so lower and upper are ignored; delete them",
     "warn_names.urdf": '"base link" holds a space',
     "warn_unknown_elements.urdf": 'mean "visual"?',
     "warn_unknown_attribute.urdf": 'attribute "uper", so it is ignored (did you mean "upper"?',

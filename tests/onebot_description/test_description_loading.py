@@ -326,6 +326,10 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
             '2: argument "side" has no value here; move its <xacro:arg name="side"> above',
         ),
         (
+            ["<a><xacro:b>", "</a>"],
+            "3:3: malformed XML: mismatched tag: <xacro:b> of line 2 is not",
+        ),
+        (
             ['<xacro:macro name="m"><xacro:m/></xacro:macro>', "<xacro:m/>"],
             'macro "m" calls itself without end',
         ),
@@ -345,6 +349,16 @@ def test_what_xacro_raises_is_explained(tmp_path: Path, lines: list[str], found:
         assert problem.startswith(found)
     else:
         assert found in problem
+
+
+def test_an_argument_in_the_root_is_given(tmp_path: Path) -> None:
+    """Its default stands below, and cannot be moved above (UR, Kinova)."""
+    path = tmp_path / "robot.xacro"
+    head = '<robot name="$(arg name)" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    path.write_text(f'{head}<xacro:arg name="name" default="ur"/><link name="base"/></robot>')
+    with pytest.raises(DescriptionError, match=r'"name" has no value here; give name:=VALUE$'):
+        load_description(path)
+    assert load_description(path, {"name": "ur5e"}).robot_name == "ur5e"
 
 
 def test_names_that_are_proposed_are_the_files_own(tmp_path: Path) -> None:

@@ -236,7 +236,7 @@ def test_removing_a_motion_from_the_file_ends_it(
 ) -> None:
     """Also one set live: a save makes everything as the file says, but -p comes first."""
     file = tmp_path / "joints.yaml"
-    file.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.1}}"))
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     start(mrm, "--ros-args", "--params-file", str(file), "-p", "rate:=40")
     listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
     assert listener.set(f"motions.{JOINT}.position", 0.2) == ""
@@ -275,7 +275,9 @@ def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, m
 
 def test_the_description_comes_from_the_topic(start: Start, listener: Listener) -> None:
     """Waiting is logged, and a broken one; parameters for another robot do not end the node."""
-    node = start("--ros-args", "-p", "motions.elbow.position:=0.1")
+    node = start(
+        "--ros-args", "-p", "motions.elbow.type:=constant", "-p", "motions.elbow.position:=0.1"
+    )
     node.says("waiting for the robot description on /robot_description")
     listener.description.publish(String(data="<robot"))
     node.says("robot_description not applied, still waiting for one:")
@@ -334,7 +336,7 @@ def test_a_namespace_applies_to_file_and_topics(
     """As rcl does it at the start, so does the node when the file is saved; wildcards too."""
     file = tmp_path / "joints.yaml"
     text = "/**:\n  ros__parameters: {unknown_to_us: 1, rate: 50}\n/left/joint_state_publisher:\n"
-    text += f"  ros__parameters:\n    motions:\n      {JOINT}: {{position: 0.1}}\n"
+    text += f"  ros__parameters:\n    motions:\n      {JOINT}: {{type: constant, position: 0.1}}\n"
     file.write_text(text)
     states: list[JointState] = []
     listener.node.create_subscription(JointState, "/left/joint_states", states.append, 10)
@@ -349,17 +351,17 @@ def test_config_file_is_read_and_watched(
 ) -> None:
     """The parameter config_file does what --params-file does."""
     file = tmp_path / "joints.yaml"
-    file.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.1}}"))
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     start(mrm, "--ros-args", "-p", f"config_file:={file}")
     listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
-    file.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.2}}"))
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.2}}"))
     listener.hears(lambda s: s.position[0] == 0.2, "the position saved")
     assert "cannot be read" in listener.set("config_file", str(tmp_path / "none.yaml"))
     other = tmp_path / "other.yaml"
-    other.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.3}}"))
+    other.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.3}}"))
     assert listener.set("config_file", str(other)) == ""
     listener.hears(lambda s: s.position[0] == 0.3, "the position in the other file")
-    other.write_text(yaml(f"motions:\n  {JOINT}: {{position: 0.1}}"))
+    other.write_text(yaml(f"motions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     listener.hears(lambda s: s.position[0] == 0.1, "the position saved there")
 
 
@@ -415,12 +417,14 @@ def test_a_joint_can_be_renamed_in_both_files(
     A parameter file that is removed is reported, and changes nothing.
     """
     file = tmp_path / "joints.yaml"
-    file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{position: 0.1}}"))
+    file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
     listener.hears(lambda s: s.position[0] == 0.1, "the position")
     edits = [
         lambda: Path(mrm).write_text(MRM.replace(JOINT, "elbow")),
-        lambda: file.write_text(yaml("rate: 50\nmotions:\n  elbow: {position: 0.2}")),
+        lambda: file.write_text(
+            yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}")
+        ),
     ]
     first, second = edits if description_first else edits[::-1]
     first()
@@ -441,7 +445,16 @@ def test_a_joint_can_be_renamed_in_both_files(
 
 def test_sim_time_is_respected(start: Start, listener: Listener, mrm: str) -> None:
     """Stamps and speed go by /clock."""
-    start(mrm, "--ros-args", "-p", "use_sim_time:=true", "-p", f"motions.{JOINT}.position:=3.0")
+    start(
+        mrm,
+        "--ros-args",
+        "-p",
+        "use_sim_time:=true",
+        "-p",
+        f"motions.{JOINT}.type:=constant",
+        "-p",
+        f"motions.{JOINT}.position:=3.0",
+    )
     clock = listener.node.create_publisher(Clock, "/clock", 10)
     wait_for(clock.get_subscription_count, "the node's clock")
     now = 100.0
@@ -479,7 +492,10 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
     ("arguments", "words"),
     [
         (["-p", "rate:=0"], "rate: 0 is below 0.001; write a number from 0.001 to 1000"),
-        (["-p", "motions.elbow.position:=0.1"], f'no joint "elbow" (joints that move: {JOINT})'),
+        (
+            ["-p", "motions.elbow.type:=constant", "-p", "motions.elbow.position:=0.1"],
+            f'no joint "elbow" (joints that move: {JOINT})',
+        ),
         (["-p", "pose:=home"], 'pose: no pose "home"'),
         (["-p", "speed:=1"], "speed: no such parameter"),
         (["--params-file", "none.yaml"], "none.yaml: cannot be read"),
@@ -487,6 +503,9 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
         (["-p", "config_file:=5"], 'config_file: 5 is a number; write a string, such as "5"'),
         (["-p", "nonsense"], "bad ROS arguments"),
+        (["-r", "\x1b[31m"], r"Couldn't parse remap rule: '-r \x1b[31m'"),
+        (["-r", "joint_states:=/rosout"], "a node has a topic as one type only"),
+        (["-r", f"__ns:=/{'n' * 300}"], "invalid node namespace"),
     ],
 )
 def test_mistakes_at_the_start_end_it(
@@ -496,7 +515,7 @@ def test_mistakes_at_the_start_end_it(
     node = start(mrm, "--ros-args", *arguments)
     assert node.ends() == 1
     assert words in node.output
-    assert "Traceback" not in node.output
+    assert "Traceback" not in node.output and "RuntimeWarning" not in node.output
 
 
 def test_a_broken_file_at_the_start_is_told_with_its_line(
@@ -504,7 +523,7 @@ def test_a_broken_file_at_the_start_is_told_with_its_line(
 ) -> None:
     """Before rcl says less about it."""
     file = tmp_path / "joints.yaml"
-    file.write_text(yaml(f"motions:\n  {JOINT}: {{times: [0, 1.0]}}"))
+    file.write_text(yaml(f"motions:\n  {JOINT}: {{type: keyframes, times: [0, 1.0]}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
     assert node.ends() == 1
     assert f"{file}:4: motions.{JOINT}.times: a list holds values of one kind" in node.output

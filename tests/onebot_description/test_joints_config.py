@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from onebot_description.joints.config import Dependent, JointsConfig, Sequence
-from onebot_description.joints.motions import Constant, Keyframes, Sine
+from onebot_description.joints.motions import Keyframes, Sine
 from onebot_description.parameters.reader import ConfigError
 
 
@@ -58,30 +58,40 @@ def test_nested_and_dotted_names_are_the_same() -> None:
 
 def test_joint_names_may_hold_dots() -> None:
     """The last word is the key, all before it the joint."""
-    config = JointsConfig.from_parameters({"motions.arm.elbow.position": 0.5})
-    assert config.motions == {"arm.elbow": Constant(0.5)}
+    config = JointsConfig.from_parameters(
+        {"motions.arm.elbow.type": "constant", "motions.arm.elbow.position": 0.5}
+    )
+    assert config.motions == {"arm.elbow": Keyframes.hold(0.5)}
 
 
 @pytest.mark.parametrize(
     ("written", "motion"),
     [
-        ({"type": "constant", "position": 1}, Constant(1.0)),
-        ({"position": 0.25}, Constant(0.25)),
-        ({"amplitude": 1.0, "frequency": 0.1}, Sine(1.0, 0.1)),
+        ({"type": "constant", "position": 1}, Keyframes.hold(1.0)),
+        ({"type": "sine", "amplitude": 1.0, "frequency": 0.1}, Sine(1.0, 0.1)),
         (
             {"type": "sine", "amplitude": 1, "frequency": 2, "offset": 3, "phase": 4},
             Sine(1, 2, 4, 3),
         ),
-        ({"type": "pose", "pose": "up"}, Constant(0.75, "up")),
-        ({"times": [0, 1], "positions": [0, 0.5]}, Keyframes((0, 1), (0, 0.5))),
+        ({"type": "pose", "pose": "up"}, Keyframes.hold(0.75, "up")),
         (
-            {"times": [0.0, 2.0], "poses": ["up", "down"], "blend": "minimum_jerk", "loop": False},
+            {"type": "keyframes", "times": [0, 1], "positions": [0, 0.5]},
+            Keyframes((0, 1), (0, 0.5)),
+        ),
+        (
+            {
+                "type": "keyframes",
+                "times": [0.0, 2.0],
+                "poses": ["up", "down"],
+                "blend": "minimum_jerk",
+                "loop": False,
+            },
             Keyframes((0, 2), (0.75, -0.75), "minimum_jerk", False),
         ),
     ],
 )
 def test_every_kind_of_motion_is_read(written: dict[str, Any], motion: object) -> None:
-    """Types, with the type said or told by the keys."""
+    """Each type with its keys."""
     poses = {"up": {"elbow": 0.75}, "down": {"elbow": -0.75}}
     config = JointsConfig.from_parameters({"poses": poses, "motions": {"elbow": written}})
     assert config.motions["elbow"] == motion
@@ -108,19 +118,47 @@ def test_sequence_is_read() -> None:
             {"motions": {"a": {"type": "constant", "position": "x"}}},
             '"x" is a string; write a number',
         ),
-        ({"motions": {"a": {"position": math.inf}}}, "inf is not finite; write a number"),
-        ({"motions": {"a": {"times": [0.0, math.nan], "positions": [0, 1]}}}, "not finite"),
-        ({"motions": {"a": {"times": [0, 1], "positions": [0]}}}, "2 times but 1 positions"),
-        ({"motions": {"a": {"times": [1, 1], "positions": [0, 1]}}}, "must increase"),
-        ({"motions": {"a": {"times": [-1, 1], "positions": [0, 1]}}}, "must increase"),
-        ({"motions": {"a": {"times": [0, 1]}}}, "either positions or poses"),
-        ({"motions": {"a": {"times": 1.0, "positions": [0]}}}, "write a list of numbers"),
         (
-            {"motions": {"a": {"amplitude": 1, "frequency": -1}}},
+            {"motions": {"a": {"type": "constant", "position": math.inf}}},
+            "inf is not finite; write a number",
+        ),
+        (
+            {
+                "motions": {
+                    "a": {"type": "keyframes", "times": [0.0, math.nan], "positions": [0, 1]}
+                }
+            },
+            "not finite",
+        ),
+        (
+            {"motions": {"a": {"type": "keyframes", "times": [0, 1], "positions": [0]}}},
+            "2 times but 1 positions",
+        ),
+        (
+            {"motions": {"a": {"type": "keyframes", "times": [1, 1], "positions": [0, 1]}}},
+            "must increase",
+        ),
+        (
+            {"motions": {"a": {"type": "keyframes", "times": [-1, 1], "positions": [0, 1]}}},
+            "must increase",
+        ),
+        ({"motions": {"a": {"type": "keyframes", "times": [0, 1]}}}, "either positions or poses"),
+        (
+            {"motions": {"a": {"type": "keyframes", "times": 1.0, "positions": [0]}}},
+            "write a list of numbers",
+        ),
+        (
+            {"motions": {"a": {"type": "sine", "amplitude": 1, "frequency": -1}}},
             "motions.a.frequency: -1 is below 0; write a number from 0",
         ),
-        ({"motions": {"a": {"pose": "hme"}}, "poses": {"home": {"a": 0}}}, 'did you mean "home"?'),
-        ({"motions": {"a": {"pose": "home"}}, "poses": {"home": {"b": 0}}}, "add poses.home.a"),
+        (
+            {"motions": {"a": {"type": "pose", "pose": "hme"}}, "poses": {"home": {"a": 0}}},
+            'did you mean "home"?',
+        ),
+        (
+            {"motions": {"a": {"type": "pose", "pose": "home"}}, "poses": {"home": {"b": 0}}},
+            "add poses.home.a",
+        ),
         ({"pose": "up", "poses": {"home": {"a": 0}}}, 'pose: no pose "up" (poses: home)'),
         ({"poses": {"home": {"a": "x"}}}, "poses.home.a: "),
         (
@@ -164,7 +202,9 @@ def test_all_mistakes_are_told_at_once() -> None:
 def test_places_lead_the_message() -> None:
     """Told where a parameter was written, the message begins with that, even for a whole group."""
     with pytest.raises(ConfigError) as caught:
-        JointsConfig.from_parameters({"rate": 0, "motions": {"a": {"times": [0]}}})
+        JointsConfig.from_parameters(
+            {"rate": 0, "motions": {"a": {"type": "keyframes", "times": [0]}}}
+        )
     places = {"rate": "joints.yaml:3", "motions.a.times": "joints.yaml:7"}
     lines = str(caught.value.located(places)).splitlines()
     assert lines[0].startswith("joints.yaml:3: rate: ")
@@ -192,11 +232,11 @@ def test_the_edges_of_what_is_possible() -> None:
     assert JointsConfig.from_parameters({"rate": 0.001}).rate == 0.001
     assert refused({"rate": 1000.5}).startswith("rate: 1000.5 is above 1000")
     assert JointsConfig.from_parameters({"delta": 0}).delta == 0.0
-    motion = {"times": [0.0], "positions": [1.0]}
+    motion = {"type": "keyframes", "times": [0.0], "positions": [1.0]}
     assert JointsConfig.from_parameters({"motions": {"a": motion}}).motions == {
         "a": Keyframes((0.0,), (1.0,))
     }
-    still = {"amplitude": 1.0, "frequency": 0.0}
+    still = {"type": "sine", "amplitude": 1.0, "frequency": 0.0}
     assert JointsConfig.from_parameters({"motions": {"a": still}}).motions == {"a": Sine(1.0, 0.0)}
 
 
@@ -204,7 +244,7 @@ def test_the_edges_of_what_is_possible() -> None:
     ("parameters", "moves"),
     [
         ({"delta": 0.1}, True),
-        ({"motions": {"a": {"position": 0.0}}}, True),
+        ({"motions": {"a": {"type": "constant", "position": 0.0}}}, True),
         ({"poses": {"p": {"a": 1.0}}}, False),
         ({"poses": {"p": {"a": 1.0}}, "pose": "p"}, True),
         ({"poses": {"p": {"a": 1.0}}, "sequence": {"poses": ["p"], "durations": [1]}}, True),
@@ -246,7 +286,7 @@ def test_a_sequence_s_own_blend_and_end() -> None:
 @pytest.mark.parametrize("times", [[0.0, 1.0, 1.0], [0.0, 2.0, 1.0], [-1e-9, 1.0, 2.0]])
 def test_times_of_keyframes_increase(times: list[float]) -> None:
     """Each of them, from 0 on."""
-    motion = {"times": times, "positions": [0.0, 1.0, 2.0]}
+    motion = {"type": "keyframes", "times": times, "positions": [0.0, 1.0, 2.0]}
     assert "must increase, from 0 on" in refused({"motions": {"a": motion}})
 
 
@@ -261,13 +301,12 @@ def test_half_a_sine_is_noted(missing: str) -> None:
     assert isinstance(motion, Sine) and motion.amplitude * motion.frequency == 0.0
 
 
-def test_a_motion_without_its_type_has_the_keys_of_one() -> None:
-    """Keys of several types are answered with the types there are."""
-    mixed = {"position": 1.0, "amplitude": 1.0}
-    assert "write its type, one of constant, sine, keyframes, pose" in refused(
-        {"motions": {"a": mixed}}
-    )
-    both = {"times": [0.0], "positions": [1.0], "poses": ["p"]}
+def test_a_motion_names_its_type() -> None:
+    """Without it, the types are listed; keyframes go through positions or poses."""
+    untyped = refused({"motions": {"a": {"position": 1.0}}})
+    kinds = "the kind of motion, one of constant, sine, keyframes, pose"
+    assert untyped == f"motions.a: has no type, {kinds}"
+    both = {"type": "keyframes", "times": [0.0], "positions": [1.0], "poses": ["p"]}
     assert "either positions or poses" in refused(
         {"motions": {"a": both}, "poses": {"p": {"a": 1.0}}}
     )

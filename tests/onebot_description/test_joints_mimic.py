@@ -43,7 +43,7 @@ def test_chains_resolve_in_any_order() -> None:
 def test_velocity_is_scaled_by_the_factor() -> None:
     """A follower moves as fast as its leader times the factor."""
     joints = [joint("a", mimic=mimic("b", -2.0), velocity=5.0), joint("b", velocity=0.25)]
-    config = JointsConfig.from_parameters({"motions": {"b": {"position": 0.5}}})
+    config = JointsConfig.from_parameters({"motions": {"b": {"type": "constant", "position": 0.5}}})
     source = JointStateSource(joints, config)
     source.sample(0.0)
     positions, velocities = source.sample(0.5)
@@ -115,7 +115,7 @@ def test_a_dependent_joint_that_is_missing_is_an_error() -> None:
 def test_followers_keep_their_own_limits() -> None:
     """The leader goes only as far, and as fast, as its follower can."""
     joints = [joint("a"), joint("b", mimic=mimic("a", 2.0), velocity=0.5)]
-    config = JointsConfig.from_parameters({"motions": {"a": {"position": 1.0}}})
+    config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
     source = JointStateSource(joints, config)
     source.sample(0.0)
     positions, velocities = source.sample(1.0)
@@ -142,7 +142,7 @@ def test_limits_that_contradict_are_reported(multiplier: float) -> None:
 
 def test_a_follower_cannot_have_a_motion() -> None:
     """The message names the joint to move instead."""
-    config = JointsConfig.from_parameters({"motions.a.position": 0.5})
+    config = JointsConfig.from_parameters({"motions.a.type": "constant", "motions.a.position": 0.5})
     assert 'joint "a" follows "c"; move that one' in refused(CHAIN, config)
 
 
@@ -172,7 +172,9 @@ def test_each_joint_of_a_chain_follows_the_one_before(
     for number, (factor, offset) in enumerate(links):
         wide = {"lower": -1e3, "upper": 1e3, "velocity": 1e3}
         joints.append(joint(f"j{number + 1}", mimic=mimic(f"j{number}", factor, offset), **wide))
-    config = JointsConfig.from_parameters({"motions": {"j0": {"position": position}}})
+    config = JointsConfig.from_parameters(
+        {"motions": {"j0": {"type": "constant", "position": position}}}
+    )
     source = JointStateSource(joints[::-1], config)  # the leader comes last
     for moment in (0.0, 0.5, 10.0):
         positions, velocities = (values[::-1] for values in source.sample(moment))
@@ -208,7 +210,9 @@ def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
         ends.append((min(pair), max(pair)))
     reached = max(low for low, _ in ends) if toward < 0 else min(high for _, high in ends)
     speed = min([0.5, *(0.4 / abs(factor) for factor, _ in links)])
-    config = JointsConfig.from_parameters({"motions": {"leader": {"position": 9.0 * toward}}})
+    config = JointsConfig.from_parameters(
+        {"motions": {"leader": {"type": "constant", "position": 9.0 * toward}}}
+    )
     source = JointStateSource(joints, config)
     start = source.sample(0.0)[0][0]
     positions, velocities = source.sample(1e-3)
@@ -222,7 +226,7 @@ def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
 def test_a_follower_that_never_moves_narrows_nothing(end: float) -> None:
     """Factor 0: it stands at its offset, even where that is its limit, whatever its speed."""
     joints = [joint("a"), joint("b", velocity=0.0, mimic=mimic("a", 0.0, end))]
-    config = JointsConfig.from_parameters({"motions": {"a": {"position": 1.0}}})
+    config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
     source = JointStateSource(joints, config)
     source.sample(0.0)
     assert source.sample(1.0)[0] == pytest.approx([0.5, end])

@@ -1,22 +1,20 @@
-"""onebot_description.joints.motions: motions of many joints evaluated together."""
+"""onebot_description.joints.motions: where a motion is at a time."""
 
 import math
-from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_description.joints.motions import Constant, Keyframes, Motion, Sine, Sweep, Tracks
+from onebot_description.joints.motions import Keyframes, Motion, Sine
 
 
-def at(
-    motion: Motion, time: float, start: float = 0.0, endless: bool = False, origin: float = 0.0
-) -> float:
-    """One motion that began at ``origin``."""
-    tracks = Tracks([motion], np.array([origin]), np.array([start]), np.array([endless]))
-    return float(tracks.at(time)[0])
+def at(motion: Motion, time: float, start: float = 0.0, endless: bool = False) -> float:
+    """Where a motion is; of an endless joint it keeps turning."""
+    if endless and isinstance(motion, Keyframes):
+        motion = motion.turning()
+    return motion.at(time, start)
 
 
 def expected(motion: Keyframes, time: float, start: float, endless: bool) -> float:
@@ -70,41 +68,6 @@ def test_keyframes_at_every_moment(motion: Keyframes, time: float, endless: bool
     assert found == pytest.approx(expected(motion, time, 0.3, endless), abs=1e-9)
 
 
-EXAMPLES: dict[type, Motion] = {
-    Constant: Constant(0.5),
-    Sine: Sine(0.0, 1.0, 0.0, 0.5),
-    Keyframes: Keyframes((0.0,), (0.5,)),
-    Sweep: Sweep(1.0, 0.5, 0.5, 0.5),
-}
-
-
-@pytest.mark.parametrize("kind", get_args(Motion))
-def test_every_kind_of_motion_has_a_track(kind: type) -> None:
-    """None is left at 0 because nothing evaluates it."""
-    assert at(EXAMPLES[kind], 1.0) == pytest.approx(0.5)
-
-
-def test_a_motion_that_nothing_evaluates_is_an_error() -> None:
-    """A new kind of motion without its track must not send the joint to 0."""
-    with pytest.raises(TypeError, match="object"):
-        at(object(), 1.0)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("motion", "positions"),
-    [
-        (Sine(1.0, 0.25), [0.0, 0.0, 1.0, 0.0]),
-        (Keyframes((0.0, 2.0), (0.5, 1.5), loop=False), [0.5, 0.5, 1.0, 1.5]),
-        (Keyframes((0.0,), (0.5,), lead=2.0), [0.25, 0.25, 0.375, 0.5]),
-        (Sweep(0.25, 0.25, -1.0, 1.0), [0.25, 0.25, 0.5, 0.75]),
-    ],
-)
-def test_a_motion_counts_from_its_own_origin(motion: Motion, positions: list[float]) -> None:
-    """Before it began it is as at its beginning."""
-    found = [at(motion, 10.0 + t, start=0.25, origin=10.0) for t in (-7.0, 0.0, 1.0, 2.0)]
-    assert found == pytest.approx(positions)
-
-
 @pytest.mark.parametrize(
     ("beyond", "whole"), [(0.009, True), (-0.009, True), (0.011, False), (-0.011, False)]
 )
@@ -124,7 +87,7 @@ def test_what_counts_as_a_whole_turn(beyond: float, whole: bool) -> None:
 )
 def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, start: float) -> None:
     """From its start upwards; after there and back it is where it was, and so for ever."""
-    motion = Sweep(speed, start, -1.0, 2.0)
+    motion = Keyframes.sweep(speed, start, -1.0, 2.0)
     here, next_ = at(motion, time), at(motion, time + 0.001)
     assert -1.0 - 1e-9 <= here <= 2.0 + 1e-9
     assert abs(next_ - here) <= 0.001 * speed + 1e-9
@@ -136,7 +99,7 @@ def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, star
 
 def test_constant() -> None:
     """Stays."""
-    assert at(Constant(0.5), 7.0) == 0.5
+    assert at(Keyframes.hold(0.5), 7.0) == 0.5
 
 
 @given(st.floats(0.0, 1e3))
@@ -201,30 +164,9 @@ def test_endless_joints_go_on_turning() -> None:
 
 def test_sweep_goes_to_and_fro() -> None:
     """Up from the start, then down to the lower end, then up again."""
-    motion = Sweep(1.0, 0.5, -1.0, 1.0)
+    motion = Keyframes.sweep(1.0, 0.5, -1.0, 1.0)
     assert [at(motion, t) for t in (0.0, 0.5, 2.5, 3.5)] == pytest.approx([0.5, 1.0, -1.0, 0.0])
-    assert at(Sweep(1.0, 0.0, -math.inf, math.inf), 7.0) == 7.0
-    assert at(Sweep(1.0, 0.5, 0.5, 0.5), 7.25) == 0.5
-    assert at(Sweep(1.0, 0.0, -math.inf, 1.0), 7.0) == 7.0
-    assert at(Sweep(1.0, 0.0, -1.0, math.inf), 7.0) == 7.0
-
-
-def test_many_motions_are_as_each_alone() -> None:
-    """Padding rows of keyframes of unlike length changes none."""
-    motions: list[Motion] = [
-        Keyframes((0.0, 1.0), (0.0, 1.0)),
-        Constant(0.3),
-        Keyframes((0.0, 1.0, 2.0, 7.0), (0.0, 1.0, 0.5, 0.0), "minimum_jerk"),
-        Sine(1.0, 0.1),
-        Keyframes((2.0,), (0.2,)),
-        Sweep(0.1, 0.0, -1.0, 1.0),
-    ]
-    count = len(motions)
-    tracks = Tracks(motions, np.zeros(count), np.zeros(count), np.zeros(count, dtype=bool))
-    for time in np.linspace(0.0, 20.0, 101):
-        assert tracks.at(time) == pytest.approx([at(motion, time) for motion in motions])
-
-
-def test_no_motions() -> None:
-    """An empty robot has no positions."""
-    assert Tracks([], np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)).at(1.0).shape == (0,)
+    assert at(Keyframes.sweep(1.0, 0.0, -math.inf, math.inf), 7.0) == 7.0
+    assert at(Keyframes.sweep(1.0, 0.5, 0.5, 0.5), 7.25) == 0.5
+    assert at(Keyframes.sweep(1.0, 0.0, -math.inf, 1.0), 7.0) == 7.0
+    assert at(Keyframes.sweep(1.0, 0.0, -1.0, math.inf), 7.0) == 7.0

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 
 from onebot_description.joints.motions import (
     Allowed,
-    Constant,
     Keyframes,
     Motion,
     Sine,
-    Sweep,
     violations,
 )
 
@@ -62,12 +60,14 @@ def test_the_remedy_for_keyframes_is_right(way: float, blend: str) -> None:
 @pytest.mark.parametrize(
     ("motion", "words"),
     [
-        (Constant(4.0), "position 4 rad is beyond its limits [-3.14, 3.14] rad: held at 3.14"),
-        (Constant(-4.0, "home"), 'pose "home" -4 rad is beyond'),
+        (
+            Keyframes.hold(4.0),
+            "position 4 rad is beyond its limits [-3.14, 3.14] rad: held at 3.14",
+        ),
+        (Keyframes.hold(-4.0, "home"), 'pose "home" -4 rad is beyond'),
         (Sine(1.0, 0.01, 0.0, 4.0), "bring offset to 0"),
         (Keyframes((0.0, 9.0), (0.0, 4.0), loop=False), "keyframe 2 at 4 rad is beyond"),
         (Keyframes((0.0, 9.0), (0.0, 1.0)), "the loop jumps from 1 to 0 rad"),
-        (Sweep(1.0, 0.0, -3.14, 3.14), "delta times rate is 1 rad/s"),
     ],
 )
 def test_everything_beyond_limits_is_told(motion: Motion, words: str) -> None:
@@ -78,11 +78,10 @@ def test_everything_beyond_limits_is_told(motion: Motion, words: str) -> None:
 @pytest.mark.parametrize(
     "motion",
     [
-        Constant(3.14),
+        Keyframes.hold(3.14),
         Sine(3.14, 0.025),
         Keyframes((0.0, 10.0, 20.0), (0.0, 1.0, 0.0)),
         Keyframes((0.0, 10.0), (0.0, 1.0), loop=False),
-        Sweep(0.5, 0.0, -3.14, 3.14),
     ],
 )
 def test_what_is_within_limits_is_not_told(motion: Motion) -> None:
@@ -111,8 +110,8 @@ def test_a_joint_that_cannot_move_is_told() -> None:
 @pytest.mark.parametrize(
     "motion",
     [
-        Constant(3.14 + 1e-6),
-        Constant(-3.14 - 1e-6),
+        Keyframes.hold(3.14 + 1e-6),
+        Keyframes.hold(-3.14 - 1e-6),
         Sine(1.0, 0.5 / (2 * math.pi) + 1e-6),
         Sine(-1.0, 0.5 / (2 * math.pi) + 1e-6),
         Sine(1.0, 0.01, 0.0, 2.1401),
@@ -125,7 +124,6 @@ def test_a_joint_that_cannot_move_is_told() -> None:
         Keyframes((0.0, 9.0), (3.1401, 0.0), loop=False),
         Keyframes((0.0, 9.0), (0.0, 0.0101)),
         Keyframes((0.0, 9.0), (0.0101, 0.0)),
-        Sweep(0.5001, 0.0, -3.14, 3.14),
     ],
 )
 def test_just_beyond_a_limit_is_reported_once(motion: Motion) -> None:
@@ -136,7 +134,7 @@ def test_just_beyond_a_limit_is_reported_once(motion: Motion) -> None:
 @pytest.mark.parametrize(
     "motion",
     [
-        Constant(-3.14),
+        Keyframes.hold(-3.14),
         Sine(1.0, 0.5 / (2 * math.pi)),
         Sine(-1.0, 0.01, 0.0, 2.14),
         Sine(1.0, 0.01, 0.0, -2.14),
@@ -169,7 +167,7 @@ def test_each_thing_beyond_a_limit_is_reported() -> None:
 @pytest.mark.parametrize(("position", "nearest"), [(4.0, "3.14"), (-4.0, "-3.14")])
 def test_the_nearest_position_is_advised(position: float, nearest: str) -> None:
     """The limit on its own side."""
-    assert violations(Constant(position), MRM)[0].endswith(f"held at {nearest}")
+    assert violations(Keyframes.hold(position), MRM)[0].endswith(f"held at {nearest}")
     far = Keyframes((0.0, 99.0), (0.0, position), loop=False)
     assert violations(far, MRM)[0].endswith(f"write {nearest}")
 

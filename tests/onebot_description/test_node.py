@@ -3,6 +3,7 @@
 import ctypes
 import math
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -82,6 +83,46 @@ def test_an_error_of_a_node_is_one_line(ros_domain: int) -> None:
     )
     assert done.stdout.split() == ["1", "1", "1", "0"] * 2
     assert lines_of_ours(done.stderr) == ["error: start", "error: callback", "error: end"] * 2
+
+
+_SLOW_TO_STOP = """
+import threading, time
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from onebot_description.node import at_stop, run_node
+
+stopped = threading.Event()
+
+class Busy(Node):
+    def __init__(self):
+        super().__init__("busy")
+        at_stop(stopped.set)
+        self.create_timer(0.01, self.work)
+
+    def work(self):
+        print("busy", flush=True)
+        stopped.wait()
+
+def free(executor):
+    print("freeing", flush=True)
+    time.sleep(1e6)
+
+SingleThreadedExecutor.shutdown = free
+run_node(Busy, ["busy"])
+"""
+
+
+def test_a_node_that_is_slow_to_stop(ros_domain: int) -> None:
+    """What moves is stopped at the signal; SIGTERM ends a process that only frees what it has."""
+    command = [sys.executable, "-c", _SLOW_TO_STOP]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            for line, number in (("busy\n", signal.SIGINT), ("freeing\n", signal.SIGTERM)):
+                assert process.stdout.readline() == line
+                process.send_signal(number)
+            assert process.wait(PATIENCE) == -signal.SIGTERM
+        finally:
+            process.kill()
 
 
 def test_each_kind_is_logged_once_within_its_time() -> None:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import pytest
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from onebot_description.parameters.reader import (
     REQUIRED,
@@ -23,6 +24,7 @@ from onebot_description.parameters.reader import (
     is_parameter,
     parameter,
     read,
+    refuse_undeclared,
     replaced,
     ros_parameter,
     unknown_parameters,
@@ -414,6 +416,12 @@ def test_a_node_declares_them(ros_domain: int) -> None:
         assert refused(found) == ("main.camera.near: -1 is not above 0; write a number above 0")
         refusal = node.set_parameters([ros_parameter("rate", 1000.0)])[0]
         assert not refusal.successful
+        # An integer is a double where the parameter is one, whoever sets it.
+        refuse_undeclared(node, Settings)
+        node.set_parameters([ros_parameter("main.camera.far", 30)])
+        for name in ("rate", "zeros.elbow", "main.camera.far"):
+            assert node.get_parameter(name).type_ == Parameter.Type.DOUBLE, name
+        assert node.get_parameter("count").type_ == Parameter.Type.INTEGER
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

@@ -5,26 +5,32 @@
  * In between the command is sent every 50 ms, also when it stays the same: the server stops the
  * robot when none comes. One input has control at a time; when another takes it, `cancel()` of the
  * previous one is called. A cancelled input takes control again only after new user input.
+ *
+ * A browser does not report every release: not while its own menu is open or another program has
+ * the keys. So each sign of the hand, told by `seen`, is good for a number of commands and no more.
  */
 
 const PERIOD_MS = 50;
-const CONFIRM_MS = 1000; // after taking control; later the server's states are not older
+const MOST_WAITING = 6; // commands on their way: a slow connection queues no more, and a stop is next
+const STALL_MS = 1000; // a page that stood still for that long may have missed a release
+export const HAND_MS = 5000; // without a sign of the hand, of whatever is held
 
 export class CommandSender {
   /**
-   * @param {(message: object) => void} send to the server.
+   * @param {import("./connection.js").Connection} connection to the server.
    * @param {(holder: object | null) => void} changed called when another input takes control.
+   * @param {() => void} missed called when an input lost control since its hand was not seen.
    */
-  constructor(send, changed) {
-    this.send = send;
+  constructor(connection, changed, missed) {
+    this.connection = connection;
     this.changed = changed;
+    this.missed = missed;
     this.holder = null;
     this.enabled = false;
     this.stopped = false; // the stop is pressed
     this.limits = { linear: 0, angular: 0 };
     this.linear = this.angular = 0;
-    this.sequence = 0;
-    this.confirmed = false;
+    this.ticks = 0;
   }
 
   /**
@@ -40,15 +46,23 @@ export class CommandSender {
     if (fresh) this.setHolder(source);
     this.linear = linear;
     this.angular = angular;
-    if (fresh) this.sendCommand();
+    if (fresh) {
+      this.sendCommand();
+      this.first = this.connection.sent;
+    }
     return true;
+  }
+
+  /** There was a sign of the hand that holds this input: it is held for so long without another. */
+  seen(source, duration = HAND_MS) {
+    if (this.holder === source) this.left = duration / PERIOD_MS;
   }
 
   /** Give up control, if this input has it. */
   release(source) {
     if (this.holder !== source) return;
     this.setHolder(null);
-    this.send({ type: "release" });
+    this.connection.send({ type: "release" });
   }
 
   /** Cancel the active input: focus, page or connection was lost, or another page drives. */
@@ -66,17 +80,20 @@ export class CommandSender {
 
   /** Stop the robot, also when another page drives it. */
   stop() {
-    this.send({ type: "stop" });
+    this.connection.send({ type: "stop" });
     this.drop();
+  }
+
+  /** Stop again, unless the connection is behind with what it has to send. */
+  keepStopped() {
+    if (this.connection.waiting < MOST_WAITING / 2) this.stop();
   }
 
   /** Apply the server's state; cancel the active input if another page took control. */
   update(state) {
     this.limits = state.limits;
-    if (!this.holder) return;
-    // A state sent before our first command arrived does not name us yet.
-    if (state.you) this.confirmed = true;
-    else if (this.confirmed || performance.now() - this.since > CONFIRM_MS) this.drop();
+    // A state sent before our first command arrived does not name us yet; nor if it came too late.
+    if (!state.you && !state.late && state.received >= this.first) this.drop();
   }
 
   /** The command now, m/s and rad/s. */
@@ -93,16 +110,32 @@ export class CommandSender {
     this.linear = this.angular = 0;
     clearInterval(this.timer);
     if (before && source) before.cancel();
-    if (!before) {
-      this.confirmed = false;
-      this.since = performance.now();
+    if (source) {
+      this.seen(source);
+      this.ticked = performance.now();
+      this.timer = setInterval(() => this.tick(), PERIOD_MS);
     }
-    if (source) this.timer = setInterval(() => this.sendCommand(), PERIOD_MS);
     this.changed(source);
   }
 
+  tick() {
+    const now = performance.now();
+    const stalled = now - this.ticked > STALL_MS;
+    this.ticked = now;
+    this.ticks += 1;
+    // By the number of commands, not by the clock: a busy page also sees the hand late.
+    this.left -= 1;
+    if (stalled || this.left < 0) {
+      this.drop();
+      this.missed();
+      return;
+    }
+    // Where answers take long, every other one: half a second's commands may be on their way.
+    const most = this.ticks % 2 ? MOST_WAITING : MOST_WAITING / 2;
+    if (this.connection.waiting < most) this.sendCommand();
+  }
+
   sendCommand() {
-    this.sequence += 1;
-    this.send({ type: "drive", seq: this.sequence, ...this.command });
+    this.connection.send({ type: "drive", stamp: this.connection.stamp, ...this.command });
   }
 }

@@ -8,6 +8,7 @@
 const SILENCE_MS = 2000;
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4000;
+const OVERDUE_MS = 600; // half a second, and until the next state
 const GAVE_WAY = 4000; // the code with which the server closes an idle page, for others
 
 export class Connection {
@@ -19,6 +20,8 @@ export class Connection {
   constructor(on) {
     this.on = on;
     this.isUp = false;
+    this.sent = this.received = 0; // messages of this connection; by the server's word
+    this.stamp = null; // the server's newest
     this.wait = FIRST_WAIT_MS;
     this.open();
     const now = () => this.openNow();
@@ -31,7 +34,20 @@ export class Connection {
 
   /** Send a message; one that cannot leave now is dropped, since it would be late. */
   send(message) {
-    if (this.isUp) this.socket.send(JSON.stringify(message));
+    if (!this.isUp) return;
+    if (this.waiting === 0) this.answered = performance.now();
+    this.sent += 1;
+    this.socket.send(JSON.stringify(message));
+  }
+
+  /** How many messages are on their way, as far as the server's answers tell. */
+  get waiting() {
+    return this.sent - this.received;
+  }
+
+  /** Messages are on their way, and none of them has arrived for more than half a second. */
+  get overdue() {
+    return this.waiting > 0 && performance.now() - this.answered > OVERDUE_MS;
   }
 
   open() {
@@ -56,11 +72,15 @@ export class Connection {
 
   receive(message) {
     this.expectMore();
+    this.stamp = message.stamp ?? this.stamp;
     if (message.type !== "welcome") {
+      if (message.received > this.received) this.answered = performance.now();
+      this.received = message.received ?? this.received;
       this.on.message(message);
       return;
     }
     this.isUp = true;
+    this.sent = this.received = 0;
     this.wait = FIRST_WAIT_MS;
     this.on.up();
   }

@@ -61,6 +61,7 @@ export class Gamepads {
       this.driving = pad.index;
       // A pad works without the focus: it must not drive from a window in the background.
       if (!document.hasFocus() || !this.sender.take(this, linear, angular)) this.cancel();
+      this.sender.seen(this); // what was read is the stick as it is
     }
   }
 

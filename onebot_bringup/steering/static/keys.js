@@ -8,6 +8,11 @@ const KEYS = {
   ArrowRight: [0, -1], KeyD: [0, -1],
 }; // prettier-ignore
 
+// How long a key counts as down without another word of the keyboard. It may have been let go where
+// no keyup reaches the page. Only the key that was pressed last repeats; when it is let go, none does.
+export const PRESSED_MS = 2000; // until it repeats, which the system may not want it to
+export const REPEATED_MS = 600; // until it repeats again
+
 export class Keys {
   /** @param {import("./command_sender.js").CommandSender} sender */
   constructor(sender) {
@@ -26,20 +31,20 @@ export class Keys {
   }
 
   press(event) {
-    if (event.metaKey) this.cancel(); // macOS tells of no key let go while Cmd is down
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    this.slow = event.shiftKey;
-    if (!KEYS[event.code] && !event.code.startsWith("Shift")) return;
     if (isText(event.target)) return;
+    this.slow = event.shiftKey;
     if (KEYS[event.code]) event.preventDefault(); // it would scroll, or move a slider
     if (KEYS[event.code] && !event.repeat) this.down.add(event.code);
     this.drive();
+    this.sender.seen(this, event.repeat ? REPEATED_MS : PRESSED_MS);
   }
 
   lift(event) {
     this.slow = event.shiftKey;
     this.down.delete(event.code);
     this.drive();
+    this.sender.seen(this);
   }
 
   drive() {

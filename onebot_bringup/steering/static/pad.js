@@ -1,5 +1,6 @@
 /** The joystick pad, for mouse and touch: nipplejs draws it and follows the pointer. */
 
+import { PointerHold } from "./pointer_hold.js";
 import nipplejs from "./vendor/nipplejs/index.mjs";
 
 // Of the pad's radius, on each axis: an almost straight input does not turn.
@@ -20,7 +21,7 @@ export class Pad {
     this.settled = 0;
     // Before nipplejs sees it: only a free pad, the first finger and the main button count.
     zone.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
-    zone.addEventListener("lostpointercapture", () => this.cancel());
+    this.hand = new PointerHold((held) => (held ? sender.seen(this) : this.cancel()));
     zone.addEventListener("contextmenu", (event) => event.preventDefault());
     new ResizeObserver(() => this.draw()).observe(zone);
     this.draw();
@@ -43,6 +44,7 @@ export class Pad {
   letGo() {
     this.settled = performance.now() + SETTLE_MS;
     this.held = false;
+    this.hand.end();
     this.zone.classList.remove("held");
     this.sender.release(this);
   }
@@ -77,7 +79,7 @@ export class Pad {
     this.zone.classList.add("held");
     this.zone.classList.remove("led");
     // Keeps the pointer ours over the robot's view and beyond the window's edge.
-    this.zone.setPointerCapture(event.pointerId);
+    this.hand.begin(event);
     this.manager.reposition(); // the panel may have scrolled
   }
 

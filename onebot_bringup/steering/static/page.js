@@ -16,10 +16,13 @@ import { View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
 const MESSAGE_MS = 6000;
+const SLOW_MS = 500; // a hitch of the network or the browser is no news
+const TOO_SLOW = "The connection is too slow to drive: the robot stands until it is faster.";
+const UNSEEN = "Stopped: no sign of a hand any more. Let go and press again.";
 const element = (id) => document.getElementById(id);
 
 const connection = new Connection({ up, down, message: receive });
-const sender = new CommandSender((message) => connection.send(message), showHolder);
+const sender = new CommandSender(connection, showHolder, () => notify(UNSEEN));
 const stop = new Stop(element("stop"), sender, letGo);
 const pad = new Pad(element("pad"), sender);
 const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, sender);
@@ -46,6 +49,12 @@ window.addEventListener("blur", letGo);
 window.addEventListener("pagehide", letGo);
 document.addEventListener("visibilitychange", () => document.hidden && letGo());
 document.addEventListener("freeze", letGo);
+// Alt, Meta (of which macOS reports no keyup of others) and F10 open menus of browser and system.
+window.addEventListener(
+  "keydown",
+  (event) => (event.altKey || event.metaKey || event.code === "F10") && letGo(),
+  { capture: true },
+);
 // Nor while a menu, a list or a drag has the keys; where its default is prevented, none opens.
 for (const type of ["contextmenu", "dragstart"]) {
   window.addEventListener(type, (event) => event.defaultPrevented || letGo());
@@ -124,13 +133,27 @@ function receive(message) {
     }
     view.show(message.view);
     showDriver(message);
+    showSlow(message.late || connection.overdue);
   }
 }
 
-function showDriver({ driver, you, pages }) {
+function showDriver({ driver, you, pages, locked, others }) {
   document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
-  const who = you ? "You drive" : driver ? "Another page drives" : "Nobody drives";
-  write(element("driver"), pages > 1 ? `${who} · ${pages} pages open` : who);
+  const nobody = locked ? "Stopped and locked: drive to unlock" : "Nobody drives";
+  const words = [you ? "You drive" : driver ? "Another page drives" : nobody];
+  if (pages > 1) words.push(`${pages} pages open`);
+  if (others.length) words.push(`commands also from ${others.join(", ")}`);
+  write(element("driver"), words.join(" · "));
+  element("driver").classList.toggle("locked", locked);
+}
+
+let inTime = performance.now(); // when the connection last was
+let slowShown = false;
+function showSlow(slow) {
+  if (!slow) inTime = performance.now();
+  const show = performance.now() - inTime > SLOW_MS;
+  if (show !== slowShown) notify(show ? TOO_SLOW : "", Infinity);
+  slowShown = show;
 }
 
 /** Several robots' pages are told apart by it. */

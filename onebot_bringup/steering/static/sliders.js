@@ -3,6 +3,9 @@
  * edited. They drive while they are held, both at once with two fingers, and spring back to zero.
  */
 
+import { PRESSED_MS, REPEATED_MS } from "./keys.js";
+import { PointerHold } from "./pointer_hold.js";
+
 const STEP = 0.1; // of the limit
 const STEP_MS = 150;
 const SETTLE_MS = 250; // after letting go, states that the server sent before are ignored
@@ -17,7 +20,7 @@ export class Sliders {
     this.sender = sender;
     this.label = "sliders";
     const { linear, angular } = groups;
-    this.axes = [linear, angular].map((group) => new Axis(group, sender, () => this.drive()));
+    this.axes = [linear, angular].map((group) => new Axis(group, this));
   }
 
   /** Let go, and wait for the next press. */
@@ -40,10 +43,12 @@ export class Sliders {
 }
 
 class Axis {
-  constructor(group, sender, changed) {
+  constructor(group, sliders) {
     this.range = group.querySelector("input[type=range]");
-    this.sender = sender;
-    this.changed = changed;
+    this.sender = sliders.sender;
+    this.changed = () => sliders.drive();
+    this.seen = (duration) => this.sender.seen(sliders, duration);
+    this.hand = new PointerHold((held) => (held ? this.seen() : this.letGo()));
     this.held = false;
     this.settled = 0;
     this.range.addEventListener("pointerdown", (event) => this.hold(event));
@@ -58,9 +63,6 @@ class Axis {
       button.addEventListener("blur", () => this.letGo());
       button.addEventListener("contextmenu", (event) => event.preventDefault());
     }
-    for (const type of ["pointerup", "pointercancel"]) {
-      window.addEventListener(type, (event) => event.pointerId === this.pointer && this.letGo());
-    }
   }
 
   get value() {
@@ -71,7 +73,7 @@ class Axis {
   spring() {
     clearInterval(this.timer);
     this.range.value = "0";
-    this.pointer = null;
+    this.hand.end();
     if (this.held) this.settled = performance.now() + SETTLE_MS;
     this.held = false;
   }
@@ -89,15 +91,18 @@ class Axis {
 
   hold(event, sign) {
     if (event.button !== 0 || this.held || !this.sender.ready) return;
-    this.pointer = event.pointerId;
+    this.hand.begin(event);
     this.begin(sign);
   }
 
   key(event, sign) {
-    if (event.code !== "Enter" || event.repeat || this.held) return;
+    if (event.code !== "Enter") return;
+    if (event.repeat && this.held) this.seen(REPEATED_MS);
+    if (event.repeat || this.held) return;
     event.preventDefault();
     if (!this.sender.ready) return;
     this.begin(sign);
+    this.seen(PRESSED_MS);
   }
 
   /** @param {number | undefined} sign of a button's steps; none for the slider itself. */

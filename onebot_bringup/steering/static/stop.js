@@ -51,7 +51,7 @@ export class Stop {
     this.sender.stopped = pressed;
     this.button.classList.toggle("held", pressed);
     clearInterval(this.timer);
-    if (pressed) this.timer = setInterval(() => this.sender.stop(), PERIOD_MS);
+    if (pressed) this.timer = setInterval(() => this.sender.keepStopped(), PERIOD_MS);
   }
 
   point(event) {

@@ -1,0 +1,89 @@
+"""Whether odometry and the truth of a simulated robot drift apart, and why that may be."""
+
+import math
+from collections.abc import Callable
+
+from onebot_control.poses import PlanarPose
+
+_STRETCH = 1.0  # m or rad, over which the two are compared
+_MOST = 0.1  # of a stretch, by which they may differ
+# The same for turns of robots whose wheels skid: their separation is an estimate for slow turns.
+_MOST_SKIDDING = 0.3
+_STILL = 1e-4  # m or rad; what moves less stands still
+
+_SLIP = (
+    "the wheels slip, unless acceleration is limited ({}.max_acceleration); another part of the "
+    "robot rests on the ground; "
+)
+_WAY = _SLIP.format("linear.x") + "or wheel_radius is not that of the wheels"
+_TURN = (
+    "further wheels on the ground do not turn with the robot, as those of a car; "
+    + _SLIP.format("angular.z")
+    + "or wheel_separation is not that of the wheels"
+)
+
+
+class DriftCheck:
+    """Compares odometry with the truth over a metre or a radian at a time.
+
+    Attributes:
+        warning: what to log once; "" as long as they agree.
+    """
+
+    def __init__(self, *, skids: bool) -> None:
+        """Begin with the next poses; ``skids`` says that wheels slide sideways in a turn."""
+        self.warning = ""
+        self._most_turn = _MOST_SKIDDING if skids else _MOST
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew with the next poses, as one of them jumps."""
+        self._last: tuple[PlanarPose, PlanarPose] | None = None
+
+    def update(
+        self, odometry: PlanarPose, truth: PlanarPose, obstructed: Callable[[], bool]
+    ) -> None:
+        """Follow the robot, several times a second.
+
+        Args:
+            odometry: by the wheels, in any frame.
+            truth: in any frame.
+            obstructed: returns whether something holds the robot back; then wheels slip, rightly.
+        """
+        if self.warning:
+            return
+        if self._last is None:
+            self._last, self._way, self._turn = (odometry, truth), (0.0, 0.0), (0.0, 0.0)
+            self._driven = self._turned = 0.0
+            return
+        (way, turn), (true_way, true_turn) = map(_step, self._last, (odometry, truth))
+        if max(map(abs, (way, turn, true_way, true_turn))) < _STILL:
+            return
+        if obstructed():
+            self.restart()
+            return
+        self._last = odometry, truth
+        self._way = self._way[0] + way, self._way[1] + true_way
+        self._turn = self._turn[0] + turn, self._turn[1] + true_turn
+        self._driven, self._turned = self._driven + abs(way), self._turned + abs(turn)
+        if max(self._driven, self._turned) >= _STRETCH:
+            self._compare()
+            self.restart()
+
+    def _compare(self) -> None:
+        for what, unit, reasons, most, total, (wheels, true) in (
+            ("drove", "m", _WAY, _MOST, self._driven, self._way),
+            ("turned", "rad", _TURN, self._most_turn, self._turned, self._turn),
+        ):
+            if abs(wheels - true) > most * max(total, _STRETCH):
+                self.warning = (
+                    f"odometry and truth drift apart: by its wheels the robot {what} "
+                    f"{wheels:.2f} {unit}, in truth {true:.2f} {unit}. Likely reasons: {reasons}"
+                )
+                return
+
+
+def _step(before: PlanarPose, now: PlanarPose) -> tuple[float, float]:
+    """Return how far a pose has moved forward, m, and turned, rad."""
+    step = before.inverse().compose(now)
+    return step.x, math.remainder(step.yaw, 2.0 * math.pi)

@@ -1,0 +1,100 @@
+"""The real-time factor that a control loop reaches, and when to log that it has fallen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+_SECOND, _MINUTE = 1.0, 60.0
+_SLOW = 0.95  # share of the wanted factor below which it is logged
+
+
+@dataclass
+class Pace:
+    """How fast simulated time passed over some seconds."""
+
+    seconds: float = 0.0  # of real time
+    simulated: float = 0.0  # s
+    cycles: int = 0  # control cycles done
+    missed: int = 0  # control cycles left out
+
+    @property
+    def factor(self) -> float:
+        """Simulated seconds a second."""
+        return self.simulated / self.seconds
+
+    def add(self, seconds: float, simulated: float, missed: int) -> None:
+        """Add a control cycle."""
+        self.seconds += seconds
+        self.simulated += simulated
+        self.cycles += 1
+        self.missed += missed
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        all_cycles = self.cycles + self.missed
+        return (
+            f"real-time factor {self.factor:.2g} in the last {self.seconds:.0f} s, "
+            f"{self.missed} of {all_cycles} control cycles missed"
+        )
+
+
+class PaceMeter:
+    """Measures the pace of a control loop.
+
+    Attributes:
+        wanted: simulated seconds a second; 0 is as fast as possible.
+    """
+
+    def __init__(
+        self,
+        measured: Callable[[Pace, bool], None] = lambda pace, is_slow: None,
+        log: Callable[[str, bool], None] = lambda text, is_slow: None,
+    ) -> None:
+        """Begin to measure; ``set`` has to follow.
+
+        Args:
+            measured: called about each second with the pace in it, and whether that is slow.
+            log: called with a line for the log, and whether the pace is slow: when it falls, then
+                each minute with that minute's sums, until one in which no cycle was missed.
+        """
+        self._measured, self._log = measured, log
+        self._is_slow = False
+
+    def set(self, due: float, wanted: float) -> None:
+        """Measure anew, from the cycle due at ``due`` (monotonic, s) on.
+
+        Args:
+            due: s.
+            wanted: as the attribute.
+        """
+        self._due, self.wanted = due, wanted
+        self._second, self._minute = Pace(), Pace()
+
+    def skip(self, due: float) -> None:
+        """Leave out the time until ``due``: simulated time was stopped on purpose."""
+        self._due = due
+
+    def cycle(self, due: float, simulated: float, missed: int) -> None:
+        """Count a control cycle.
+
+        Args:
+            due: when the next one is, s.
+            simulated: s of simulated time.
+            missed: cycles that were left out after it.
+        """
+        seconds, self._due = due - self._due, due
+        self._second.add(seconds, simulated, missed)
+        self._minute.add(seconds, simulated, missed)
+        if self._second.seconds >= _SECOND:
+            self._report()
+
+    def _report(self) -> None:
+        pace, self._second = self._second, Pace()
+        is_slow = pace.factor < _SLOW * self.wanted
+        self._measured(pace, is_slow)
+        if self._is_slow and self._minute.seconds >= _MINUTE:
+            pace = self._minute
+            is_slow = pace.missed > 0
+        elif self._is_slow or not is_slow:
+            return
+        self._is_slow, self._minute = is_slow, Pace()
+        self._log(f"slow motion: {pace}" if is_slow else str(pace), is_slow)

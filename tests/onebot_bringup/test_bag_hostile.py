@@ -1,0 +1,238 @@
+"""Recordings that were made to hang or to fill the memory are refused soon, in little memory."""
+
+import os
+import sqlite3
+import struct
+import subprocess
+import sys
+from contextlib import closing
+
+import lz4.frame
+import pytest
+import zstandard
+from mcap.writer import MCAP0_MAGIC
+
+from onebot_bringup.bags.reader import Bag
+from onebot_bringup.bags.writer import BagWriter
+from onebot_bringup.cli.main import main
+from tests.onebot_bringup.bag_support import cdr, topic
+from tests.support import PATIENCE
+
+HUGE = 2_000_000_000  # bytes
+MOST = 900_000  # KiB that a process which refuses them may take
+READ = """
+import resource, sys
+from pathlib import Path
+from onebot_bringup.bags.reader import Bag
+from onebot_description.errors import OneBotError
+try:
+    bag = Bag(Path(sys.argv[1]))
+    print(sum(1 for _ in bag.messages(bag.topics)), *bag.warnings)
+except OneBotError as error:
+    print(error)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def zstd_zeros(size, head=b""):
+    """A frame of zstd of ``head`` and ``size`` zeros: blocks that repeat one byte 131,072 times."""
+    whole, rest = divmod(size, 1 << 17)
+    first = (len(head) << 3).to_bytes(3, "little") + head
+    blocks = ((1 << 17) << 3 | 2).to_bytes(3, "little") + b"\0"
+    last = (rest << 3 | 3).to_bytes(3, "little") + b"\0"
+    total = (len(head) + size).to_bytes(8, "little")
+    return b"\x28\xb5\x2f\xfd\xe0" + total + first + blocks * whole + last
+
+
+def lz4_zeros(size):
+    packer, part = lz4.frame.LZ4FrameCompressor(), bytes(1 << 24)
+    return packer.begin() + b"".join(packer.compress(part) for _ in range(size >> 24))
+
+
+def compressed(path):
+    """A file of zeros that is compressed as a whole, in a stream: its size is not in its header."""
+    packer, part = zstandard.ZstdCompressor().compressobj(), bytes(1 << 24)
+    path.write_bytes(b"".join(packer.compress(part) for _ in range(64)) + packer.flush())
+
+
+def record(opcode, data):
+    return struct.pack("<BQ", opcode, len(data)) + data
+
+
+def text(word):
+    return struct.pack("<I", len(word)) + word.encode()
+
+
+DECLARED = (
+    record(3, struct.pack("<H", 1) + text("std_msgs/msg/String") + text("ros2msg") + text(""))
+    + record(4, struct.pack("<HH", 1, 1) + text("/robot_description") + text("cdr") + text(""))
+)  # fmt: skip
+
+
+def chunk(compression, size, data):
+    """A chunk of ``size`` bytes, packed."""
+    head = struct.pack("<QQQI", 1, 2, size, 0)
+    return record(6, head + text(compression) + struct.pack("<Q", len(data)) + data)
+
+
+def message(data):
+    return record(5, struct.pack("<HIQQ", 1, 0, 1, 1) + data)
+
+
+def overlapping():
+    """A chunk that is indexed again and again."""
+    start = len(MCAP0_MAGIC + DECLARED)
+    content = message(cdr("x" * 1_000_000))
+    packed = chunk("", len(content), content)
+    index = record(
+        8,
+        struct.pack("<QQQQIQ", 1, 2, start, len(packed), 0, 0)
+        + text("")
+        + struct.pack("<QQ", len(content), len(content)),
+    )
+    statistics = record(11, struct.pack("<QHIIIIQQIHQ", 2000, 1, 1, 0, 0, 2000, 1, 2, 10, 1, 2000))
+    body = MCAP0_MAGIC + DECLARED + packed + record(15, bytes(4))
+    footer = record(2, struct.pack("<QQI", len(body), 0, 0))
+    return body + DECLARED + statistics + index * 2000 + footer + MCAP0_MAGIC
+
+
+def mcap(data):
+    return lambda path: path.write_bytes(MCAP0_MAGIC + DECLARED + data)
+
+
+def sparse(start):
+    def write(path):
+        path.write_bytes(start)
+        os.truncate(path, 1 << 42)
+
+    return write
+
+
+def sqlite(*statements):
+    """A recording whose messages are made by ``statements``, with values for data."""
+
+    def write(path):
+        with closing(sqlite3.connect(path)) as database, database:
+            database.execute("CREATE TABLE topics(id, name, type, serialization_format)")
+            database.execute(
+                "INSERT INTO topics VALUES(1, '/robot_description', 'std_msgs/msg/String', 'cdr')"
+            )
+            for statement, *values in statements:
+                database.execute(statement, values)
+
+    return write
+
+
+def schemas():
+    """Chunks of 60 MB, a schema each."""
+    for number in range(10, 40):
+        size = 60_000_000
+        content = struct.pack("<H", number) + text("a/msg/B") + text("") + struct.pack("<I", size)
+        head = struct.pack("<BQ", 3, len(content) + size) + content
+        yield chunk("zstd", len(head) + size, zstd_zeros(size, head))
+
+
+STORED = "CREATE TABLE messages(id, topic_id, timestamp, data)"
+INSERT = "INSERT INTO messages VALUES({0}, 1, {0}, ?)"
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n{})"
+VIEW = "CREATE VIEW messages AS {} SELECT i AS id, 1 AS topic_id, i AS timestamp, {} AS data FROM n"
+LARGE = "zeroblob(900000000)"
+NO_TABLES = "is no recording of rosbag2: it has no tables topics and messages"
+TOO_LARGE = "2,000.0 MB is above 256.0 MB, which max_size sets"
+HOSTILE = {
+    "pipe.mcap": (os.mkfifo, "cannot be read: not a regular file"),
+    "pipe.db3": (os.mkfifo, "cannot be read: not a regular file"),
+    "sparse.mcap": (sparse(MCAP0_MAGIC + DECLARED), "(4,398,046.5 MB): a record is damaged"),
+    "sparse.mcap.zstd": (sparse(zstd_zeros(0)[:4]), "a gap of 256"),
+    "record.mcap": (sparse(MCAP0_MAGIC + struct.pack("<BQ", 3, HUGE)), f"a record of {TOO_LARGE}"),
+    "bomb.mcap.zstd": (compressed, "its content of 256"),
+    "zstd.mcap": (mcap(chunk("zstd", HUGE, zstd_zeros(HUGE))), f"a chunk of {TOO_LARGE}"),
+    "lz4.mcap": (mcap(chunk("lz4", HUGE, lz4_zeros(HUGE))), f"a chunk of {TOO_LARGE}"),
+    "lying.mcap": (mcap(chunk("zstd", 9, zstd_zeros(HUGE))), "2,000.0 MB is above 0.0 MB"),
+    "schemas.mcap": (mcap(b"".join(schemas())), "more definitions and indexes than max_size"),
+    "overlapping.mcap": (lambda path: path.write_bytes(overlapping()), "1\n"),
+    "message.db3": (
+        sqlite([STORED], [INSERT.format(1), zstd_zeros(HUGE)], [INSERT.format(2), cdr("last")]),
+        f"that cannot be decompressed: a message or chunk of {TOO_LARGE}",
+    ),
+    "large.db3": (sqlite([STORED], [INSERT.format(1).replace("?", LARGE)]), "a message of 900"),
+    "endless.db3": (sqlite([VIEW.format(ENDLESS.format(""), "x'00'")]), NO_TABLES),
+    "rows.db3": (sqlite([VIEW.format(ENDLESS.format(" LIMIT 4"), LARGE)]), NO_TABLES),
+    "computed.db3": (
+        sqlite(
+            [f"CREATE TABLE messages(id, topic_id, timestamp, data AS ({LARGE}))"],
+            ["INSERT INTO messages(id, topic_id, timestamp) VALUES(1, 1, 1), (2, 1, 2)"],
+        ),
+        NO_TABLES,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_refused_soon_in_little_memory(tmp_path, name):
+    """By one number for whatever is read or unpacked at once; what is sound before it is read."""
+    write, words = HOSTILE[name]
+    write(tmp_path / name)
+    done = subprocess.run(
+        [sys.executable, "-c", READ, tmp_path / name],
+        capture_output=True, text=True, timeout=PATIENCE, check=True,
+    )  # fmt: skip
+    said, _, memory = done.stdout.rstrip().rpartition("\n")
+    assert words in f"{said}\n"
+    assert int(memory) < MOST
+
+
+def test_max_size(tmp_path, capsys):
+    """What is read at once may be as large as the user says: a chunk, and chunks that overlap."""
+    content = message(cdr("x" * 5000))
+    mcap(chunk("", len(content), content))(tmp_path / "a.mcap")
+    words = [str(tmp_path / "a.mcap"), "viewer:=none", f"save:={tmp_path}/a.rrd"]
+    main(["replay", *words, "max_size:=0.004"])
+    assert "a.mcap (0.0 MB): a record of 0.0 MB is above 0.0 MB" in capsys.readouterr().err
+    main(["replay", *words, "max_size:=0.01"])
+    assert "above" not in capsys.readouterr().err
+    writer = BagWriter(tmp_path / "bag", chunk_size=1000)
+    number = writer.add_topic(topic())
+    for step in range(100):
+        for time in (1000 - step, 1000 + step):
+            writer.write(number, time, cdr("x" * 100))
+    writer.close()
+    for max_size, warnings in ((10_000, 1), (100_000, 0)):
+        bag = Bag(tmp_path / "bag", max_size)
+        times = [found.time for found in bag.messages(["/words"])]
+        assert (len(times) < 200, len(bag.warnings)) == (warnings, warnings)
+        assert times == sorted(times)
+
+
+INTERRUPTED = """
+import os, signal, sys, threading
+from onebot_bringup.bags import reader
+from onebot_bringup.cli.main import main
+name, query = sys.argv[1:3]
+del sys.argv[1:3]
+setattr(reader, name, query)
+threading.Timer(3.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+sys.exit(main())
+"""
+QUERIES = {
+    "_EXTENTS": f"{ENDLESS.format('')} SELECT 1, count(*), 1, 1 FROM n",
+    "_MESSAGES": f"{ENDLESS.format('')} SELECT i, i, ?, i FROM n WHERE i IN ({{}}) AND i < 0",
+}
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("_EXTENTS", ["bag", "info", "a.db3"]),
+        ("_MESSAGES", ["bag", "play", "a.db3"]),
+        ("_MESSAGES", ["replay", "a.db3", "viewer:=none", "save:=a.rrd"]),
+    ],
+)
+def test_ctrl_c_while_reading(tmp_path, ros_domain, query, words):
+    """A search that goes on for ever ends, quietly, with exit code 0."""
+    sqlite([STORED], [INSERT.format(1), cdr("word")])(tmp_path / "a.db3")
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, query, QUERIES[query], *words],
+        cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr

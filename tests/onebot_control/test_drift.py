@@ -1,0 +1,80 @@
+"""The warning that odometry and truth drift apart."""
+
+from pathlib import Path
+
+import pytest
+
+from onebot_control.driven_robot import DrivenRobot
+from onebot_control.fleet import Fleet, Member
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
+from onebot_control.poses import PlanarPose
+from onebot_control.simulation.scene import load_scene
+from onebot_description.description import load_description
+from onebot_description.description.packages import package_share
+from tests.onebot_control.control_support import config, ideal_drive, robot
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+ONEBOT = package_share("onebot_description") / "urdf/onebot.urdf.xacro"
+LIMITS = read_control_files([default_control_file()], "/", "velocity_controller").values
+
+
+def drifted(drive: DrivenRobot, linear: float, angular: float, seconds: float = 20.0) -> str:
+    """Drive; return the warning."""
+    for _ in range(round(seconds / drive.period)):
+        drive.accept(linear, angular)
+        drive.cycle()
+    return drive.drift.warning
+
+
+@pytest.mark.parametrize(
+    ("values", "linear", "angular", "warned"),
+    [
+        ({}, -0.2, 0.3, ""),
+        ({"wheel_radius": 0.065}, 0.2, 0.3, ""),
+        ({"wheel_radius": 0.12}, -0.2, 0.1, "by its wheels the robot drove -1.0"),
+        ({"wheel_separation": 0.15}, 0.0, 0.3, "by its wheels the robot turned 1.0"),
+    ],
+)
+def test_lengths_that_are_not_the_robots(
+    values: dict[str, float], linear: float, angular: float, warned: str
+) -> None:
+    """A tenth is not worth a warning; more is, once, with the parameter that is wrong."""
+    warning = drifted(ideal_drive(**values), linear, angular)
+    assert (warned in warning) if warned else not warning
+    assert all(f"{name} is not" in warning for name in values if warned)
+
+
+def test_what_jumps_does_not_drift() -> None:
+    """A robot that is put elsewhere, or its odometry, while it drives."""
+    drive = ideal_drive()
+    for jump in (drive.teleport, drive.place_odometry, lambda _: drive.reset()):
+        assert drifted(drive, 0.4, 0.3, 1.55) == ""
+        jump(PlanarPose(3.0, 2.0, 1.0))
+    assert drifted(drive, 0.4, 0.3, 5.0) == ""
+
+
+def test_a_car_driven_by_its_rear_wheels() -> None:
+    """Its odometry turns, and the car does not."""
+    names = {f"{side}_wheel_names": [f"{side}_rear_wheel_joint"] for side in ("left", "right")}
+    car = load_description(ROBOTS / "warn_deepracer.xacro")
+    drive = DrivenRobot.of(car, ControlConfig.from_parameters({**LIMITS, **names}))
+    try:
+        warning = drifted(drive, 0.2, 0.5)
+    finally:
+        drive.plant.close()
+    assert "as those of a car" in warning
+
+
+@pytest.mark.parametrize("world", ["maze", "ramp"])
+def test_walls_and_ramps_are_no_reason_to_warn(world: str) -> None:
+    """Nor is another robot in the way: wheels slip there, as those of a real robot do."""
+    limits = ControlConfig.from_parameters(LIMITS)
+    members = [Member(load_description(ONEBOT), limits), Member(robot(), config(x=-0.6), "other")]
+    with Fleet.of(members, scene=load_scene(world)) as fleet:
+        for cycle in range(3000):
+            fleet.robots[0].accept(0.3, 0.4 if 1200 < cycle < 1800 else 0.0)
+            fleet.robots[1].accept(0.4, 0.0)
+            fleet.cycle()
+        assert [each.drift.warning for each in fleet.robots] == ["", ""]
+        apart = fleet.robots[0].snapshot().odometry.x - fleet.robots[0].true_pose.x
+        assert world == "ramp" or abs(apart) > 1.0
