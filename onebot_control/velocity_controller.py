@@ -42,7 +42,7 @@ Publishes (reliable, depth 10, unless noted):
         are the system's, and there is no /clock.
 
     /diagnostics (diagnostic_msgs/msg/DiagnosticArray): each second the real-time factor in it, and
-        the control cycles that were missed; WARN where it is below 0.95 of real_time_factor.
+        the control cycles that were missed; WARN where it is below 0.9 of real_time_factor.
 Velocities are by the clock that stamps them: in slow motion, on the system's time, they are lower
 than those of the simulation.
 

@@ -1,4 +1,4 @@
-"""``onebot tf ...``: the tree of frames, and transforms, like tf2's echo and monitor."""
+"""``onebot tf ...``: the tree of frames, and transforms, like tf2_echo."""
 
 import math
 import sys
@@ -17,11 +17,10 @@ from onebot_description.errors import OneBotError
 
 if TYPE_CHECKING:
     from onebot_bringup.introspection.frame_publishers import TfSenders
-    from onebot_description.wire.messages import TfArrays
 
 _TOPICS = ("/tf", "/tf_static")
 _DEPTH = 100  # of the subscriptions, as tf2's
-_WINDOW = 1000  # samples of a rate or delay
+_WINDOW = 1000  # samples of a rate
 _CHECK_EVERY = 0.5  # s, for frames that several nodes publish
 _NANO = 1e-9
 
@@ -40,6 +39,14 @@ def tree(parser: Parser, argv: Sequence[str]) -> int:
         for warning in _faults(transforms):
             transforms.warn(warning)
     return 0
+
+
+def received_frames(session: Session) -> list[str]:
+    """Return the names of the frames that are received within a second of the first."""
+    with closing(_Transforms(session)) as transforms:
+        transforms.await_first()
+        transforms.spin(lambda: False, 1.0)
+        return sorted(transforms.buffer.names)
 
 
 def _drawn(transforms: "_Transforms") -> list[str]:
@@ -81,7 +88,8 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
     Raises:
         OneBotError: there is no transform within ``--timeout``.
     """
-    _add_frames(parser)
+    parser.add_argument("target", metavar="A", help="a frame, such as odom")
+    parser.add_argument("source", metavar="B", help="the frame whose pose in A is shown")
     parser.add_argument(
         "echo_rate",
         nargs="?",
@@ -114,13 +122,6 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
 def digits(text: str) -> int:
     """Parse a number of digits, for ``type=``."""
     return natural(text, most=100)
-
-
-def _add_frames(parser: Parser, nargs: str | None = None) -> None:
-    parser.add_argument("target", nargs=nargs, metavar="A", help="a frame, such as odom")
-    parser.add_argument(
-        "source", nargs=nargs, metavar="B", help="the frame whose pose in A is shown"
-    )
 
 
 def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float | None) -> None:
@@ -177,87 +178,22 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
     )
 
 
-def monitor(parser: Parser, argv: Sequence[str]) -> int:
-    """Print rates and delays until Ctrl-C; return the exit code.
-
-    Raises:
-        UsageError: one frame without the other.
-    """
-    _add_frames(parser, "?")
-    parser.add_argument(
-        "--period", type=positive, default=2.0, metavar="S", help="seconds between reports (2)"
-    )
-    args = parser.parse(argv)
-    if args.target and not args.source:
-        parser.error("name both frames, or none")
-    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
-        if args.target:
-            print(
-                f"Waiting for transform chain to become available between {args.target} and "
-                f"{args.source}"
-            )
-            _await_transform(transforms, args, None)
-        else:
-            transforms.await_first()
-        net = Window(_WINDOW)
-
-        def sample() -> None:
-            if args.target:
-                stamp_ns = transforms.buffer.lookup(args.target, args.source).stamp_ns
-                if stamp_ns:
-                    net.add((transforms.now_ns() - stamp_ns) * _NANO)
-
-        while True:
-            transforms.spin(sample, args.period)
-            print(f"\n\n\n{_results(transforms, args, net)}")
-
-
-def _results(transforms: "_Transforms", args: Namespace, net: Window) -> str:
-    buffer = transforms.buffer
-    names = sorted(buffer.frames)
-    lines = ["RESULTS: for all Frames"]
-    if args.target:
-        chain = buffer.chain(args.target, args.source)
-        names = [name for name in chain if name in buffer.frames]
-        lines = [f"RESULTS: for {args.target} to {args.source}", f"Chain is: {' -> '.join(chain)}"]
-        if found := net.statistics():
-            lines.append(f"Net delay     avg = {found.mean:.6g}: max = {found.high:.6g}")
-    lines += ["", "Frames:"]
-    for name in names:
-        delay = "static" if buffer.frames[name].static else transforms.frames[name].delay()
-        publishers = transforms.publishers(name)
-        lines.append(f"Frame: {cell(name)}, published by {publishers}, {delay}")
-    lines += ["", "All Broadcasters:"]
-    for node, arrivals in sorted(transforms.nodes.items()):
-        if rate := arrivals.rate():
-            lines.append(f"Node: {node} {rate:.3f} Hz, {arrivals.delay()}")
-    return "\n".join(lines)
-
-
 @dataclass
 class _Arrivals:
-    """When messages with a frame, or of a node, were received, and how old they were."""
+    """When messages with a frame were received."""
 
     intervals: Window = field(default_factory=lambda: Window(_WINDOW))  # s
-    delays: Window = field(default_factory=lambda: Window(_WINDOW))  # s
     last: float | None = None
 
-    def add(self, now: float, delay: float) -> None:
+    def add(self, now: float) -> None:
         if self.last is not None:
             self.intervals.add(now - self.last)
         self.last = now
-        self.delays.add(delay)
 
     def rate(self) -> float:
         """Hz; 0 if that is not known, or nothing came since the last call."""
         found = self.intervals.statistics()
         return 1.0 / found.mean if found is not None and found.mean > 0.0 else 0.0
-
-    def delay(self) -> str:
-        found = self.delays.statistics()
-        if found is None:
-            return "no new transform"
-        return f"Average Delay: {found.mean:.6g}, Max Delay: {found.high:.6g}"
 
 
 class _Transforms:
@@ -266,7 +202,6 @@ class _Transforms:
     Attributes:
         buffer: the transforms.
         frames: how each child frame arrives.
-        nodes: how the messages of each node on /tf arrive, seen every 20 ms.
     """
 
     def __init__(self, session: Session) -> None:
@@ -278,7 +213,6 @@ class _Transforms:
 
         self.buffer = TransformBuffer()
         self.frames: dict[str, _Arrivals] = {}
-        self.nodes: dict[str, _Arrivals] = {}
         self._session, self._publishers = session, FramePublishers()
         self._senders: TfSenders | None = None
         self._began = self._checked = time.monotonic()
@@ -311,14 +245,10 @@ class _Transforms:
             for sentence in self.buffer.add(message, static=topic == _TOPICS[1]):
                 self.warn(sentence)
             now = time.monotonic()
-            for child, delay in zip(message.children, self._delays(message), strict=True):
-                self.frames.setdefault(child.removeprefix("/"), _Arrivals()).add(now, delay)
+            for child in message.children:
+                self.frames.setdefault(child.removeprefix("/"), _Arrivals()).add(now)
 
         return received
-
-    def _delays(self, message: "TfArrays") -> list[float]:
-        delays: list[float] = ((self.now_ns() - message.stamps_ns) * _NANO).tolist()
-        return delays
 
     def spin(self, until: Callable[[], Any], timeout: float) -> Any:
         """Receive until ``until()`` is true, for ``timeout`` seconds at most."""
@@ -339,10 +269,6 @@ class _Transforms:
             return
         for sender, transforms, latched in self._senders.take():
             self._publishers.add(sender, transforms, latched=latched)
-            delays = self._delays(transforms)
-            if delays and not latched:
-                mean = math.fsum(delays) / len(delays)
-                self.nodes.setdefault(sender.name, _Arrivals()).add(now, mean)
         if now - self._checked > _CHECK_EVERY:
             self._checked = now
             for conflict in self._publishers.conflicts(self._senders.senders()):
@@ -393,7 +319,6 @@ class _Transforms:
 COMMANDS = {
     "tree": Subcommand("show the tree of frames, with rates and ages", tree),
     "echo": Subcommand("print the pose of one frame in another, like tf2_echo", echo),
-    "monitor": Subcommand("measure rates and delays, like tf2_monitor", monitor),
 }
 
 

@@ -100,6 +100,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
     from onebot_description.description.loading import load_sensors
+    from onebot_description.description.places import PLACES, keep_places
     from onebot_description.description.worlds import load_world
     from onebot_description.description.xacro import included_files
     from onebot_description.file_watch import file_states
@@ -141,6 +142,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         Launcher(command.program) as launcher,
     ):
         remove_stale_in_background()
+        os.environ[PLACES] = folder
+        for each in (description, *(robot.description for robot in robots)):
+            keep_places(each)
         make = NodeFactory(
             Path(folder), values, description, for_xacro, arguments.ros_args, known, robots
         )

@@ -10,6 +10,7 @@ from onebot_bringup.viewer.shapes import load_shape
 from onebot_description.description.description import Description, Geometry, Link, Triple
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy, to_matrix
+from onebot_description.model.robot_model import RobotModel
 
 Floats = NDArray[np.float64]
 
@@ -68,6 +69,16 @@ def box_around(points: Floats) -> Floats:
 def diagonal(bounds: Floats) -> float:
     """Return the diagonal of a (2, 3) box, metres."""
     return float(np.linalg.norm(bounds[1] - bounds[0]))
+
+
+def robot_size(description: Description) -> float:
+    """Return the diagonal of the box around a robot whose joints are at 0, metres; 0: no shapes."""
+    model = RobotModel.from_description(description)
+    found = model.link_poses(np.zeros(len(model.joints)))
+    poses = np.tile(np.eye(4), (len(found), 1, 1))
+    poses[:, :3, 3], poses[:, :3, :3] = found[:, :3], to_matrix(found[:, 3:])
+    bounds = robot_bounds(description, dict(zip(model.links, poses, strict=True)))
+    return 0.0 if bounds is None else diagonal(bounds)
 
 
 def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:

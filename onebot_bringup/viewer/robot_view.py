@@ -31,6 +31,7 @@ from onebot_bringup.viewer.displays.display import (
 from onebot_bringup.viewer.displays.message_display import MessageDisplay
 from onebot_bringup.viewer.displays.tf import TF, TransformStream
 from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.robot_size import robot_size
 from onebot_bringup.viewer.shown_robot import RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
@@ -547,6 +548,7 @@ class RobotView:
         warnings = shown.set_description(urdf, known)
         for display in self._of_all:
             display.set_robot()
+        self._whole.robot_size = min(map(robot_size, self.robots.values()))
         robot = self.robot
         if robot is not None and (before is None or robot.robot_name != before.robot_name):
             several = f" and {len(self._robots) - 1} more" * (not self._alone)

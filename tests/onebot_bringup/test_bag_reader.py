@@ -1,13 +1,9 @@
 """Recordings of any origin and in any state are read, or refused in words."""
 
-import errno
-import io
-import os
 import sqlite3
 import tempfile
 import tracemalloc
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 from mcap.writer import IndexType
@@ -17,7 +13,6 @@ from rosbags.typesys import Stores, get_typestore
 
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.bags.writer import Qos
-from onebot_bringup.cli.replay import run as replay
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import cdr, write_words
@@ -64,17 +59,6 @@ def change(folder, *statements):
 
 def words_of(bag):
     return [message.data for message in bag.messages(["/words"])]
-
-
-@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-@pytest.mark.parametrize("version", [8, 9])
-def test_reads_foreign_recordings(tmp_path, plugin, version):
-    """MCAP and SQLite, as rosbags writes them."""
-    foreign(tmp_path / "bag", plugin, version=version)
-    bag = Bag(tmp_path / "bag")
-    assert (bag.topics, bag.count) == ({"/words": "std_msgs/msg/String"}, 20)
-    assert words_of(bag) == [cdr(f"word {index}") for index in range(20)]
-    assert bag.warnings == []
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
@@ -140,23 +124,6 @@ def test_definitions(tmp_path, plugin, indexed):
     for kind in ("other_msgs/msg/InIdl", "other_msgs/msg/None", "strange"):
         with pytest.raises(OneBotError, match=f"{kind} is neither in .* nor installed"):
             bag.definition(kind)
-
-
-def test_recordings_of_older_distros(tmp_path):
-    """Without definitions, type hashes and QoS in the file: as Foxy wrote it."""
-    foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
-    change(
-        tmp_path / "bag",
-        "DROP TABLE message_definitions",
-        "DROP TABLE schema",
-        "DROP TABLE metadata",
-        "ALTER TABLE topics DROP COLUMN type_description_hash",
-        "ALTER TABLE topics DROP COLUMN offered_qos_profiles",
-    )
-    bag = Bag(tmp_path / "bag")
-    assert (bag.definitions, bag.offered, bag.warnings) == ({}, {"/words": []}, [])
-    assert "string data" in bag.definition("std_msgs/msg/String")
-    assert words_of(bag) == [cdr(f"word {index}") for index in range(20)]
 
 
 QOS = "[{{reliability: best_effort, liveliness: {}, deadline: {}, lifespan: {}, \
@@ -365,51 +332,6 @@ def test_metadata_whose_files_are_no_list_of_names(tmp_path, paths):
     assert words_of(bag) == words
     [warning] = bag.warnings
     assert warning.endswith("metadata.yaml is damaged; the files beside it are read")
-
-
-@pytest.mark.parametrize("name", ["x" * 300, "..", "", "a\\0b", "x.mcap"])
-def test_metadata_that_names_what_cannot_be_there(tmp_path, name):
-    """Whatever the name, the file that is there is read, once."""
-    words = write_words(tmp_path / "bag")
-    paths = f'["{name}", bag_0.mcap, ./bag_0.mcap]'
-    text = f"rosbag2_bagfile_information:\n  relative_file_paths: {paths}\n"
-    (tmp_path / "bag/metadata.yaml").write_text(text)
-    bag = Bag(tmp_path / "bag")
-    assert words_of(bag) == words
-    [warning] = bag.warnings
-    assert warning.endswith("; the others are read") and " lacks " in warning
-
-
-@pytest.mark.parametrize("place", ["bag", "bag/a.mcap", "bag/a.db3"])
-def test_what_may_not_be_read(tmp_path, monkeypatch, place):
-    """One sentence; tests run as root, who may read everything."""
-    (tmp_path / "bag").mkdir()
-    (tmp_path / "bag/a.mcap").touch()
-    (tmp_path / "bag/a.db3").touch()
-
-    def forbid(function):
-        def call(path, *args, **options):
-            if str(path) == str(tmp_path / place):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
-            return function(path, *args, **options)
-
-        return call
-
-    for name in ("stat", "scandir", "listdir"):
-        monkeypatch.setattr(os, name, forbid(getattr(os, name)))
-    monkeypatch.setattr(io, "open", forbid(io.open))
-    with pytest.raises(OneBotError, match=f"{tmp_path / place} cannot be read: Permission denied"):
-        Bag(tmp_path / place)
-
-
-def test_a_name_that_no_file_can_have(tmp_path):
-    """By all commands."""
-    name = str(tmp_path / f"{'x' * 300}.mcap")
-    with pytest.raises(OneBotError, match="cannot be read: File name too long"):
-        Bag(Path(name))
-    assert kind_of(name) == "bag"
-    with pytest.raises(OneBotError, match="there is no recording"):
-        replay([name])
 
 
 def test_refuses_what_is_not_there(tmp_path):

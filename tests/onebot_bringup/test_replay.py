@@ -5,7 +5,6 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped, Twist
 from rclpy.serialization import serialize_message
@@ -110,21 +109,6 @@ def test_plays_from_the_beginning(tmp_path):
         wait_for(moved, "the viewer to play")
         graph = client.get_transform_graph(include_transforms=True)
         assert "tip" in str(graph)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("stamps_from", [0, 5 * SECOND])
-def test_simulated_stamps(tmp_path, stamps_from):
-    """What has no stamp is shown in the time of what has, be that simulated."""
-    require_renderer()
-    record_arm(tmp_path / "bag", stamps_from=stamps_from + SECOND)
-    view = tmp_path / "view.yaml"
-    view.write_text(f"{VIEW}\nspeeds: {{lines: {{commanded: {{topic: cmd_vel, type: Twist}}}}}}\n")
-    to_rrd(tmp_path / "bag", tmp_path / "a.rrd", view=view)
-    with headless_viewer(str(tmp_path / "a.rrd")) as client:
-        (recording,) = client.get_state().recordings
-        (timeline,) = (line for line in recording.timelines if line.name == "ros_time")
-    assert timeline.end - timeline.start < 6 * SECOND
 
 
 def test_robot_in_a_namespace(tmp_path):
@@ -323,18 +307,3 @@ def test_a_rrd_file_with_nothing_in_it_is_warned_of(tmp_path):
     with replaying(tmp_path / "a.rrd", log):
         wait_for(lambda: "showing" in log.read_text(), "the recording")
         assert f"warning: {tmp_path}/a.rrd holds nothing to draw" in log.read_text()
-
-
-@pytest.mark.slow
-def test_serves_a_rrd_file(tmp_path):
-    """What a .rrd file holds comes out of the server it is replayed by."""
-    require_renderer()
-    record_arm(tmp_path / "bag")
-    to_rrd(tmp_path / "bag", tmp_path / "a.rrd", from_start=False)
-    recording = open_recording(0)
-    recording.stream.log_file_from_path(tmp_path / "a.rrd")
-    with headless_viewer(recording.uri) as client:
-        found = [line for one in client.get_state().recordings for line in one.timelines]
-        assert [line.name for line in found] == ["ros_time"]
-        assert np.diff([found[0].start, found[0].end]) == 5 * SECOND
-    recording.close()

@@ -99,14 +99,14 @@ def test_the_stop_button_is_published_even_if_nobody_drives(steered: Steered) ->
 
 def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> None:
     """What is held all the time unlocks nothing, nor does a halt of the server lock."""
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     steered.arbiter.handle("b", Stop())
     steered.arbiter.handle("b", Stop())
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
     assert steered.locks == [False, True, True]
     steered.arbiter.handle("a", Release())
-    steered.arbiter.handle("a", Drive(FORWARD))
-    steered.arbiter.handle("a", Drive(FORWARD))
+    steered.drive("a")
+    steered.drive("a")
     steered.arbiter.halt()
     assert steered.locks == [False, True, True, False]
 

@@ -1,5 +1,7 @@
 """Markers: what Rerun shows of each type, of actions, of lifetimes and of frames."""
 
+import sys
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import Point
@@ -111,6 +113,42 @@ def stamps(batch):
 def flat(value):
     """All numbers of a row."""
     return np.array(value, float).ravel().tolist()
+
+
+def _steps(shown, markers) -> int:
+    """Show them, and return how many steps the interpreter takes in the module of markers."""
+    steps = 0
+
+    def count(frame, event, _):
+        nonlocal steps
+        if not frame.f_code.co_filename.endswith("/marker.py"):
+            return None
+        frame.f_trace_opcodes = True
+        steps += event == "opcode"
+        return count
+
+    sys.settrace(count)
+    try:
+        shown.send(*markers)
+    finally:
+        sys.settrace(None)
+    return steps
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        lambda number: {"ns": f"n{number}"},  # all of one id
+        lambda number: {"ns": "ab"[number % 2], "action": 3 * (number % 2), "number": number},
+    ],
+)
+def test_twice_as_many_markers_take_twice_as_long(tmp_path, fields):
+    """Each in a namespace of its own, or as many orders to delete those of another one."""
+    few, many = (
+        _steps(Shown(tmp_path), [marker(**fields(number)) for number in range(count)])
+        for count in (400, 800)
+    )
+    assert many < 2.2 * few
 
 
 def test_cubes_of_a_namespace_are_one_row(tmp_path):

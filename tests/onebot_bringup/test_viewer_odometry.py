@@ -9,7 +9,16 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column
-from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, show, take, type_name
+from tests.onebot_bringup.viewer_support import (
+    ARM,
+    START_NS,
+    describe,
+    show,
+    take,
+    take_tf,
+    transforms,
+    type_name,
+)
 
 
 def odometry(x, yaw=0.0, number=0, frame="base") -> Odometry:
@@ -80,6 +89,22 @@ def test_what_has_a_trail_is_not_shown_by_itself(tmp_path, view, visible):
     live.offer({"/odom": type_name(Odometry())})
     assert [each.visible for each in live.offered] == [visible]
     recording.close()
+
+
+def test_arrows_are_in_proportion_to_the_robot(tmp_path):
+    """Also those drawn before it was known; without one they are as RViz's."""
+    box = '<visual><geometry><box size="0.03 0.04 0.12"/></geometry></visual>'
+    recording = open_recording(save=tmp_path / "x.rrd")
+    live = RobotView(recording.stream)
+    live.offer({"/odom": type_name(Odometry())})
+    take_tf(live, transforms("base", "tip", 0.5))
+    take(live, "/odom", odometry(0))
+    live.tick(START_NS)
+    describe(live, f'<robot name="small"><link name="base">{box}</link></robot>')
+    live.tick(START_NS)
+    recording.close()
+    found = column(tmp_path / "x.rrd", "/odometry/odom", "Arrows3D:vectors")
+    assert np.ravel(found) == pytest.approx([1.3, 0, 0, 0.65 * 0.13, 0, 0])
 
 
 def test_another_look_keeps_the_arrows(tmp_path):

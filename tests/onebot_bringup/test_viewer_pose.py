@@ -50,7 +50,8 @@ def arrows(file, entity) -> tuple:
 def test_a_pose_is_an_arrow(tmp_path):
     """Along its x, from its place, in its frame, at its time."""
     message = stamped(PoseStamped(pose=pose(1, 2, QUARTER)), START_NS + 7000)
-    file, warnings = show(tmp_path, f"pose: {{{COLOR}, head_length: 0.5}}", ("/goal", message))
+    look = f"{COLOR}, shaft_length: 1.0, shaft_radius: 0.05, head_length: 0.5"
+    file, warnings = show(tmp_path, f"pose: {{{look}}}", ("/goal", message))
     assert warnings == []
     origins, vectors = arrows(file, "/pose/goal")
     np.testing.assert_allclose(origins, [[1, 2, 0]])

@@ -139,7 +139,7 @@ function receive(message) {
 
 function showDriver({ driver, you, pages, locked, others }) {
   document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
-  const nobody = locked ? "Stopped and locked: drive to unlock" : "Nobody drives";
+  const nobody = locked ? "Locked: drive to unlock" : "Nobody drives";
   const words = [you ? "You drive" : driver ? "Another page drives" : nobody];
   if (pages > 1) words.push(`${pages} pages open`);
   if (others.length) words.push(`commands also from ${others.join(", ")}`);

@@ -271,6 +271,7 @@ class Context:
         self.transform_timeout_ns = 200_000_000  # that a message waits for newer transforms
         self.robot: Description | None = None
         self.fitting_length = 0.0  # of axes and arcs, metres, by the robot's size; 0: not known yet
+        self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
         self.axes_lengths: Mapping[str, float] = {}  # of the frames of links, by the links' sizes
         self.joint_colors: dict[str, Color] = {}  # of every joint whose state has come
         self._fixed_frame = fixed_frame

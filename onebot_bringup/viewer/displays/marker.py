@@ -234,9 +234,9 @@ class Change(NamedTuple):
         elif layer.batch is None or (rows >= 0).all():
             layer.set(self.ids, came.at(rows))
         else:
-            both = layer.batch.joined(came)
-            rows = np.where(rows < 0, self.slots, rows + len(layer.batch.ends))
-            layer.set(self.ids, both.at(rows))
+            both = layer.batch.joined(came.at(rows[rows >= 0]))
+            new = np.cumsum(rows >= 0) - 1 + len(layer.batch.ends)
+            layer.set(self.ids, both.at(np.where(rows < 0, self.slots, new)))
 
 
 class MarkerUpdate(NamedTuple):
@@ -259,6 +259,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
         self.in_arrays = False  # its messages are of many markers
         self.problems: dict[str, str] = {}  # the first of each kind, which are few
         self._layers: dict[LayerKey, Layer] = {}
+        self._used: set[str] = set()  # their entities
         self._where: dict[MarkerId, LayerKey] = {}
         self._changed: dict[str, Layer] = {}  # by entity, since they were logged
         self._plan: MarkerUpdate | None = None
@@ -392,14 +393,14 @@ class MarkerDrawing(Drawing[MarkerLook]):
         where = dict(self._where)
         source: dict[MarkerId, int] = {}
         moved: dict[str, list[int]] = {}
-        for row, (space, number, action) in enumerate(
-            zip(incoming.spaces, incoming.ids.tolist(), incoming.actions.tolist(), strict=True)
-        ):
-            marker = space, number
-            if action in (DELETE, DELETE_ALL):
-                for each in [marker] if action == DELETE else _all_of(space, where, self._waiting):
-                    for known in (where, source, self._waiting):
-                        known.pop(each, None)
+        newest, cleared = _newest_rows(incoming)
+        for known in (where, self._waiting):
+            for marker in [each for each in known if "" in cleared or each[0] in cleared]:
+                del known[marker]
+        for marker, row in newest.items():
+            if incoming.actions[row] == DELETE:
+                where.pop(marker, None)
+                self._waiting.pop(marker, None)
                 continue
             key = self._key(stamp_ns, incoming, row, kinds[row], variants.get(row))
             if key is None:
@@ -433,16 +434,16 @@ class MarkerDrawing(Drawing[MarkerLook]):
             except OneBotError as error:
                 self._report(incoming, row, str(error), "mesh")
                 return None
+            self._used.add(self._layers[key].entity)
         return key
 
     def _entity(self, key: LayerKey) -> str:
         """Return the entity of a new layer."""
-        used = {layer.entity for layer in self._layers.values()}
         space = [key.space] if key.space else []
+        first = below(self.entity, rr.new_entity_path([*space, key.kind]).lstrip("/"))
         for number in count(1):
-            name = key.kind if number == 1 else f"{key.kind}_{number}"
-            entity = below(self.entity, rr.new_entity_path([*space, name]).lstrip("/"))
-            if entity not in used:
+            entity = first if number == 1 else f"{first}_{number}"
+            if entity not in self._used:
                 return entity
         raise AssertionError
 
@@ -461,7 +462,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
                 continue
             before = {marker: slot for slot, marker in enumerate(layer.ids)}
             slots = np.array([before.get(marker, -1) for marker in ids], np.intp)
-            is_all = np.array_equal(from_rows, np.arange(rows))
+            is_all = len(ids) == rows and np.array_equal(from_rows, np.arange(rows))
             found.append(Change(layer, ids, from_rows, slots, is_all))
         return found
 
@@ -606,6 +607,7 @@ class MarkerDrawing(Drawing[MarkerLook]):
             layer.log(stamp_ns, hidden=layer.space in self.look.hidden_namespaces)
         if not all(layer.ids for layer in changed.values()):
             self._layers = {key: layer for key, layer in self._layers.items() if layer.ids}
+            self._used = {layer.entity for layer in self._layers.values()}
             self._plan = None
 
     def _repeat(self) -> None:
@@ -632,9 +634,23 @@ def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
         yield int(stamps[group[0]]), numbers[group]
 
 
-def _all_of(space: str, *known: Mapping[MarkerId, object]) -> list[MarkerId]:
-    """Return the markers of a namespace; of all if it is "", as in RViz."""
-    return [marker for each in known for marker in each if space in ("", marker[0])]
+def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
+    """Return the row that counts of each marker, and the namespaces deleted before; "" for all."""
+    newest: dict[str, dict[int, int]] = {}
+    cleared = set[str]()
+    rows = zip(incoming.spaces, incoming.ids.tolist(), incoming.actions.tolist(), strict=True)
+    for row, (space, number, action) in enumerate(rows):
+        if action != DELETE_ALL:
+            newest.setdefault(space, {})[number] = row
+            continue
+        cleared.add(space)
+        if space:
+            newest.pop(space, None)
+        else:
+            newest.clear()
+    return {
+        (space, number): row for space, found in newest.items() for number, row in found.items()
+    }, cleared
 
 
 def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:

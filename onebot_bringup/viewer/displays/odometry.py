@@ -43,7 +43,7 @@ class OdometryDrawing(PosesDrawing[OdometryLook]):
             self._kept_in = self.frame
             self._kept.clear()
         if self._kept and self._is_near(self._kept[-1], pose):
-            return () if self._last is not None else self.shapes(np.array(self._kept))
+            return () if self.is_fitted else self.shapes(np.array(self._kept))
         self._kept.append(pose)
         return self.shapes(np.array(self._kept))
 

@@ -20,6 +20,7 @@ AXIS_COLORS = np.array([(204, 51, 51), (51, 204, 51), (51, 102, 255)], np.uint8)
 # Of a flat arrow of length 1: its shaft, and both sides of its head.
 _FLAT = np.array([(0, 0, 0), (1, 0, 0), (0.75, 0.2, 0), (1, 0, 0), (0.75, -0.2, 0)], float)
 _FLAT_WIDTH = 1.5  # pixels
+_FITTING = "0: in proportion to the robot"
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,11 @@ class PoseLook(Look):
 
     shape: str = setting(ARROW, "Arrow or Axes", one_of(ARROW, AXES))
     color: Color | None = setting(None, "of arrows, sRGB bytes; by default one of ours", color)
-    shaft_length: float = setting(1.0, "of an arrow, metres")
-    shaft_radius: float = setting(0.05, "of an arrow, metres")
-    head_length: float = setting(0.3, "of an arrow, metres")
-    axes_length: float = setting(1.0, "metres")
-    axes_radius: float = setting(0.1, "metres")
+    shaft_length: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
+    shaft_radius: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
+    head_length: float = setting(0.0, f"of an arrow, metres; {_FITTING}")
+    axes_length: float = setting(0.0, f"metres; {_FITTING}")
+    axes_radius: float = setting(0.0, f"metres; {_FITTING}")
 
 
 @dataclass(frozen=True)
@@ -54,21 +55,36 @@ L = TypeVar("L", bound=PoseLook)
 class PosesDrawing(Drawing[L]):
     """Draws poses."""
 
+    _fitted_to = 0.0  # the robot's size when they were drawn, m
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether what is drawn is in proportion to the robot."""
+        return self._last is not None and self._fitted_to == self.context.robot_size
+
+    def flush(self) -> None:
+        """Log what can be shown now, and what is there anew for a robot of another size."""
+        if self._last is not None and not self.is_fitted and not self._pending:
+            self._pending.append(self._last)
+        super().flush()
+
     def shapes(self, poses: Floats) -> Sequence[rr.AsComponents]:
         """Return the shapes of poses (N, 7): x y z in metres, and a quaternion of any length."""
         look, places, turns = self.look, poses[:, :3], to_matrix(poses[:, 3:])
         color = look.color or self.color
+        self._fitted_to = self.context.robot_size
+        unit = self._fitted_to / 2 or 1.0  # m; RViz's are for a robot of 2 m
         if isinstance(look, PoseArrayLook) and look.shape == FLAT:
             outline = look.arrow_length * _FLAT @ turns.transpose(0, 2, 1) + places[:, None]
             width: Any = [rr.Radius.ui_points(_FLAT_WIDTH / 2)]
             return [rr.LineStrips3D(outline, colors=[color], radii=width)]
         if look.shape == AXES:
-            vectors = look.axes_length * turns.transpose(0, 2, 1).reshape(-1, 3)
+            vectors = (look.axes_length or unit) * turns.transpose(0, 2, 1).reshape(-1, 3)
             origins, colors = np.repeat(places, 3, axis=0), np.tile(AXIS_COLORS, (len(poses), 1))
-            radii = [look.axes_radius]
+            radii = [look.axes_radius or 0.1 * unit]
             return [rr.Arrows3D(vectors=vectors, origins=origins, colors=colors, radii=radii)]
-        length, radius = look.shaft_length + look.head_length, look.shaft_radius
-        vectors = length * turns[:, :, 0]
+        vectors = ((look.shaft_length or unit) + (look.head_length or 0.3 * unit)) * turns[:, :, 0]
+        radius = look.shaft_radius or 0.05 * unit
         return [rr.Arrows3D(vectors=vectors, origins=places, colors=[color], radii=[radius])]
 
 

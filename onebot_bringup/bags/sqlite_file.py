@@ -1,0 +1,122 @@
+"""SQLite files of rosbag2: of these, only what is stored is read, and Ctrl-C works meanwhile."""
+
+import sqlite3
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from onebot_bringup.bags.contents import (
+    DAMAGE,
+    OFFERED,
+    BagMessage,
+    Contents,
+    check_size,
+    open_file,
+)
+from onebot_description.errors import OneBotError
+
+_LOGGED = b"\2\2"  # in the header of a SQLite file: it is written by way of a log
+_STEPS = 100_000  # of SQLite, some milliseconds, between two moments at which Ctrl-C counts
+# A view may have rows without end, and so may what is computed: only what is stored is read.
+_TABLES = """
+    SELECT name FROM sqlite_master
+    WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages', 'message_definitions')
+        AND NOT EXISTS (SELECT 1 FROM pragma_table_xinfo(sqlite_master.name) WHERE hidden)
+"""
+_TOPICS = """
+    SELECT * FROM topics
+    WHERE serialization_format = 'cdr' AND typeof(name) = 'text' AND typeof(type) = 'text'
+"""
+_DEFINITIONS = """
+    SELECT topic_type, encoded_message_definition FROM message_definitions
+    WHERE encoding = 'ros2msg' AND encoded_message_definition NOTNULL
+"""  # from Iron on
+_EXTENTS = """
+    SELECT topic_id, count(*), CAST(min(timestamp) AS INTEGER), CAST(max(timestamp) AS INTEGER)
+    FROM messages WHERE timestamp NOTNULL GROUP BY topic_id
+"""
+_MESSAGES = """
+    SELECT topic_id, CAST(timestamp AS INTEGER), length(data),
+        CASE WHEN length(data) <= ? THEN CAST(data AS BLOB) END
+    FROM messages WHERE topic_id IN ({}) AND data NOTNULL AND timestamp NOTNULL
+    ORDER BY timestamp, id
+"""
+
+
+class SqliteFile:
+    """A SQLite file that is open."""
+
+    def __init__(self, path: Path, max_size: int) -> None:
+        """Open it.
+
+        Args:
+            path: the file.
+            max_size: bytes of a message, at most.
+
+        Raises:
+            OneBotError: it cannot be opened, or is none.
+        """
+        self._path, self._max_size = path, max_size
+        options = "mode=ro"  # or a file that is missing would be made
+        with open_file(path) as file:
+            # A log beside it would be made, too, where one can be: Foxy's files have one while
+            # they are written.
+            if file.read(20)[-2:] == _LOGGED and not Path(f"{path}-wal").is_file():
+                options += "&immutable=1"
+        url = f"{path.absolute().as_uri()}?{options}"
+        self._database = sqlite3.connect(url, uri=True)
+        self._database.set_progress_handler(lambda: 0, _STEPS)
+
+    def close(self) -> None:
+        """Close it."""
+        self._database.close()
+
+    def describe(self, contents: Contents) -> None:
+        """Add what is in it.
+
+        Raises:
+            OneBotError: it is damaged, or no recording.
+        """
+        try:
+            topics = self._topics()
+            for topic in topics.values():
+                contents.add_topic(topic["name"], topic["type"], str(topic.get(OFFERED) or ""))
+            if "message_definitions" in self._tables():
+                for kind, definition in self._rows(_DEFINITIONS):
+                    contents.definitions.setdefault(kind, definition)
+            for number, *extent in self._rows(_EXTENTS):
+                if number in topics:
+                    contents.add_messages(topics[number]["name"], *extent)
+        except DAMAGE as error:
+            raise OneBotError(f"{self._path} is no recording of rosbag2: {error}") from error
+
+    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        """Yield messages by time.
+
+        Raises:
+            DAMAGE: after the last one before the damage.
+        """
+        chosen = {n: topic for n, topic in self._topics().items() if topic["name"] in topics}
+        query = _MESSAGES.format(", ".join("?" * len(chosen)))
+        for number, stamp, size, data in self._rows(query, self._max_size, *chosen):
+            check_size("a message", size, self._max_size)
+            yield BagMessage(chosen[number]["name"], chosen[number]["type"], stamp, data)
+
+    def _topics(self) -> dict[Any, dict[str, Any]]:
+        """The rows of its topics, by id; their columns depend on the distro."""
+        if not {"topics", "messages"} <= self._tables():
+            raise ValueError("it has no tables topics and messages")
+        columns = [name for _, name, *_ in self._rows("PRAGMA table_info(topics)")]
+        rows = [dict(zip(columns, row, strict=True)) for row in self._rows(_TOPICS)]
+        return {row["id"]: row for row in rows}
+
+    def _tables(self) -> set[str]:
+        return {name for (name,) in self._rows(_TABLES)}
+
+    def _rows(self, query: str, *values: Any) -> Iterator[tuple[Any, ...]]:
+        try:
+            yield from self._database.execute(query, values)
+        except sqlite3.OperationalError as error:
+            if str(error) == "interrupted":  # SQLite ends, but drops the handler's exception
+                raise KeyboardInterrupt from error
+            raise
