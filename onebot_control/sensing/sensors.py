@@ -346,10 +346,8 @@ class Sensing:
 
     def _report(self, instrument: Instrument) -> None:
         """Warn once a minute if measurements were dropped."""
-        now, fresh = time.monotonic(), instrument not in self._reported
-        made, dropped = instrument.done, instrument.dropped
-        if fresh:
-            self._reported[instrument] = now - _REPORT + _FIRST_REPORT, made, dropped
+        now, made, dropped = time.monotonic(), instrument.done, instrument.dropped
+        self._reported.setdefault(instrument, (now - _REPORT + _FIRST_REPORT, 0, 0))
         since, before, dropped_before = self._reported[instrument]
         if now - since < _REPORT:
             return
