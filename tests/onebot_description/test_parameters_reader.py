@@ -118,7 +118,6 @@ def test_values_are_converted() -> None:
         ({"rate": 101.0}, "rate: 101 is above 100"),
         ({"rate": True}, "rate: true is a bool; write a number above 0"),
         ({"rate": math.nan}, "rate: nan is not finite"),
-        ({"rate": 10**400}, "rate: inf is not finite"),
         ({"rate": None}, "rate: has no value; write a number"),
         ({"rate": {"a": 1}}, "rate.a: is one value, not a map"),
         ({"count": 2.0}, "count: 2.0 is a number; write an integer from 1 to 9"),
@@ -313,9 +312,6 @@ def test_the_place_of_a_problem() -> None:
     assert Problem("", "t").message(places) == Problem("", "t").message() == "t"
     error = ConfigError([Problem("b", "t"), Problem("", "u")])
     assert (str(error), str(error.located(places))) == ("b: t\nu", "f:4: b: t\nu")
-    for one, other, same in [("a", "a.b", True), ("a.b", "a.b", True), ("a", "ab", False)]:
-        assert Problem(one, "").overlaps(Problem(other, "")) is same
-        assert Problem(other, "").overlaps(Problem(one, "")) is same
 
 
 @dataclass(frozen=True)

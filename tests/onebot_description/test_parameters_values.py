@@ -52,7 +52,7 @@ def test_the_side_on_which_a_value_is_out_of_range() -> None:
     ("kind", "value", "checked"),
     [
         (ValueType(float), 3, 3.0),
-        (ValueType(float), -(10**60), -LARGEST),
+        (ValueType(float), -LARGEST, -LARGEST),
         (ValueType(int, Rule(at_least=1, at_most=9)), 1, 1),
         (ValueType(int, Rule(at_least=1, at_most=9)), 9, 9),
         (ValueType(int), -(2**63), -(2**63)),
@@ -80,7 +80,7 @@ def test_values_that_are_right(kind: ValueType, value: Any, checked: Any) -> Non
 def test_nan_where_it_means_something() -> None:
     """Infinity means nothing even there."""
     assert math.isnan(ValueType(float, LIMIT).checked(math.nan))
-    for value in (math.inf, -math.inf, 10**400):
+    for value in (math.inf, -math.inf):
         with pytest.raises(ValueError, match="inf is not finite; write a number from 0"):
             ValueType(float, LIMIT).checked(value)
 
@@ -108,6 +108,7 @@ _STRINGS = ValueType(str, Rule(not_empty=True), many=True)
         (ValueType(int), 1.0, "1.0 is a number; write an integer"),
         (ValueType(int), True, "true is a bool; write an integer"),
         (ValueType(int), 2**63, "needs more than 64 bits; write an integer"),
+        (ValueType(float), 10**400, "needs more than 64 bits; write a number"),
         (ValueType(int), -(2**63) - 1, "needs more than 64 bits; write an integer"),
         (ValueType(int, Rule(at_least=1)), 0, "0 is below 1; write a number from 1"),
         (ValueType(bool), 0, "0 is a number; write true or false"),
