@@ -1,6 +1,7 @@
 """The same folders build with colcon, plainly and with links."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -63,6 +64,18 @@ rosidl_generate_interfaces(tf2_msgs msg/TFMessage.msg DEPENDENCIES geometry_msgs
 ament_package()
 """,
 }
+# The report of a Python that has what the workspace needs, but not this project itself.
+DOCTOR = """
+from importlib import metadata
+known = metadata.distribution
+def other(name):
+    if name == "onebot":
+        raise metadata.PackageNotFoundError(name)
+    return known(name)
+metadata.distribution = other
+from onebot_bringup.cli.doctor import run
+run(["--timeout", "60"])
+"""
 
 
 @pytest.mark.parametrize("options", [(), ("--symlink-install",)])
@@ -90,6 +103,9 @@ def test_workspace_builds_and_runs(tmp_path, options):
     module, share = _run(sourced, tmp_path, "python3", "-c", code).stdout.split()
     assert str(tmp_path) in module
     assert share == str(tmp_path / "install/mrm_description/share/mrm_description")
+    report = _run(sourced, tmp_path, "python3", "-c", DOCTOR).stdout
+    assert report.startswith("onebot 0.1.0, Python")
+    assert re.search(r"^ok       dependencies: 1\d as required$", report, re.MULTILINE), report
     _check_executables(tmp_path, sourced)
     _check_launch_files(tmp_path)
 

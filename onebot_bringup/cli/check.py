@@ -34,23 +34,26 @@ def run(argv: Sequence[str]) -> int:
     if arguments.help:
         print(HELP)
         return 0
-    if len(arguments.positional) != 1:
-        raise UsageError(f"onebot check takes one file, not {len(arguments.positional)}")
-    file = arguments.positional[0]
+    files = arguments.positional
+    if len(files) != 1 and not (arguments.show and not files):
+        raise UsageError(f"onebot check takes one file, not {len(files)}")
     given = take_package_path(arguments.given)
     if arguments.show:
-        declared = [Argument(*argument) for argument in xacro_arguments(file).arguments]
+        declared = [Argument(*each) for file in files for each in xacro_arguments(file).arguments]
         print(table([PACKAGES, *declared]))
         return 0
+    file = files[0]
 
     # Slower to import.
     from onebot_description.description import describe, load_description
     from onebot_description.description.meshes import mesh_faults
+    from onebot_description.description.sizes import shape_sizes, size_warnings
 
     description = load_description(file, given)
     problems = (*description.problems, *mesh_faults(description))
     replace(description, problems=problems).raise_problems()
-    print(describe(description))
-    for warning in description.warnings:
+    sizes = shape_sizes(description)
+    print(describe(description, sizes))
+    for warning in (*description.warnings, *size_warnings(description, sizes)):
         print(f"warning: {warning}", file=sys.stderr)
     return 0

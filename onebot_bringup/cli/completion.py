@@ -1,35 +1,32 @@
 """``onebot completion SHELL``, and what the shell asks for at every press of Tab, by argcomplete.
 
-The parsers of the commands are the only list of their options: to complete, a command is run as far
-as its parser. Launch arguments are those that ``--show-args`` prints.
+The commands are the only list of their options: to complete, a command is run as far as its
+argparse parser, or with ``--show-args`` until it has listed its launch arguments.
 """
 
 import argparse
+import io
 import os
-import re
-import subprocess
-import sys
+from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import redirect_stdout, suppress
+from functools import partial
 from importlib import import_module
 from pathlib import PurePath
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from onebot_bringup.cli import main
 from onebot_bringup.cli.options import Parser
 from onebot_bringup.cli.run import EXECUTABLES
-from onebot_description.errors import OneBotError, UsageError
+from onebot_bringup.cli.session import Session
+from onebot_bringup.launch.arguments import listed
+from onebot_description.errors import OneBotError
 
 _SHELLS = ("bash", "zsh", "fish")
 _SCRIPTS = {
     "onebot_bringup": EXECUTABLES["onebot_bringup"]["onebot_bringup"],
     "mrm_bringup": EXECUTABLES["mrm_description"]["mrm_bringup"],
 }
-_LAUNCH = ("check", "view", "replay", "steer")  # which take name:=value
-# whose ``run`` begins with a Parser
-_PARSED = ("doctor", "soak", "snapshot", "teleop", "completion")
-_ARGUMENT = re.compile(r"^  (\w+):=(\S*)(?:\n {4,}| *)(.*)$", re.MULTILINE)
-_CHOICES = re.compile(r"\((\w+(?:, \w+)+)\)$")
-_SWITCH = ("true", "false")
 
 
 def run(argv: Sequence[str]) -> int:
@@ -48,7 +45,7 @@ def run(argv: Sequence[str]) -> int:
         from argcomplete.shell_integration import shellcode
     except ImportError:
         raise OneBotError(
-            "tab completion needs argcomplete: pip install argcomplete, or onebot[completion]"
+            "tab completion needs argcomplete: pip install 'onebot-robots[completion]'"
         ) from None
     print(shellcode(["onebot", *_SCRIPTS], shell=args.shell))
     return 0
@@ -60,41 +57,50 @@ def complete() -> NoReturn:
 
     _, _, _, words, _ = split_line(os.environ["COMP_LINE"], int(os.environ["COMP_POINT"]))
     program, *given = words
-    program = PurePath(program).name
-    try:
-        if program in _SCRIPTS:
-            _complete_launch([_SCRIPTS[program]], 1, given)
-        elif not given:
-            _choose(main.VERBS, 1)
+    script = _SCRIPTS.get(PurePath(program).name)
+    with suppress(OneBotError), redirect_stdout(io.StringIO()):  # there is no such command
+        if script:
+            from onebot_bringup.launch.bringup import bring_up
+
+            _complete_command(partial(bring_up, import_module(script).command()), given, 1)
         else:
-            _complete_verb(*given)
-    except UsageError:  # no such command: there is nothing to complete
-        pass
+            command = main.take_settings(list(given))
+            _complete_verb(1 + len(given) - len(command), *command)
     os._exit(1)
 
 
-def _complete_verb(verb: str, *rest: str) -> None:
-    if verb in main.GROUPS:
+def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
+    """Complete with a verb that follows the ``position``-th word of the line."""
+    if not verb:
+        _choose(main.VERBS, position)
+    elif verb in main.GROUPS and not rest:
         commands = import_module(f"{main.PACKAGE}.{verb}").COMMANDS
-        if not rest:
-            _choose({name: command.summary for name, command in commands.items()}, 2)
-        main.run_verb([verb, *rest])
-    elif verb in _PARSED:
-        main.run_verb([verb, *rest])
-    elif verb in _LAUNCH:
-        _complete_launch(["onebot_bringup.cli.main", verb], 2, rest)
+        _choose({name: command.summary for name, command in commands.items()}, position + 1)
     elif verb == "run" and not rest:
-        _choose(dict.fromkeys(EXECUTABLES, ""), 2)
+        _choose(dict.fromkeys(EXECUTABLES, ""), position + 1)
     elif verb == "run" and len(rest) == 1:
-        _choose(dict.fromkeys(EXECUTABLES.get(rest[0], ()), ""), 3)
+        _choose(dict.fromkeys(EXECUTABLES.get(rest[0], ()), ""), position + 2)
+    elif verb != "run":
+        _complete_command(main.run_verb, [verb, *rest], position + 1 + (verb in main.GROUPS))
 
 
-def complete_parser(parser: argparse.ArgumentParser) -> NoReturn:
-    """Print what goes on with a command's options, and end the process."""
-    for action in parser._actions:
-        if action.dest in _COMPLETERS:
-            action.completer = _COMPLETERS[action.dest]  # type: ignore[attr-defined]
-    _finish(parser, len(parser.prog.split()))
+def _complete_command(
+    run: Callable[[list[str]], int], words: Sequence[str], position: int
+) -> NoReturn:
+    """Run a command, whose last word is the ``position``-th of the line, as far as is needed."""
+
+    def complete_parser(parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        for action in parser._actions:
+            if not action.option_strings and action.metavar in _COMPLETERS:
+                action.completer = _COMPLETERS[action.metavar]  # type: ignore[attr-defined]
+        _finish(parser, position)
+
+    argparse.ArgumentParser.parse_args = complete_parser  # type: ignore[assignment,method-assign]
+    run([*(word for word in words if not word.startswith("-")), "--show-args"])
+    parser = argparse.ArgumentParser(add_help=False)
+    action = parser.add_argument("words", nargs="*")
+    action.completer = _launch_words  # type: ignore[attr-defined]
+    _finish(parser, position)
 
 
 def _finish(parser: argparse.ArgumentParser, position: int) -> NoReturn:
@@ -114,49 +120,24 @@ def _choose(choices: Mapping[str, str], position: int) -> NoReturn:
     _finish(parser, position)
 
 
-def _complete_launch(module: Sequence[str], position: int, given: Sequence[str]) -> NoReturn:
-    """Offer launch arguments, and files."""
+def _launch_words(prefix: str, **_: object) -> dict[str, str]:
+    """Return each ``name:=`` that a command has listed, with its choices; and files."""
     from argcomplete.completers import FilesCompleter
 
-    words = [sys.executable, "-m", *module, *(w for w in given if not w.startswith("-"))]
-    environment = {name: value for name, value in os.environ.items() if name != "_ARGCOMPLETE"}
-    listed = subprocess.run(
-        [*words, "--show-args"], env=environment, capture_output=True, text=True, check=False
-    ).stdout
-    known = launch_words(listed)
-    parser = argparse.ArgumentParser(add_help=False)
-    action = parser.add_argument("words", nargs="*")
-
-    def candidates(prefix: str, **_: object) -> dict[str, str]:
-        files = [] if ":=" in prefix else FilesCompleter()(prefix)
-        return {**known, **dict.fromkeys(files, "")}
-
-    action.completer = candidates  # type: ignore[attr-defined]
-    _finish(parser, position)
+    words = {f"{each.name}:={value}": each.help for each in listed for value in each.suggested}
+    name, assigned, value = prefix.rpartition(":=")
+    if not assigned or not any(word.startswith(prefix) and word != prefix for word in words):
+        words.update({f"{name}{assigned}{file}": "" for file in FilesCompleter()(value)})
+    return words
 
 
-def launch_words(listed: str) -> dict[str, str]:
-    """Return each ``name:=``, or ``name:=choice``, of what --show-args prints; and its meaning."""
-    found = {}
-    for name, default, meaning in _ARGUMENT.findall(listed):
-        choices: Iterable[str] = [""]
-        if match := _CHOICES.search(meaning):
-            choices = match[1].split(", ")
-        elif default in _SWITCH:
-            choices = _SWITCH
-        found.update({f"{name}:={choice}": meaning for choice in choices})
-    return found
+def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callable[..., list[str]]:
+    """A completer of what is running; ``names`` gets a session and the words before."""
 
-
-def _discovered(names: Callable[..., Iterable[str]]) -> Callable[..., list[str]]:
-    """A completer of what is running; ``names`` gets a session that has discovered it."""
-
-    def completer(**_: object) -> list[str]:
-        from onebot_bringup.cli.session import Session
-
-        with Session() as session:
-            session.discover()
-            return list(names(session))
+    def completer(*, parsed_args: Namespace, **_: object) -> list[str]:
+        with suppress(OneBotError), Session() as session:
+            return list(names(session, parsed_args))
+        return []
 
     return completer
 
@@ -167,10 +148,30 @@ def _types(parser: argparse.ArgumentParser, **_: object) -> list[str]:
     return list(installed("srv" if parser.prog.startswith("onebot service") else "msg"))
 
 
-_TOPICS = _discovered(lambda session: [name for name, _ in session.topics()])
-_COMPLETERS: Mapping[str, Callable[..., list[str]]] = {  # by the name of an argument
-    **dict.fromkeys(("topic", "names"), _TOPICS),
-    "node": _discovered(lambda session: session.nodes()),
-    "service": _discovered(lambda session: [name for name, _ in session.services()]),
-    "type": _types,
+def _discover(session: Session) -> Session:
+    session.discover()
+    return session
+
+
+def _parameters(session: Session, given: Namespace) -> list[str]:
+    from onebot_bringup.introspection.parameter_client import ParameterClient
+
+    names = ParameterClient(session, session.find_node(given.node)).names()
+    return [] if len(getattr(given, "pairs", None) or ()) % 2 else names  # a value
+
+
+def _frames(session: Session, _: Namespace) -> Iterable[str]:
+    from onebot_bringup.cli.tf import received_frames
+
+    return received_frames(session)
+
+
+# By what the help calls an argument.
+_COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
+    "TOPIC": _discovered(lambda session, _: [name for name, _ in _discover(session).topics()]),
+    "NODE": _discovered(lambda session, _: _discover(session).nodes()),
+    "SERVICE": _discovered(lambda session, _: [name for name, _ in _discover(session).services()]),
+    **dict.fromkeys(("PARAMETER", "PARAMETER VALUE"), _discovered(_parameters)),
+    "TYPE": _types,
+    **dict.fromkeys(("A", "B"), _discovered(_frames)),
 }

@@ -7,12 +7,14 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
 from onebot_bringup.cli.main import version
 from onebot_bringup.cli.options import Parser, positive
+from onebot_description.description.packages import package_share
 from onebot_description.discovery import RANGE, SERVER, use_local_discovery
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.shared_memory import FOLDER, find_segments, remove_segments
@@ -27,6 +29,7 @@ _LEAST_MEMORY = 16 * 2**20  # bytes free in /dev/shm for a bringup
 _PORTS = {8080: "steering page", 9090: "viewer", 9876: "viewer's recording"}
 _FONTS = ("/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts")
 _REQUIREMENT = re.compile(r"([\w.-]+)(?:\[[\w,]+\])?\s*([^;]*)(?:;\s*(.*))?")
+_PROJECT = "pyproject.toml"
 _TEXT = "onebot doctor"
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
 
@@ -79,10 +82,17 @@ def _print(name: str, check: Callable[[], Verdict]) -> str:
 
 
 def _required() -> list[str]:
-    try:
-        return metadata.requires("onebot") or []
-    except metadata.PackageNotFoundError:
-        return []
+    """Return what pip installs; in a colcon workspace or a checkout as pyproject.toml has it."""
+    with suppress(metadata.PackageNotFoundError):
+        return metadata.requires("onebot-robots") or []
+    if sys.version_info >= (3, 11):
+        import tomllib
+
+        file = Path(__file__).resolve().parents[2] / _PROJECT
+        with suppress(OSError, OneBotError):
+            file = file if file.is_file() else package_share("onebot_bringup") / _PROJECT
+            return list(tomllib.loads(file.read_text(encoding="utf-8"))["project"]["dependencies"])
+    return []
 
 
 def _installed(name: str) -> str | None:
@@ -94,7 +104,8 @@ def _installed(name: str) -> str | None:
 
 def dependencies(required: Iterable[str], installed: Callable[[str], str | None]) -> Verdict:
     """Compare the required versions with those that ``installed`` gives; extras are left out."""
-    wrong, count = [], 0
+    wrong: dict[str, str] = {}  # by problem the requirement
+    count = 0
     for requirement in required:
         match = _REQUIREMENT.fullmatch(requirement)
         if match is None or match[3]:  # of an extra, or of another platform
@@ -103,13 +114,13 @@ def dependencies(required: Iterable[str], installed: Callable[[str], str | None]
         count += 1
         found = installed(name)
         if found is None:
-            wrong.append(f"{name} is missing")
+            wrong[f"{name} is missing"] = f"'{name}{wanted}'"
         elif not all(_fits(found, part) for part in filter(None, wanted.split(","))):
-            wrong.append(f"{name} is {found} instead of {wanted}")
+            wrong[f"{name} is {found} instead of {wanted}"] = f"'{name}{wanted}'"
     if wrong:
-        return Verdict(PROBLEM, listing(wrong), "pip install --upgrade onebot, or pip install -e .")
+        return Verdict(PROBLEM, listing(wrong), f"pip install {' '.join(wrong.values())}")
     if not count:
-        return Verdict(NOTE, "not installed, run from a checkout", "pip install -e .")
+        return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
     return Verdict(OK, f"{count} as required")
 
 

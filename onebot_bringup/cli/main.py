@@ -30,7 +30,7 @@ VERBS = {
     "view": "bring up any robot from its file and move it",
     "topic": "list, print, measure and publish topics",
     "node": "list nodes and show what they do",
-    "param": "list, get, set and dump parameters",
+    "param": "list, describe, get, set, save and load parameters",
     "service": "list and call services",
     "interface": "list types of messages and show them",
     "tf": "show the tree of frames, and transforms between frames",
@@ -39,9 +39,7 @@ VERBS = {
     "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
     "doctor": "check what is wrong on this computer",
-    "soak": "drive for long, inject faults and judge what happens",
     "completion": "print the tab completion of a shell",
-    "accuracy": "measure how accurately OneBot drives",
     "steer": "drive from a page in the browser",
     "teleop": "drive from the keyboard",
 }
@@ -56,8 +54,7 @@ _FORMER = {
     **dict.fromkeys(("roswtf", "wtf"), "doctor"),
     "rosrun": "run",
     **dict.fromkeys(("tf_echo", "tf2_echo"), "tf echo"),
-    **dict.fromkeys(("tf_monitor", "tf2_monitor"), "tf monitor"),
-    "view_frames": "tf tree",
+    **dict.fromkeys(("tf_monitor", "tf2_monitor", "view_frames"), "tf tree"),
     "check_urdf": "check",
     **dict.fromkeys(("rviz", "rviz2", "urdf_launch"), "view"),
     **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
@@ -170,7 +167,7 @@ def run_verb(words: list[str]) -> int:
         UsageError: the command line is wrong.
         OneBotError: the command fails for a reason that the user can fix.
     """
-    words = _take_settings(words)
+    words = take_settings(words)
     if not words:
         print(usage(), file=sys.stderr)
         return 2
@@ -190,7 +187,7 @@ def run_verb(words: list[str]) -> int:
     return int(import_module(f"{PACKAGE}.{first}").run(rest))
 
 
-def _take_settings(words: list[str]) -> list[str]:
+def take_settings(words: list[str]) -> list[str]:
     """Apply ``discovery:=`` and ``domain_id:=`` before the verb; return the other words."""
     count = next((n for n, word in enumerate(words) if ":=" not in word), len(words))
     if count:
@@ -229,10 +226,12 @@ def version() -> str:
     """Return the installed version."""
     from importlib import metadata  # slow to import
 
-    try:
-        return metadata.version("onebot")
-    except metadata.PackageNotFoundError:
-        return "(not installed: run from a checkout)"
+    for name in ("onebot-robots", "onebot_bringup"):  # installed by pip, built by colcon
+        try:
+            return metadata.version(name)
+        except metadata.PackageNotFoundError:
+            pass
+    return "(not installed: run from a checkout)"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterable, Sequence
 
-from onebot_bringup.cli.options import Parser, Subcommand, dispatch
+from onebot_bringup.cli.options import Parser, Subcommand, dispatch, print_rows
 from onebot_bringup.cli.session import Session, add_spin_time, is_hidden
 from onebot_description.errors import OneBotError
 
@@ -17,10 +17,7 @@ def nodes(parser: Parser, argv: Sequence[str]) -> int:
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         session.discover()
         found = session.nodes(args.all)
-        if args.count_nodes:
-            print(len(found))
-        else:
-            print("".join(f"{name}\n" for name in found), end="")
+        print_rows(found, count=args.count_nodes)
         if len(set(found)) != len(found):
             _warn_of_duplicates(found)
     return 0

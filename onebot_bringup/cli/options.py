@@ -3,8 +3,9 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import CodeType
 from typing import NoReturn
 
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
@@ -79,10 +80,6 @@ class Parser(argparse.ArgumentParser):
         Raises:
             UsageError: the command line is wrong.
         """
-        if "_ARGCOMPLETE" in os.environ:  # the shell wants to know what can follow
-            from onebot_bringup.cli.completion import complete_parser
-
-            complete_parser(self)
         words = list(argv)
         for word in words:
             if not _is_unicode(word):
@@ -101,6 +98,16 @@ def _is_unicode(word: str) -> bool:
 def add_allow_non_finite(parser: Parser) -> None:
     """Add the option that infinities and NaN are advised to be given with."""
     parser.add_argument("--allow-non-finite", action="store_true", help="accept .nan and .inf")
+
+
+def listed(found: Iterable[tuple[str, Sequence[str]]], types: bool) -> list[str]:
+    """Return the names of topics or services, with their types if asked for."""
+    return [f"{name} [{', '.join(kinds)}]" if types else name for name, kinds in found]
+
+
+def print_rows(rows: Sequence[str], *, count: bool) -> None:
+    """Print these lines, or only their number."""
+    print(len(rows) if count else "\n".join(rows), end="\n" if count or rows else "")
 
 
 def read_stdin() -> str:
@@ -147,3 +154,11 @@ def natural(text: str, most: int = 2**31 - 1) -> int:
     if value > most:
         raise argparse.ArgumentTypeError(f"{text} is above {most}")
     return value
+
+
+def expression(text: str) -> CodeType:
+    """Compile a Python expression, for ``type=``."""
+    try:
+        return compile(text, "--filter", "eval")
+    except (SyntaxError, ValueError) as error:
+        raise argparse.ArgumentTypeError(f"{text} is no Python expression: {error}") from None

@@ -1,8 +1,9 @@
-"""``onebot param ...``: lists, gets, sets and dumps parameters, like ``ros2 param``."""
+"""``onebot param ...``: shows, sets, saves and loads parameters, like ``ros2 param``."""
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, add_allow_non_finite, dispatch
@@ -12,6 +13,7 @@ from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import NOT_SET
 from onebot_bringup.launch.arguments import UsageError
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.files import no_section, read_parameters, read_text
 
 
 def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:
@@ -80,12 +82,12 @@ def _rows(client: ParameterClient, prefixes: Sequence[str], types: bool) -> list
 def get(parser: Parser, argv: Sequence[str]) -> int:
     """Show a parameter; return the exit code."""
     parser.add_argument("node", metavar="NODE", help=_NODE)
-    parser.add_argument("name", metavar="PARAMETER")
+    parser.add_argument("parameter", metavar="PARAMETER")
     parser.add_argument("--hide-type", action="store_true", help="print the value only")
     args = parser.parse(argv)
     with Session(args.ros_args) as session:
         client = ParameterClient(session, session.find_node(args.node))
-        value = client.get(args.name)
+        value = client.get(args.parameter)
     if value.type == parameter_values.NOT_SET:
         print("None" if args.hide_type else "Parameter not set.")
     elif args.hide_type:
@@ -110,7 +112,10 @@ def set_values(parser: Parser, argv: Sequence[str]) -> int:
         client = ParameterClient(session, session.find_node(args.node))
         results = client.set(pairs, finite=not args.allow_non_finite)
     for (name, _), result in zip(pairs, results, strict=True):
-        _print_result(f"{name}: " if len(pairs) > 1 else "", result)
+        prefix = f"{name}: " if len(pairs) > 1 else ""
+        _print_result(
+            result, f"{prefix}Set parameter successful", f"{prefix}Setting parameter failed"
+        )
     return 0 if all(result.successful for result in results) else 1
 
 
@@ -123,12 +128,81 @@ def _guard_negative(argv: Sequence[str]) -> list[str]:
     return [*options, "--", *(word for word in words if word not in options)]
 
 
-def _print_result(prefix: str, result: Any) -> None:
+def _print_result(result: Any, done: str, failed: str) -> None:
     reason = f": {result.reason}" if result.reason else ""
     if result.successful:
-        print(f"{prefix}Set parameter successful{reason}")
+        print(f"{done}{reason}")
     else:
-        print(f"{prefix}Setting parameter failed{reason}", file=sys.stderr)
+        print(f"{failed}{reason}", file=sys.stderr)
+
+
+def load(parser: Parser, argv: Sequence[str]) -> int:
+    """Set the parameters that a file has for a node; return 1 if the node rejected any."""
+    parser.add_argument("node", metavar="NODE", help=_NODE)
+    parser.add_argument("file", type=Path, metavar="FILE", help="such as param dump prints")
+    parser.add_argument(
+        "--no-use-wildcard", action="store_true", help="not what is for several nodes, as in /**"
+    )
+    add_allow_non_finite(parser)
+    args = parser.parse(argv)
+    text = read_text(args.file)
+    with Session(args.ros_args) as session:
+        node = session.find_node(args.node)
+        found = read_parameters(text, str(args.file), node)
+        if problem := no_section(found, [args.file], node):
+            raise OneBotError(problem)
+        pairs = [
+            (name, parameter_values.quoted(value))
+            for name, value in found.values.items()
+            if not (args.no_use_wildcard and name in found.shared)
+        ]
+        client = ParameterClient(session, node)
+        results = client.set(pairs, finite=not args.allow_non_finite)
+    for (name, _), result in zip(pairs, results, strict=True):
+        _print_result(result, f"Set parameter {name} successful", f"Set parameter {name} failed")
+    return 0 if all(result.successful for result in results) else 1
+
+
+def delete(parser: Parser, argv: Sequence[str]) -> int:
+    """Unset a parameter; return the exit code: 1 if the node rejected it."""
+    parser.add_argument("node", metavar="NODE", help=_NODE)
+    parser.add_argument("parameter", metavar="PARAMETER")
+    args = parser.parse(argv)
+    with Session(args.ros_args) as session:
+        result = ParameterClient(session, session.find_node(args.node)).delete(args.parameter)
+    _print_result(result, "Deleted parameter successfully", "Deleting parameter failed")
+    return 0 if result.successful else 1
+
+
+def describe(parser: Parser, argv: Sequence[str]) -> int:
+    """Show what parameters are and may be; return the exit code."""
+    parser.add_argument("node", metavar="NODE", help=_NODE)
+    parser.add_argument("parameter", nargs="+", metavar="PARAMETER")
+    args = parser.parse(argv)
+    with Session(args.ros_args) as session:
+        client = ParameterClient(session, session.find_node(args.node))
+        client.require(args.parameter)
+        found = client.describe(args.parameter)
+    for descriptor in found:
+        print("\n".join(_described(descriptor)))
+    return 0
+
+
+def _described(descriptor: Any) -> Iterator[str]:
+    yield f"Parameter name: {descriptor.name}"
+    yield f"  Type: {parameter_values.type_label(descriptor.type)}"
+    if descriptor.description:
+        yield f"  Description: {descriptor.description}"
+    yield "  Constraints:"
+    if descriptor.read_only:
+        yield "    Read only: true"
+    for limits in (*descriptor.floating_point_range, *descriptor.integer_range):
+        yield f"    Min value: {limits.from_value}"
+        yield f"    Max value: {limits.to_value}"
+        if limits.step:
+            yield f"    Step: {limits.step}"
+    if descriptor.additional_constraints:
+        yield f"    Additional constraints: {descriptor.additional_constraints}"
 
 
 def dump(parser: Parser, argv: Sequence[str]) -> int:
@@ -147,6 +221,9 @@ COMMANDS = {
     "list": Subcommand("list the parameters of a node, or of all", names),
     "get": Subcommand("show a parameter", get),
     "set": Subcommand("set a parameter", set_values),
+    "delete": Subcommand("unset a parameter", delete),
+    "describe": Subcommand("show what parameters are and may be", describe),
+    "load": Subcommand("set the parameters that a file has for a node", load),
     "dump": Subcommand("print all parameters of a node as a parameter file", dump),
 }
 

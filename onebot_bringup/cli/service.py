@@ -10,7 +10,9 @@ from onebot_bringup.cli.options import (
     Subcommand,
     add_allow_non_finite,
     dispatch,
+    listed,
     positive,
+    print_rows,
     read_stdin,
 )
 from onebot_bringup.cli.session import Session, add_spin_time
@@ -22,21 +24,36 @@ _SLOW = 2.0  # s without a response until a note is printed
 def services(parser: Parser, argv: Sequence[str]) -> int:
     """List the services; return the exit code."""
     parser.add_argument("-t", "--show-types", action="store_true", help="show the types too")
+    _add_listing(parser)
+    args = parser.parse(argv)
+    with Session(args.ros_args, spin_time=args.spin_time) as session:
+        session.discover()
+        found = session.services(args.hidden)
+    print_rows(listed(found, args.show_types), count=args.count_services)
+    return 0
+
+
+def _add_listing(parser: Parser) -> None:
     parser.add_argument("-c", "--count-services", action="store_true", help="only their number")
     parser.add_argument(
         "-a", "--all", "--include-hidden-services",
         dest="hidden", action="store_true", help="hidden services too",
     )  # fmt: skip
     add_spin_time(parser)
+
+
+def find(parser: Parser, argv: Sequence[str]) -> int:
+    """List the services of a type; return the exit code."""
+    parser.add_argument("type", metavar="TYPE", help="such as std_srvs/srv/Trigger")
+    _add_listing(parser)
     args = parser.parse(argv)
+    from onebot_bringup.introspection.interfaces import full_name
+
+    wanted = full_name(args.type, "srv")
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         session.discover()
-        found = session.services(args.hidden)
-        if args.count_services:
-            print(len(found))
-            return 0
-        for name, types in found:
-            print(f"{name} [{', '.join(types)}]" if args.show_types else name)
+        names = [name for name, types in session.services(args.hidden) if wanted in types]
+    print_rows(names, count=args.count_services)
     return 0
 
 
@@ -136,6 +153,7 @@ def _types(session: Session, name: str) -> list[str]:
 
 COMMANDS = {
     "call": Subcommand("call a service", call_service),
+    "find": Subcommand("list the services of a type", find),
     "list": Subcommand("list the services", services),
     "type": Subcommand("show a service's type", type_of),
 }

@@ -13,19 +13,21 @@ from onebot_bringup.cli.options import (
     add_allow_non_finite,
     count,
     dispatch,
+    expression,
+    listed,
     natural,
     not_negative,
     positive,
+    print_rows,
     read_stdin,
 )
 from onebot_bringup.cli.session import Session, add_spin_time, await_class, types_of
-from onebot_bringup.introspection.rates import Bandwidth, Delays, Intervals
+from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
-from onebot_description.wire.cdr import nanoseconds
 
 _NO_MESSAGE = 2.0  # s without a message until echo prints a note
 _NO_SUBSCRIBER = 2.0  # s without a subscriber until pub prints a note
-_REPORT = 1.0  # s between reports of hz, bw and delay
+_REPORT = 1.0  # s between reports of hz and bw
 _SILENT_REPORTS = 2  # reports without any message until a note is printed
 
 _Row = tuple[str, list[str], int]
@@ -53,6 +55,11 @@ def _add_echo_arguments(parser: Parser) -> None:
     parser.add_argument(
         "--field", metavar="FIELD", help="print only a part: pose.pose.position, position[0]"
     )
+    parser.add_argument(
+        "--filter", type=expression, metavar="EXPR",
+        help="print only messages for which this Python expression of m, the message (or its "
+        "FIELD), is true, such as 'm.linear.x > 0.1'",
+    )  # fmt: skip
     parser.add_argument("--csv", action="store_true", help="print values separated by commas")
     parser.add_argument("--raw", action="store_true", help="print the bytes on the wire")
     parser.add_argument("--flow-style", action="store_true", help="one line per message")
@@ -87,7 +94,8 @@ class _Echo:
             strings=not args.no_str,
             flow=args.flow_style,
         )
-        self._received = False
+        self._message = "message that passes --filter" if args.filter else "message"
+        self._received = False  # such a message
         self._error: OneBotError | None = None
 
     def run(self) -> int:
@@ -110,7 +118,7 @@ class _Echo:
                 self._report_no_message(topic)
             left = None if left is None else left - first
             if not self._session.spin(self._first, left):
-                raise OneBotError(f"no message on {topic} within {args.timeout:g} s")
+                raise OneBotError(f"no {self._message} on {topic} within {args.timeout:g} s")
         if not args.once:
             self._session.spin(lambda: self._check() and False)
         return 0
@@ -134,21 +142,32 @@ class _Echo:
     def _report_no_message(self, topic: str) -> None:
         publishers = self._session.node.count_publishers(topic)
         who = f"{publishers} publisher(s)" if publishers else "no publisher"
-        print(f"note: no message on {topic} yet; {who}", file=sys.stderr)
+        print(f"note: no {self._message} on {topic} yet; {who}", file=sys.stderr)
 
     def _on_message(self, message: Any) -> None:
         if self._error is not None or (self._received and self._args.once):
             return
+        from onebot_bringup.introspection.message_text import pick
+
         try:
-            self._print(message)
-        except OneBotError as error:  # of the field; to be raised outside of the callback
+            part = pick(message, self._args.field) if self._args.field else message
+            if self._passes(part):
+                self._print(part)
+                self._received = True
+        except OneBotError as error:  # to be raised outside of the callback
             self._error = error
-        self._received = True
 
-    def _print(self, message: Any) -> None:
-        from onebot_bringup.introspection.message_text import is_message, pick, to_csv, to_yaml
+    def _passes(self, part: Any) -> bool:
+        if self._args.filter is None:
+            return True
+        try:
+            return bool(eval(self._args.filter, {"m": part}))
+        except Exception as error:  # whatever the user's expression raises
+            raise OneBotError(f"--filter: {type(error).__name__}: {error}") from None
 
-        part = pick(message, self._args.field) if self._args.field else message
+    def _print(self, part: Any) -> None:
+        from onebot_bringup.introspection.message_text import is_message, to_csv, to_yaml
+
         if self._args.csv and not self._args.raw:
             print(to_csv(part, self._style))
         elif is_message(part):
@@ -168,13 +187,18 @@ def _on_lost(status: Any) -> None:
 
 def hz(parser: Parser, argv: Sequence[str]) -> int:
     """Print the rate of a topic each second; return the exit code."""
+    parser.add_argument(
+        "--wall-time", action="store_true", help="by this computer's time, not a simulated one"
+    )
     args = _parse_measurement(parser, argv, 10000)
     meter = Intervals(args.window)
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         clock = session.node.get_clock()
-        _measure(
-            session, args, lambda _: meter.arrived(clock.now().nanoseconds * 1e-9), meter.report
-        )
+
+        def now() -> float:
+            return time.monotonic() if args.wall_time else clock.now().nanoseconds * 1e-9
+
+        _measure(session, args, lambda _: meter.arrived(now()), meter.report)
 
 
 def bw(parser: Parser, argv: Sequence[str]) -> int:
@@ -191,20 +215,6 @@ def bw(parser: Parser, argv: Sequence[str]) -> int:
         )
 
 
-def delay(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the age of a topic's messages each second; return the exit code."""
-    args = _parse_measurement(parser, argv, 10000)
-    meter = Delays(args.window)
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        clock = session.node.get_clock()
-
-        def arrived(message: Any) -> None:
-            stamp = message.header.stamp
-            meter.arrived((clock.now().nanoseconds - nanoseconds(stamp)) * 1e-9)
-
-        _measure(session, args, arrived, meter.report, raw=False)
-
-
 def _parse_measurement(parser: Parser, argv: Sequence[str], window: int) -> Namespace:
     parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
     parser.add_argument(
@@ -219,24 +229,21 @@ def _parse_measurement(parser: Parser, argv: Sequence[str], window: int) -> Name
 def _measure(
     session: Session,
     args: Namespace,
-    arrived: Callable[[Any], None],
+    arrived: Callable[[bytes], None],
     report: Callable[[], str | None],
     *,
-    raw: bool = True,
     announce: bool = False,
 ) -> NoReturn:
     topic, kind = await_class(session, args.topic)
-    if not raw and "header" not in kind.get_fields_and_field_types():
-        raise OneBotError(f"msg does not have header: {topic} has no stamp to compare with")
     received = 0
 
-    def on_message(message: Any) -> None:
+    def on_message(data: bytes) -> None:
         nonlocal received
         received += 1
-        arrived(message)
+        arrived(data)
 
     session.node.create_subscription(
-        kind, topic, on_message, qos.matching(session.node, topic, args), raw=raw
+        kind, topic, on_message, qos.matching(session.node, topic, args), raw=True
     )
     if announce:
         print(f"Subscribed to [{topic}]")
@@ -267,17 +274,14 @@ def topics(parser: Parser, argv: Sequence[str]) -> int:
     with Session(args.ros_args, spin_time=args.spin_time) as session:
         session.discover()
         found = session.topics(args.include_hidden_topics)
-        if args.count_topics:
-            print(len(found))
-        elif args.verbose:
+        if args.verbose and not args.count_topics:
             node = session.node
             published = [(name, types, node.count_publishers(name)) for name, types in found]
             subscribed = [(name, types, node.count_subscribers(name)) for name, types in found]
             print(_verbose("Published", "publisher", published))
             print(_verbose("Subscribed", "subscriber", subscribed))
         else:
-            for name, types in found:
-                print(f"{name} [{', '.join(types)}]" if args.show_types else name)
+            print_rows(listed(found, args.show_types), count=args.count_topics)
     return 0
 
 
@@ -354,7 +358,7 @@ def find(parser: Parser, argv: Sequence[str]) -> int:
         session.discover()
         rows = session.topics(args.include_hidden_topics)
         names = [name for name, types in rows if wanted in types]
-        print(len(names) if args.count_topics else "\n".join(names), end="\n" if names else "")
+        print_rows(names, count=args.count_topics)
     return 0
 
 
@@ -507,7 +511,6 @@ COMMANDS = {
     "find": Subcommand("list the topics of a type", find),
     "hz": Subcommand("measure the rate of messages", hz),
     "bw": Subcommand("measure the bandwidth", bw),
-    "delay": Subcommand("measure the age of messages, by their header", delay),
 }
 
 

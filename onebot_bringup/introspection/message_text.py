@@ -61,7 +61,10 @@ def to_yaml(message: Any, style: Style | None = None) -> str:
 
 
 def to_csv(message: Any, style: Style | None = None) -> str:
-    """Return all values within a message (or a part of it), separated by commas, in order."""
+    """Return all values within a message (or a part of it), separated by commas, in order.
+
+    An empty list is one empty value, so that what follows it stays in its column.
+    """
     return ",".join(_flat(message, None, style or Style()))
 
 
@@ -110,7 +113,7 @@ def _flat(value: Any, slot: Any, style: Style) -> list[str]:
         if not style.arrays and isinstance(slot, AbstractNestedType):
             return [_summary(value, slot)]
         printed = value if style.longest is None else value[: style.longest]
-        items = [text for item in printed for text in _flat(item, None, style)]
+        items = [text for item in printed for text in _flat(item, None, style)] or [""]
         return items if len(printed) == len(value) else [*items, "..."]
     if is_message(value):
         names = value.get_fields_and_field_types()

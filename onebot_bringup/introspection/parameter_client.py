@@ -80,6 +80,14 @@ class ParameterClient:
             return [ParameterValue()]
         return [value for name in names for value in self.values([name])]
 
+    def require(self, names: Sequence[str]) -> None:
+        """Raise an OneBotError for the first name of no parameter; it lists similar ones."""
+        known = self.names()
+        for name in names:
+            if name not in known:
+                hint = did_you_mean(name, known, "parameters")
+                raise OneBotError(f'{self._node} has no parameter "{name}"{hint}')
+
     def describe(self, names: Sequence[str]) -> list[Any]:
         """Return a ParameterDescriptor for each name, if all exist."""
         return list(self._call("DescribeParameters", names=list(names)).descriptors)
@@ -91,11 +99,21 @@ class ParameterClient:
             OneBotError: the parameter does not exist; the message lists similar names.
         """
         [value] = self.values([name])
-        if value.type == NOT_SET and name not in (known := self.names()):
-            raise OneBotError(
-                f'{self._node} has no parameter "{name}"{did_you_mean(name, known, "parameters")}'
-            )
+        if value.type == NOT_SET:
+            self.require([name])
         return value
+
+    def delete(self, name: str) -> Any:
+        """Unset a parameter; return a SetParametersResult.
+
+        Raises:
+            OneBotError: as ``get`` does.
+        """
+        from rcl_interfaces.msg import Parameter
+
+        self.require([name])
+        [result] = self._call("SetParameters", parameters=[Parameter(name=name)]).results
+        return result
 
     def set(
         self, pairs: Sequence[tuple[str, str]], *, same_types: bool = False, finite: bool = False

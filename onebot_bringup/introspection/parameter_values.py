@@ -51,9 +51,16 @@ def text_of(value: Any) -> str:
     found = _yaml_value(value_of(value))
     if found is None:
         return ""
-    if isinstance(found, str):
-        return found if _unquoted(found) == found else json.dumps(found)
-    text = yaml.safe_dump(found, default_flow_style=True, width=math.inf, allow_unicode=True)
+    if isinstance(found, str) and _unquoted(found) == found:
+        return found
+    return quoted(found)
+
+
+def quoted(value: Any) -> str:
+    """Return a plain value, such as that of a file, as YAML that ``parse_value`` reads."""
+    if isinstance(value, str):
+        return json.dumps(value)
+    text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
     return text.removesuffix("\n").removesuffix("\n...")
 
 

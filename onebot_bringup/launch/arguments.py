@@ -46,6 +46,7 @@ class Argument:
     description: str  # one line; for choices these are added to it
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
     type: ValueType = ValueType(str)  # what its text must stand for
+    examples: tuple[str, ...] = ()  # of other values, for tab completion
 
     @property
     def help(self) -> str:
@@ -53,6 +54,12 @@ class Argument:
         if self.choices and self.choices != (*_TRUE, *_FALSE):
             return f"{self.description} ({', '.join(self.choices)})"
         return self.description
+
+    @property
+    def suggested(self) -> Sequence[str]:
+        """What tab completion offers as its value."""
+        switched = _TRUE[0], _FALSE[0]
+        return switched if self.default in switched else self.choices or self.examples or ("",)
 
     def problem(self, text: str) -> str:
         """Return what is wrong with the argument written as ``text``, and what would be right."""
@@ -209,8 +216,12 @@ def _switch_value(value: str) -> str:
     return "true" if lower in _TRUE else "false" if lower in _FALSE else value
 
 
+listed: list[Argument] = []  # by this process, for tab completion
+
+
 def table(arguments: Sequence[Argument]) -> str:
     """Return the arguments as text: name, default, description, one a line."""
+    listed.extend(arguments)
     rows = [(printable(f"{a.name}:={a.default}"), printable(a.help)) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
     return "\n".join(_row(left, right, width) for left, right in rows)
@@ -239,7 +250,6 @@ _MAX_FREQUENCY = 1000  # Hz
 _CYCLES = 0.001, 1000.0  # of the controller, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
-_WORLDS = "maze, ramp, or a URDF or xacro file with walls and boxes"
 _LOOPBACK = "127.0.0.1"
 _OF_STEERING = ("host", "port", "token")
 # What does not go together with robots:=, and why.
@@ -290,6 +300,7 @@ def discovery_settings() -> list[Argument]:
             "which nodes are discovered; not given: as the environment has it; "
             "HOST:PORT of a discovery server, or (localhost, subnet)",
             type=ValueType(str, Rule(pattern=ARGUMENT, write=WANTED)),
+            examples=(LOCALHOST, "subnet"),
         ),
     ]
 
@@ -328,6 +339,9 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
 
 def simulation_arguments(control: str) -> list[Argument]:
     """Return the further arguments of a robot that can be simulated; ``control`` is its default."""
+    from onebot_description.description.worlds import shipped_worlds  # slow to import
+
+    worlds = tuple(shipped_worlds())
     return [
         switch("sim", True, "simulate it; false: joint_state_publisher moves its joints instead"),
         Argument(
@@ -346,7 +360,16 @@ def simulation_arguments(control: str) -> list[Argument]:
         number("x", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("y", "", f"where it starts, metres; {_AS_IN_FILE}"),
         number("yaw", "", f"where it faces at the start, radians; {_AS_IN_FILE}"),
-        Argument("world", "", f"what stands around it: {_WORLDS}; empty: nothing"),
+        Argument(
+            "world",
+            "",
+            f"what stands around it: {', '.join(worlds)}, or a URDF or xacro file with walls and "
+            "boxes; empty: nothing",
+            examples=worlds,
+        ),
+        Argument(
+            "sensors", "", "sensors that its URDF lacks: a URDF or xacro file with their blocks"
+        ),
         number("rate", "", f"control cycles a second, Hz; {_AS_IN_FILE}", *_CYCLES),
     ]
 
@@ -370,8 +393,10 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    if values.get("world") and values["sim"] == "false":
-        raise UsageError(f"world:={values['world']} is for the simulation: leave out sim:=false")
+    for name in ("world", "sensors"):
+        if values.get(name) and values["sim"] == "false":
+            text = "is for the simulation: leave out sim:=false"
+            raise UsageError(f"{name}:={values[name]} {text}")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:

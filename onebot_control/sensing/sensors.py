@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from queue import SimpleQueue
 from typing import Any, NamedTuple, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,11 +127,12 @@ class Instrument:
         )
         return np.array([bias(noise, once) for noise in noises])
 
-    def measure(self, world: World) -> None:
-        """Measure, and publish, what somebody wants."""
-        wanted = self._outlet.wanted()
-        if not wanted:
-            return
+    def wanted(self) -> frozenset[str]:
+        """Return the outputs that somebody wants."""
+        return self._outlet.wanted()
+
+    def measure(self, world: World, wanted: frozenset[str]) -> None:
+        """Measure, and publish, the outputs ``wanted``."""
         link = world.placed.links[self.row][self.sensor.link]
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
         pose = Pose(link.rotation @ turn, link.rotation @ at + link.position)
@@ -238,16 +240,16 @@ class Sensing:
         world: Description | None,
         cycles: float,
         gravity: float,
-        warn: Callable[[str, str], None],
+        warn: Callable[[str], object],
         failed: Callable[[BaseException], None],
     ) -> None:
-        """Start the thread.
+        """Get ready; ``start`` starts the thread.
 
         Args:
             world: what stands around the robots.
             cycles: control cycles a second, Hz.
             gravity: m/s^2.
-            warn: called with a key and a text.
+            warn: called with a text.
             failed: called with what has ended the thread.
         """
         self._world, self._cycles, self._gravity = world, cycles, gravity
@@ -257,19 +259,32 @@ class Sensing:
         self._due: list[Instrument] = []
         self._last: tuple[int, Sequence[Snapshot]] | None = None
         self._jobs: SimpleQueue[tuple[Instrument, Frame] | None] = SimpleQueue()
-        self._reported: dict[Instrument, tuple[float, int, int]] = {}
+        self._reported: WeakKeyDictionary[Instrument, tuple[float, int, int]] = WeakKeyDictionary()
+        self._scene: tuple[Sequence[SensedRobot], Scene, camera.Painter] | None = None
+        self._stopped = False
         self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
+
+    def start(self) -> None:
+        """Start to measure.
+
+        The scene of robots with sensors is built here: reading meshes would hold up the loop.
+        """
+        if any(self._instruments.values()):
+            self._build(self._robots)
         self._thread.start()
 
     def stop(self) -> None:
         """End the thread after what it is measuring."""
         self._stopped = True
         self._jobs.put(None)
-        self._thread.join(_PATIENCE)
+        if self._thread.is_alive():
+            self._thread.join(_PATIENCE)
 
     def enter(self, row: int, robot: SensedRobot, instruments: Sequence[Instrument]) -> None:
         """Sense with these ``instruments`` of the robot of ``row`` from now on."""
-        self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
+        known = self._robots[row] if row < len(self._robots) else None
+        if known is None or known.description is not robot.description:  # else the scene stays
+            self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
         costs = list(_WAITING)
         self._instruments[row] = sorted(
             instruments, key=lambda each: costs.index(type(each.sensor.model))
@@ -303,39 +318,39 @@ class Sensing:
                     self._jobs.put((each, frame))
         self._last = tick, snapshots
 
-    _stopped = False
-
     def _run(self) -> None:
         try:
             world: World | None = None
             while (job := self._jobs.get()) and not self._stopped:
                 instrument, frame = job
-                world = self._at(frame, world)
-                instrument.measure(world)
+                if wanted := instrument.wanted():
+                    world = self._at(frame, world)
+                    instrument.measure(world, wanted)
                 instrument.done += 1
                 self._report(instrument)
         except BaseException as error:
             self._failed(error)
 
+    def _build(self, robots: Sequence[SensedRobot]) -> tuple[Scene, camera.Painter]:
+        """Return the scene with these robots, which is built where they are other ones."""
+        if self._scene is None or self._scene[0] is not robots:
+            scene = Scene(self._world, robots)
+            self._scene = robots, scene, camera.Painter(scene.still)
+        return self._scene[1:]
+
     def _at(self, frame: Frame, last: World | None) -> World:
         """Return the world of a frame; ``last`` is that of the last one."""
         if last is not None and last.frame is frame:
             return last
+        scene, painter = self._build(frame.robots)
         states = [RobotState(*each.pose, each.joints.positions) for each in frame.snapshots]
-        if last is None or last.frame.robots is not frame.robots:
-            scene = Scene(self._world, frame.robots)
-            painter = camera.Painter(scene.still)
-        else:
-            scene, painter = last.scene, last.painter
         placed = scene.place(frame.boxes, states)
         return World(frame, scene, placed, painter, 1.0 / self._cycles, self._gravity)
 
     def _report(self, instrument: Instrument) -> None:
         """Warn once a minute if measurements were dropped."""
-        now, fresh = time.monotonic(), instrument not in self._reported
-        made, dropped = instrument.done, instrument.dropped
-        if fresh:
-            self._reported[instrument] = now - _REPORT + _FIRST_REPORT, made, dropped
+        now, made, dropped = time.monotonic(), instrument.done, instrument.dropped
+        self._reported.setdefault(instrument, (now - _REPORT + _FIRST_REPORT, 0, 0))
         since, before, dropped_before = self._reported[instrument]
         if now - since < _REPORT:
             return
@@ -345,6 +360,4 @@ class Sensing:
             reached = instrument.rate * made / (made + dropped)
             name = instrument.sensor.name
             text = f'sensor "{name}" reaches {reached:.3g} of {instrument.rate:g} Hz'
-            self._warn(
-                f"sensor {name}", f"{text}: measuring takes too long; lower its rate or its size"
-            )
+            self._warn(f"{text}: measuring takes too long; lower its rate or its size")

@@ -20,7 +20,7 @@ def load_world(world: str) -> Description:
     Raises:
         OneBotError: there is no such world, or it cannot be used.
     """
-    known = _shipped()
+    known = shipped_worlds()
     if world in known:
         return load_description(known[world])
     if "/" not in world and "." not in world and not Path(world).is_file():
@@ -33,7 +33,7 @@ def load_world(world: str) -> Description:
     return description
 
 
-def _shipped() -> dict[str, Path]:
-    """The files of worlds by name."""
+def shipped_worlds() -> dict[str, Path]:
+    """Return the files of the worlds that ship, by name."""
     files = (package_share("onebot_description") / "worlds").glob(f"*{_ENDING}")
     return {file.name.removesuffix(_ENDING): file for file in sorted(files)}

@@ -7,11 +7,14 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+import pytest
+from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
 
-from onebot_bringup.cli.completion import launch_words
+from onebot_bringup.cli.main import VERBS
+from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.cli_support import MODULE, onebot, output_of
-from tests.ros_support import Peer
+from tests.ros_support import LATCHED, Peer
 
 ROBOT = Path(__file__).parents[2] / "mrm_description/urdf/mrm.xacro"
 
@@ -24,16 +27,21 @@ WORDS = {
     "onebot topic echo --flow": {"--flow-style"},
     "onebot topic pub /x geometry_msgs/msg/TwistS": {"geometry_msgs/msg/TwistStamped"},
     "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
-    "onebot tf ": {"tree", "echo", "monitor"},
+    "onebot tf ": {"tree", "echo"},
     "onebot run onebot_c": {"onebot_control"},
     "onebot run onebot_control ": {"velocity_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
     "onebot doctor --c": {"--clean"},
-    "onebot soak --fault cut": {"cut-link"},
     "onebot nothing ": set(),
     "onebot topic nothing ": set(),
     "onebot run onebot_control velocity_controller ": set(),  # it must not run
+    "onebot discovery:=subnet topic e": {"echo"},
+    "onebot accuracy --wr": {"--write"},  # which has a parser of its own
+    "onebot check ": {"package_path:=", "arm.urdf"},
     "onebot_bringup viewer:=na": {"viewer:=native"},
+    "onebot_bringup world:=": {"world:=maze", "world:=ramp"},
+    "onebot_bringup world:=a": {"world:=arm.urdf"},
+    "onebot_bringup sim": {"sim:=true", "sim:=false"},
     "/bin/mrm_bringup ste": set(),
     "mrm_bringup names": {"namespace:="},
     f"onebot view {ROBOT} relo": {"reload:=true", "reload:=false"},
@@ -74,36 +82,40 @@ def completed(lines: Iterable[str], folder: Path) -> dict[str, set[str]]:
     return found
 
 
-def test_words(tmp_path: Path) -> None:
-    """Commands, subcommands, options, types; launch arguments with their choices."""
+def test_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands, subcommands, options, types; launch arguments with their choices, and files."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (folder / "arm.urdf").touch()
+    monkeypatch.chdir(folder)
     assert completed(WORDS, tmp_path) == WORDS
+
+
+def test_every_command(tmp_path: Path) -> None:
+    """A command that is added is completed, and none runs for it."""
+    lines = {verb: (f"onebot {verb} ", f"onebot {verb} --") for verb in VERBS}
+    found = completed([line for both in lines.values() for line in both], tmp_path)
+    assert [verb for verb, both in lines.items() if not any(found[line] for line in both)] == []
 
 
 def test_running_topics(ros_domain: int, tmp_path: Path) -> None:
     """Names of what is discovered."""
     with Peer(ros_domain, "talker") as peer:
         peer.node.create_publisher(String, "/words", 10)
-        lines = {"onebot topic echo /wo": {"/words"}, "onebot node info /t": {"/talker"}}
+        peer.node.declare_parameter("speed", 1.0)
+        message = TFMessage(transforms=[TransformStamped(child_frame_id="left_wheel")])
+        message.transforms[0].header.frame_id = "base_link"
+        peer.node.create_publisher(TFMessage, "/tf_static", LATCHED).publish(message)
+        lines = {
+            "onebot topic echo /wo": {"/words"},
+            "onebot node info /t": {"/talker"},
+            "onebot param get /talker sp": {"speed"},
+            "onebot param set /talker sp": {"speed"},
+            "onebot param set /talker speed sp": set(),
+            "onebot tf echo base": {"base_link"},
+            "onebot tf echo base_link le": {"left_wheel"},
+        }
         assert completed(lines, tmp_path) == lines
-
-
-def test_launch_words() -> None:
-    """Of what --show-args prints: switches and choices with their values."""
-    listed = (
-        "  viewer:=web    where (web, none)\n"
-        "  reload:=true   edits\n"
-        "  reach:=1.0\n"
-        "  params_file:=/a/long/path.yaml\n"
-        "                 a file (x y)\n"
-    )
-    assert launch_words(listed) == {
-        "viewer:=web": "where (web, none)",
-        "viewer:=none": "where (web, none)",
-        "reload:=true": "edits",
-        "reload:=false": "edits",
-        "reach:=": "",
-        "params_file:=": "a file (x y)",
-    }
 
 
 def test_in_bash(tmp_path: Path) -> None:

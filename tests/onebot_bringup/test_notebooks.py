@@ -118,12 +118,21 @@ def test_driving_a_thousand_metres_with_the_odometry_centimetres_off(tmp_path):
         "driving",
         tmp_path,
         "{'driven': driven, 'error': error.tolist(), 'worn': error_worn.tolist(),"
+        " 'least': right.get_ylim()[0],"
         " 'ros': 'rclpy' in sys.modules}",
     )
     assert results["driven"] == pytest.approx(1000.0, abs=0.02)
     assert len(results["error"]) > 1000
     assert 0.01 < max(results["error"]) < 0.2
     assert results["worn"][-1] > 100 * results["error"][-1]
+    assert results["least"] == pytest.approx(1e-3)  # m; at the start the error is almost 0
+    printed = [
+        output.text
+        for cell in notebook.cells
+        for output in cell.get("outputs", ())
+        if "text" in output
+    ]
+    assert "\r500 of 1000 m\r" in "".join(printed)
     assert not results["ros"]
     assert _pictures(notebook) == 1
 
