@@ -128,15 +128,11 @@ class Driving:
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
         self._scene_publisher = self._publish_scene(fleet)
-        self.sensing = Sensing(
-            self.scene,
-            fleet.rate,
-            fleet.world.settings.gravity,
-            Throttled(self._node.get_logger().warning),
-            self._fail,
-        )
+        gravity, warn = fleet.world.settings.gravity, self._node.get_logger().warning
+        self.sensing = Sensing(self.scene, fleet.rate, gravity, warn, self._fail)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.sense(self.sensing, driven, robot.instruments(driven.config))
+        self.sensing.start()
         self.loop = ControlLoop(
             fleet,
             self._publish,

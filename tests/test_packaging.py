@@ -104,6 +104,7 @@ def test_wheels_of_ros_are_asked_for_where_they_exist(system, machine, wheels):
     asked = [each.name for each in required if not each.marker or each.marker.evaluate(platform)]
     assert len([name for name in asked if name.startswith("ros-")]) == wheels
     assert {"xacro", "rerun-sdk", "pybullet"} <= set(asked)
+    assert ("embreex" in asked) == (machine == "x86_64" or system == "darwin")
 
 
 def _environment_without_ros_variables() -> dict[str, str]:

@@ -21,7 +21,7 @@ from onebot_bringup.cli.param import frame_prefix
 from onebot_bringup.cli.robots import description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
-from onebot_bringup.introspection.message_senders import publishers
+from onebot_bringup.introspection.publishers import publishers
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE

@@ -4,10 +4,10 @@ import math
 import sys
 import time
 from argparse import Namespace
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch, natural, positive
 from onebot_bringup.cli.session import PATIENCE, Session
@@ -15,13 +15,9 @@ from onebot_bringup.introspection.rates import Window
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
-if TYPE_CHECKING:
-    from onebot_bringup.introspection.frame_publishers import TfSenders
-
 _TOPICS = ("/tf", "/tf_static")
 _DEPTH = 100  # of the subscriptions, as tf2's
 _WINDOW = 1000  # samples of a rate
-_CHECK_EVERY = 0.5  # s, for frames that several nodes publish
 _NANO = 1e-9
 
 
@@ -32,7 +28,8 @@ def tree(parser: Parser, argv: Sequence[str]) -> int:
         help="how long transforms are collected (2 s)",
     )  # fmt: skip
     args = parser.parse(argv)
-    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
+    with Session(args.ros_args) as session:
+        transforms = _Transforms(session)
         transforms.await_first()
         transforms.spin(lambda: False, args.wait_time)
         print("\n".join(_drawn(transforms)))
@@ -43,20 +40,19 @@ def tree(parser: Parser, argv: Sequence[str]) -> int:
 
 def received_frames(session: Session) -> list[str]:
     """Return the names of the frames that are received within a second of the first."""
-    with closing(_Transforms(session)) as transforms:
-        transforms.await_first()
-        transforms.spin(lambda: False, 1.0)
-        return sorted(transforms.buffer.names)
+    transforms = _Transforms(session)
+    transforms.await_first()
+    transforms.spin(lambda: False, 1.0)
+    return sorted(transforms.buffer.names)
 
 
 def _drawn(transforms: "_Transforms") -> list[str]:
     buffer, now = transforms.buffer, transforms.now_ns()
     roots = buffer.roots
     below = {name: [c for c in buffer.children(name) if c not in roots] for name in buffer.names}
-    rows = [("frame", "rate", "age", "published by")]
+    rows = [("frame", "rate", "age")]
     for branch, name in branches(roots, lambda frame: below[frame]):
-        publishers = transforms.publishers(name) if name in buffer.frames else ""
-        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now), publishers))
+        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now)))
     return aligned(rows)
 
 
@@ -79,6 +75,12 @@ def _faults(transforms: "_Transforms") -> list[str]:
     for root in roots:
         if root in frames:
             found.append(f"{cell(root)} is in a loop: it is below itself")
+    for name, count in Counter(transforms.publishers("/tf")).items():
+        if count > 1:
+            found.append(
+                f"/tf is published by {count} nodes named {name}: their frames jump between two "
+                "robots. Stop one, or start one with namespace:=NAME"
+            )
     return found
 
 
@@ -106,7 +108,8 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
         "-p", "--precision", type=digits, default=3, metavar="N", help="digits after the point (3)"
     )
     args = parser.parse(argv)
-    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
+    with Session(args.ros_args) as session:
+        transforms = _Transforms(session)
         _await_transform(transforms, args, args.timeout)
         due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
         while True:
@@ -197,7 +200,7 @@ class _Arrivals:
 
 
 class _Transforms:
-    """What a session receives on /tf and /tf_static, and from whom; it warns of conflicts.
+    """What a session receives on /tf and /tf_static.
 
     Attributes:
         buffer: the transforms.
@@ -207,15 +210,12 @@ class _Transforms:
     def __init__(self, session: Session) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        from onebot_bringup.introspection.frame_publishers import FramePublishers
         from onebot_bringup.introspection.transforms import TransformBuffer
         from onebot_description.wire.tf_message import TFMessage
 
         self.buffer = TransformBuffer()
         self.frames: dict[str, _Arrivals] = {}
-        self._session, self._publishers = session, FramePublishers()
-        self._senders: TfSenders | None = None
-        self._began = self._checked = time.monotonic()
+        self._session = session
         self._warned: set[str] = set()
         for topic, durability in zip(
             _TOPICS, (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL), strict=True
@@ -227,11 +227,6 @@ class _Transforms:
                 QoSProfile(depth=_DEPTH, durability=durability),
                 raw=True,
             )
-
-    def close(self) -> None:
-        """End the subscriptions that are not the executor's."""
-        if self._senders is not None:
-            self._senders.close()
 
     def _receiver(self, topic: str) -> Callable[[bytes], None]:
         from onebot_description.wire.messages import BAD_MESSAGE, tf_arrays
@@ -252,38 +247,7 @@ class _Transforms:
 
     def spin(self, until: Callable[[], Any], timeout: float) -> Any:
         """Receive until ``until()`` is true, for ``timeout`` seconds at most."""
-        return self._session.spin(self._polling(until), timeout)
-
-    def _polling(self, condition: Callable[[], Any]) -> Callable[[], Any]:
-        def check() -> Any:
-            self._poll()
-            return condition()
-
-        return check
-
-    def _poll(self) -> None:
-        """See who has sent what; warn of frames that several nodes publish, each once."""
-        now = time.monotonic()
-        if self._senders is None:
-            self._await_names(now)
-            return
-        for sender, transforms, latched in self._senders.take():
-            self._publishers.add(sender, transforms, latched=latched)
-        if now - self._checked > _CHECK_EVERY:
-            self._checked = now
-            for conflict in self._publishers.conflicts(self._senders.senders()):
-                self.warn(str(conflict))
-
-    def _await_names(self, now: float) -> None:
-        """Begin to see who sends once that is discovered: what comes before is nobody's."""
-        from onebot_bringup.introspection.frame_publishers import TfSenders
-        from onebot_bringup.introspection.message_senders import publishers
-
-        node = self._session.node
-        counts = [(node.count_publishers(t), len(publishers(node, t))) for t in _TOPICS]
-        known = any(number for number, _ in counts) and all(a == b for a, b in counts)
-        if known or now - self._began > PATIENCE:
-            self._senders = TfSenders(node)
+        return self._session.spin(until, timeout)
 
     def warn(self, text: str) -> None:
         """Print a warning, once."""
@@ -300,20 +264,16 @@ class _Transforms:
         Raises:
             OneBotError: nobody publishes one.
         """
-        if not self._session.look_for(self._polling(lambda: self.buffer.frames), "transforms"):
-            published = "; ".join(f"publishers of {t}: {self._of_topic(t)}" for t in _TOPICS)
-            raise OneBotError(f"no transform was received on /tf and /tf_static ({published})")
+        if not self._session.look_for(lambda: self.buffer.frames, "transforms"):
+            found = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
+            named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in found)
+            raise OneBotError(f"no transform was received on /tf and /tf_static ({named})")
 
-    def publishers(self, frame: str) -> str:
-        """The nodes that publish a frame, joined by commas; of its topic, if it is not known."""
-        found = self._publishers.publishers(frame)
-        return ", ".join(found) or self._of_topic(_TOPICS[self.buffer.frames[frame].static])
+    def publishers(self, topic: str) -> list[str]:
+        """The names of the nodes that publish a topic, of each publisher one."""
+        from onebot_bringup.introspection.publishers import publishers
 
-    def _of_topic(self, topic: str) -> str:
-        from onebot_bringup.introspection.message_senders import publishers
-
-        found = publishers(self._session.node, topic).values()
-        return " or ".join(sorted(set(found))) or "none"
+        return list(publishers(self._session.node, topic).values())
 
 
 COMMANDS = {

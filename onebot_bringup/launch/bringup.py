@@ -99,6 +99,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
+    from onebot_description.description.loading import load_sensors
     from onebot_description.description.places import PLACES, keep_places
     from onebot_description.description.worlds import load_world
     from onebot_description.description.xacro import included_files
@@ -131,6 +132,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     if values.get("world"):
         values["world"] = load_world(values["world"]).source  # checked
         values["view"] = own.get("view", command.world_view)
+    if values.get("sensors"):  # likewise
+        values["sensors"] = str(load_sensors(values["sensors"], description.link_names).files[0])
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
