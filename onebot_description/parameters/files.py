@@ -310,6 +310,15 @@ def read_text(file: Path) -> str:
 _SOURCES = ("config_file", "robot_description")
 
 
+def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
+    """Return a warning if the files have sections, but none for ``node``."""
+    sections = parameters.sections
+    if not sections or any(section_matches(section, node) for section in sections):
+        return None
+    names = ", ".join(map(str, files))
+    return f"{names} has no section for {node}, only for {listing(sections)}"
+
+
 class LiveParameters:
     """The parameters that files hold for one node, now and when they are next saved.
 
@@ -336,11 +345,7 @@ class LiveParameters:
     @property
     def warning(self) -> str | None:
         """A warning if the files have sections, but none for this node."""
-        sections = self.file.sections
-        if not sections or any(section_matches(section, self._node) for section in sections):
-            return None
-        names = ", ".join(map(str, self.files))
-        return f"{names} has no section for {self._node}, only for {listing(sections)}"
+        return no_section(self.file, self.files, self._node)
 
     def add(self, config_file: str) -> None:
         """Take the file of the parameter ``config_file`` as the last of the files, to be read."""
