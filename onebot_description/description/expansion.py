@@ -20,15 +20,12 @@ from xml.dom import minidom
 from xml.dom.minicompat import NodeList
 
 import xacro
+from simpleeval import FunctionNotDefined, NameNotDefined
 from xacro import substitution_args
 
 from onebot_description.description import xml
 from onebot_description.description.bounded_process import Place
-from onebot_description.description.expressions import (
-    ExpressionError,
-    evaluate,
-    plain_type,
-)
+from onebot_description.description.expressions import evaluate, global_symbols
 from onebot_description.description.packages import find_package
 from onebot_description.description.xacro import used_arguments
 from onebot_description.description.xml import missing_file, shown_path
@@ -42,6 +39,7 @@ from onebot_description.errors import (
 
 _MOST_BYTES = 50_000_000  # of the result, as of a file
 _MOST_PLACES = 4
+_UNKNOWN = (NameError, NameNotDefined, FunctionNotDefined)
 _DEEP = 50  # calls in calls; nobody means so many
 
 
@@ -146,12 +144,9 @@ class _Run:
         substitution_args._eval_find = self.find
         substitution_args._eval = self.eval
         names = substitution_args._eval_dict
-        symbols = xacro.create_global_symbols()
-        python = symbols["python"]
-        python["type"] = plain_type
-        del python["vars"]
+        symbols = global_symbols()
         self._eval_names = {
-            **python,
+            **symbols["python"],
             **{name: value for name, value in names.items() if not name.startswith("_")},
             "find": self.find,
         }
@@ -265,13 +260,13 @@ def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]
     """The message without its place."""
     inner = chain[-1]
     expression = _expression(chain)
-    if isinstance(inner, OneBotError) and not isinstance(inner, ExpressionError):
+    if isinstance(inner, OneBotError):
         return str(inner)
     if isinstance(inner, RecursionError):
         return _recursing(frames)
     if isinstance(inner, FileNotFoundError) and inner.filename:
         return missing_file(Path(str(inner.filename)))
-    if isinstance(inner, NameError) and (name := re.search(r"name '(.+?)'", str(inner))):
+    if isinstance(inner, _UNKNOWN) and (name := re.search(r"'(.+?)'", str(inner))):
         hint = did_you_mean(name[1], _names(frames, "symbols"), "defined")
         where = f" in ${{{expression}}}" if expression else ""
         return f'unknown property "{name[1]}"{where}{hint}'
