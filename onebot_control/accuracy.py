@@ -1,4 +1,4 @@
-"""``onebot accuracy``: odometry and motion accuracy of a simulated robot, as a table.
+"""Odometry and motion accuracy of a simulated robot: ``python -m onebot_control.accuracy``.
 
 `measure` drives the paths and compares command, odometry and true pose; `table` prints the result.
 """
@@ -355,7 +355,7 @@ def main(argv: Sequence[str]) -> int:
     Raises:
         OneBotError: a file is missing or wrong.
     """
-    parser = argparse.ArgumentParser(prog="onebot accuracy", description=_SUMMARY)
+    parser = argparse.ArgumentParser(prog="python -m onebot_control.accuracy", description=_SUMMARY)
     parser.add_argument(
         "--robot",
         default="package://onebot_description/urdf/onebot.urdf.xacro",
@@ -393,4 +393,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except OneBotError as problem:
+        sys.exit(f"error: {problem}")

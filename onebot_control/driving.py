@@ -1,6 +1,7 @@
 """The ROS interface of velocity_controller: commands, parameters and services of a control loop."""
 
 import gc
+import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -28,6 +29,7 @@ from onebot_control.real_time import Pace, PaceMeter
 from onebot_control.sensing.publishing import RobotSensors
 from onebot_control.sensing.scene import SensedRobot
 from onebot_control.sensing.sensors import Instrument, Sensing
+from onebot_control.simulation.engine import logger as simulation_log
 from onebot_control.simulation.scene import load_scene
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
@@ -89,6 +91,7 @@ class Driving:
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
         self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
+        simulation_log.handlers = [NodeLog(self._node)]
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)
         self.factor = settings[0].config.real_time_factor
@@ -125,15 +128,11 @@ class Driving:
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
         self._scene_publisher = self._publish_scene(fleet)
-        self.sensing = Sensing(
-            self.scene,
-            fleet.rate,
-            fleet.world.settings.gravity,
-            Throttled(self._node.get_logger().warning),
-            self._fail,
-        )
+        gravity, warn = fleet.world.settings.gravity, self._node.get_logger().warning
+        self.sensing = Sensing(self.scene, fleet.rate, gravity, warn, self._fail)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.sense(self.sensing, driven, robot.instruments(driven.config))
+        self.sensing.start()
         self.loop = ControlLoop(
             fleet,
             self._publish,
@@ -211,6 +210,19 @@ class Driving:
             )
         else:
             self._node.get_logger().info(text)
+
+
+class NodeLog(logging.Handler):
+    """Passes what the simulation logs, which knows no ROS, to a node's logger."""
+
+    def __init__(self, node: Node) -> None:
+        """Log by ``node``."""
+        super().__init__(logging.WARNING)
+        self._logger = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log as a warning."""
+        self._logger.warning(record.getMessage())
 
 
 def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:

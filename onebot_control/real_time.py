@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 _SECOND, _MINUTE = 1.0, 60.0
-_SLOW = 0.95  # share of the wanted factor below which it is logged
+_SLOW = 0.9  # share of the wanted factor below which it is logged
 
 
 @dataclass

@@ -35,12 +35,14 @@ Publishes (reliable, depth 10, unless noted):
     ~/cmd_vel_locked (std_msgs/msg/Bool, transient local): whether it is locked, at every change.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
         publish_limited_velocity; else there is no such topic.
+    what the sensors of the URDF measure (LaserScan, PointCloud2, Imu, Image and CameraInfo of
+        sensor_msgs), on their topics, where it is subscribed to; see README.md.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
         or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Else they
         are the system's, and there is no /clock.
 
     /diagnostics (diagnostic_msgs/msg/DiagnosticArray): each second the real-time factor in it, and
-        the control cycles that were missed; WARN where it is below 0.95 of real_time_factor.
+        the control cycles that were missed; WARN where it is below 0.9 of real_time_factor.
 Velocities are by the clock that stamps them: in slow motion, on the system's time, they are lower
 than those of the simulation.
 
@@ -69,6 +71,8 @@ Parameters: those of diff_drive_controller, and (* is read at the start only)
     world_frame_id (string, default world): frame of ~/ground_truth and parent of odom_frame_id;
         empty gives the truth in the odometry's frame and leaves odom_frame_id without parent, but
         is world where there is one, and then it is read at the start only.
+    sensors (string, default ""): a URDF or xacro file with sensors that the URDF lacks.
+    sensor_noise (bool, default true): sensors have the noise that their blocks have.
     joint_state_broadcaster.joints, .interfaces, .extra_joints (string[]), .frame_id (string,
         default base_link): joint_state_broadcaster's.
 left_wheel_names* and right_wheel_names* are found in the URDF where they are empty, the default;

@@ -77,7 +77,9 @@ def question() -> str:
 def configure_discovery(*, whole_graph: bool = False) -> None:
     """Set up Fast DDS for the range of discovery; call it before rclpy is initialised.
 
-    On one computer, nodes announce themselves often. Fast DDS 2.14 announces a participant before
+    On one computer, nodes listen on loopback only: the range limits whom they look for, but another
+    computer that looks for this one (ROS_STATIC_PEERS) would find them. They announce themselves
+    often. Fast DDS 2.14 announces a participant before
     it listens, so that about every other first answer is lost, and the next announcement is 3 s
     away; there, five small packets a second cost nothing.
 
@@ -85,7 +87,8 @@ def configure_discovery(*, whole_graph: bool = False) -> None:
     looks for that computer, for 3 s each time, packets fill the socket's buffer, and the control
     loop would stand still. What is dropped and was reliable is sent again.
 
-    A profile of the user's own is left as it is. Ports that would stop the start are removed.
+    A profile or transports of the user's own are left as they are. Ports that would stop the start
+    are removed.
 
     Args:
         whole_graph: with a discovery server, discover also what has no topic in common with this
@@ -94,10 +97,9 @@ def configure_discovery(*, whole_graph: bool = False) -> None:
     remove_broken_ports()
     if whole_graph and server():
         os.environ.setdefault(_SUPER_CLIENT, "TRUE")
-    if any(os.environ.get(name) for name in _PROFILES):
+    if any(os.environ.get(name) for name in (*_PROFILES, _TRANSPORTS)):
         return
     local = os.environ.get(RANGE) == LOCALHOST.upper() and not server()
-    if local or not os.environ.get(_TRANSPORTS):
-        name = "one_computer" if local else "network"
-        profile = package_share("onebot_description") / f"config/{name}.xml"
-        os.environ[_PROFILES[0]] = str(profile)
+    name = "one_computer" if local else "network"
+    profile = package_share("onebot_description") / f"config/{name}.xml"
+    os.environ[_PROFILES[0]] = str(profile)

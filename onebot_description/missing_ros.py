@@ -13,6 +13,7 @@ from onebot_description.errors import OneBotError
 # What is imported of it. Not tf2_msgs, which need not be there (see wire/tf_message.py).
 ROS_PACKAGES = (
     "builtin_interfaces",
+    "diagnostic_msgs",
     "geometry_msgs",
     "nav_msgs",
     "rcl_interfaces",

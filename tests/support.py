@@ -9,8 +9,8 @@ from typing import TypeVar
 
 import pytest
 
-from onebot_bringup.introspection.domains import claimed_domain
 from onebot_description.shared_memory import remove_broken_ports
+from tests.domains import claimed_domain
 
 T = TypeVar("T")
 

@@ -2,11 +2,14 @@
 
 import base64
 import json
+import os
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import pytest
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
@@ -18,7 +21,7 @@ from tests.support_rendering import colored, pixels
 DRAWING_PATIENCE = 600.0
 # Without the background flags Chromium itself talks to other hosts, which is not the page's doing.
 _FLAGS = (
-    "--headless=new --no-sandbox --disable-quic --no-first-run --disable-background-networking "
+    "--no-sandbox --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --use-angle=swiftshader "
     "--enable-unsafe-swiftshader --disable-dev-shm-usage"
 )
@@ -27,18 +30,23 @@ SMALL = (800, 640)
 
 
 @contextmanager
-def browser(profile: Path, size: tuple[int, int] = (1280, 800)) -> Iterator[webdriver.Chrome]:
+def browser(
+    profile: Path, size: tuple[int, int] = (1280, 800), headless: bool = True
+) -> Iterator[webdriver.Chrome]:
     """Start Chromium with an empty profile; skip where it is missing, but fail in CI.
 
     Args:
         profile: a folder of its own.
         size: of the window, in pixels.
+        headless: without a window on a display, such as that of `display`.
     """
     options = webdriver.ChromeOptions()
     options.binary_location = require_program("chromium")
     width, height = size
     for flag in (*_FLAGS.split(), f"--user-data-dir={profile}", f"--window-size={width},{height}"):
         options.add_argument(flag)
+    if headless:
+        options.add_argument("--headless=new")
     options.set_capability("goog:loggingPrefs", {"performance": "ALL"})
     driver = webdriver.Chrome(
         options=options, service=Service(require_program("chromedriver", "chromium-driver"))
@@ -50,6 +58,36 @@ def browser(profile: Path, size: tuple[int, int] = (1280, 800)) -> Iterator[webd
         yield driver
     finally:
         driver.quit()
+
+
+@contextmanager
+def display() -> Iterator[None]:
+    """Have a screen without hardware, with a window manager, for what is started in the block.
+
+    Skips where their programs are missing, but fails in CI.
+    """
+    server, manager = require_program("Xvfb", "xvfb"), require_program("openbox")
+    reading, writing = os.pipe()
+    screen = [
+        server,
+        "-displayfd",
+        str(writing),
+        "-screen",
+        "0",
+        "1400x1000x24",
+        "-nolisten",
+        "tcp",
+    ]
+    with subprocess.Popen(screen, pass_fds=[writing], stderr=subprocess.DEVNULL) as running:
+        os.close(writing)
+        with open(reading) as number, pytest.MonkeyPatch.context() as patch:
+            patch.setenv("DISPLAY", f":{number.readline().strip()}")
+            with subprocess.Popen([manager, "--sm-disable"], stderr=subprocess.DEVNULL) as managing:
+                try:
+                    yield
+                finally:
+                    managing.terminate()
+                    running.terminate()
 
 
 def screenshot(driver: webdriver.Chrome) -> bytes:

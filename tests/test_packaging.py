@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import shutil
 import site
 import subprocess
@@ -103,6 +104,7 @@ def test_wheels_of_ros_are_asked_for_where_they_exist(system, machine, wheels):
     asked = [each.name for each in required if not each.marker or each.marker.evaluate(platform)]
     assert len([name for name in asked if name.startswith("ros-")]) == wheels
     assert {"xacro", "rerun-sdk", "pybullet"} <= set(asked)
+    assert ("embreex" in asked) == (machine == "x86_64" or system == "darwin")
 
 
 def _environment_without_ros_variables() -> dict[str, str]:
@@ -161,6 +163,15 @@ WHERE = (
 )
 
 
+def test_extras_in_messages_are_the_projects():
+    """The distribution that messages have people install, and none that is another project's."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    files = [path for name in MAY_IMPORT for path in (CHECKOUT / name).rglob("*.py")]
+    named = re.findall(r"[\w-]*onebot[\w-]*\[\w+\]", "".join(path.read_text() for path in files))
+    extras = {f"onebot-robots[{extra}]" for extra in project["optional-dependencies"]}
+    assert project["name"] == "onebot-robots" and named and {*named} <= extras
+
+
 @pytest.mark.slow
 def test_regular_install_registers_the_packages(tmp_path):
     """From a wheel, $(find pkg) and ament_index work with no variable set by the user."""
@@ -172,6 +183,8 @@ def test_regular_install_registers_the_packages(tmp_path):
     assert file == share / "launch/mrm_bringup.launch.py"
     scripts = {path.name for path in (tmp_path / "venv/bin").iterdir()}
     assert {"onebot", "mrm_bringup"} <= scripts
+    version = subprocess.run([tmp_path / "venv/bin/onebot", "--version"], stdout=subprocess.PIPE)
+    assert version.stdout.decode().split() == ["onebot", "0.1.0"]
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def run(argv: Sequence[str]) -> int:
         from argcomplete.shell_integration import shellcode
     except ImportError:
         raise OneBotError(
-            "tab completion needs argcomplete: pip install argcomplete, or onebot[completion]"
+            "tab completion needs argcomplete: pip install 'onebot-robots[completion]'"
         ) from None
     print(shellcode(["onebot", *_SCRIPTS], shell=args.shell))
     return 0

@@ -84,7 +84,7 @@ def _print(name: str, check: Callable[[], Verdict]) -> str:
 def _required() -> list[str]:
     """Return what pip installs; in a colcon workspace or a checkout as pyproject.toml has it."""
     with suppress(metadata.PackageNotFoundError):
-        return metadata.requires("onebot") or []
+        return metadata.requires("onebot-robots") or []
     if sys.version_info >= (3, 11):
         import tomllib
 

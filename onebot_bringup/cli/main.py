@@ -39,9 +39,7 @@ VERBS = {
     "bag": "record topics, play a recording, show what it holds",
     "replay": "show a recording",
     "doctor": "check what is wrong on this computer",
-    "soak": "drive for long, inject faults and judge what happens",
     "completion": "print the tab completion of a shell",
-    "accuracy": "measure how accurately OneBot drives",
     "steer": "drive from a page in the browser",
     "teleop": "drive from the keyboard",
 }
@@ -56,8 +54,7 @@ _FORMER = {
     **dict.fromkeys(("roswtf", "wtf"), "doctor"),
     "rosrun": "run",
     **dict.fromkeys(("tf_echo", "tf2_echo"), "tf echo"),
-    **dict.fromkeys(("tf_monitor", "tf2_monitor"), "tf monitor"),
-    "view_frames": "tf tree",
+    **dict.fromkeys(("tf_monitor", "tf2_monitor", "view_frames"), "tf tree"),
     "check_urdf": "check",
     **dict.fromkeys(("rviz", "rviz2", "urdf_launch"), "view"),
     **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
@@ -229,7 +226,7 @@ def version() -> str:
     """Return the installed version."""
     from importlib import metadata  # slow to import
 
-    for name in ("onebot", "onebot_bringup"):  # installed by pip, built by colcon
+    for name in ("onebot-robots", "onebot_bringup"):  # installed by pip, built by colcon
         try:
             return metadata.version(name)
         except metadata.PackageNotFoundError:

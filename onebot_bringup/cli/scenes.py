@@ -21,14 +21,14 @@ from onebot_bringup.cli.param import frame_prefix
 from onebot_bringup.cli.robots import description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
-from onebot_bringup.introspection.message_senders import publishers
+from onebot_bringup.introspection.publishers import publishers
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
-from onebot_bringup.viewer.pictures import Framing, UnreadableError, render
+from onebot_bringup.viewer.pictures import Framing, render
 from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
-from onebot_bringup.viewer.rrd import check_rrd, has_content, salvage
+from onebot_bringup.viewer.rrd import check_rrd, has_content
 from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.topics import TopicSubscriptions, published_topics
 from onebot_bringup.viewer.view_source import ViewSource
@@ -71,12 +71,7 @@ def draw(args: Namespace, scene: Path) -> None:
         check_rrd(source)
         if has_content(source) is False:
             raise OneBotError(f"{source} holds nothing to draw")
-        try:
-            _render(args, source)
-        except UnreadableError:
-            salvage(source, scene)
-            _warn(f"{source} was cut short, or is still being written: drawn as far as it goes")
-            _render(args, scene)
+        _render(args, source)
     else:
         recording = open_recording(save=scene)
         try:

@@ -139,7 +139,7 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
     The frames of one that is started later are named as a bringup names them.
     """
     from onebot_bringup.cli.param import frame_prefix
-    from onebot_bringup.introspection.message_senders import publishers
+    from onebot_bringup.introspection.publishers import publishers
 
     own = f"/{namespace}".rstrip("/")
     topics = session.spin(lambda: description_topics(session, own), PATIENCE)

@@ -1,13 +1,13 @@
-"""``onebot tf ...``: the tree of frames, and transforms, like tf2's echo and monitor."""
+"""``onebot tf ...``: the tree of frames, and transforms, like tf2_echo."""
 
 import math
 import sys
 import time
 from argparse import Namespace
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch, natural, positive
 from onebot_bringup.cli.session import PATIENCE, Session
@@ -15,14 +15,9 @@ from onebot_bringup.introspection.rates import Window
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
-if TYPE_CHECKING:
-    from onebot_bringup.introspection.frame_publishers import TfSenders
-    from onebot_description.wire.messages import TfArrays
-
 _TOPICS = ("/tf", "/tf_static")
 _DEPTH = 100  # of the subscriptions, as tf2's
-_WINDOW = 1000  # samples of a rate or delay
-_CHECK_EVERY = 0.5  # s, for frames that several nodes publish
+_WINDOW = 1000  # samples of a rate
 _NANO = 1e-9
 
 
@@ -33,7 +28,8 @@ def tree(parser: Parser, argv: Sequence[str]) -> int:
         help="how long transforms are collected (2 s)",
     )  # fmt: skip
     args = parser.parse(argv)
-    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
+    with Session(args.ros_args) as session:
+        transforms = _Transforms(session)
         transforms.await_first()
         transforms.spin(lambda: False, args.wait_time)
         print("\n".join(_drawn(transforms)))
@@ -44,20 +40,19 @@ def tree(parser: Parser, argv: Sequence[str]) -> int:
 
 def received_frames(session: Session) -> list[str]:
     """Return the names of the frames that are received within a second of the first."""
-    with closing(_Transforms(session)) as transforms:
-        transforms.await_first()
-        transforms.spin(lambda: False, 1.0)
-        return sorted(transforms.buffer.names)
+    transforms = _Transforms(session)
+    transforms.await_first()
+    transforms.spin(lambda: False, 1.0)
+    return sorted(transforms.buffer.names)
 
 
 def _drawn(transforms: "_Transforms") -> list[str]:
     buffer, now = transforms.buffer, transforms.now_ns()
     roots = buffer.roots
     below = {name: [c for c in buffer.children(name) if c not in roots] for name in buffer.names}
-    rows = [("frame", "rate", "age", "published by")]
+    rows = [("frame", "rate", "age")]
     for branch, name in branches(roots, lambda frame: below[frame]):
-        publishers = transforms.publishers(name) if name in buffer.frames else ""
-        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now), publishers))
+        rows.append((branch + cell(name), *_rate_and_age(transforms, name, now)))
     return aligned(rows)
 
 
@@ -80,6 +75,12 @@ def _faults(transforms: "_Transforms") -> list[str]:
     for root in roots:
         if root in frames:
             found.append(f"{cell(root)} is in a loop: it is below itself")
+    for name, count in Counter(transforms.publishers("/tf")).items():
+        if count > 1:
+            found.append(
+                f"/tf is published by {count} nodes named {name}: their frames jump between two "
+                "robots. Stop one, or start one with namespace:=NAME"
+            )
     return found
 
 
@@ -89,7 +90,8 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
     Raises:
         OneBotError: there is no transform within ``--timeout``.
     """
-    _add_frames(parser)
+    parser.add_argument("target", metavar="A", help="a frame, such as odom")
+    parser.add_argument("source", metavar="B", help="the frame whose pose in A is shown")
     parser.add_argument(
         "echo_rate",
         nargs="?",
@@ -106,7 +108,8 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
         "-p", "--precision", type=digits, default=3, metavar="N", help="digits after the point (3)"
     )
     args = parser.parse(argv)
-    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
+    with Session(args.ros_args) as session:
+        transforms = _Transforms(session)
         _await_transform(transforms, args, args.timeout)
         due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
         while True:
@@ -122,13 +125,6 @@ def echo(parser: Parser, argv: Sequence[str]) -> int:
 def digits(text: str) -> int:
     """Parse a number of digits, for ``type=``."""
     return natural(text, most=100)
-
-
-def _add_frames(parser: Parser, nargs: str | None = None) -> None:
-    parser.add_argument("target", nargs=nargs, metavar="A", help="a frame, such as odom")
-    parser.add_argument(
-        "source", nargs=nargs, metavar="B", help="the frame whose pose in A is shown"
-    )
 
 
 def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float | None) -> None:
@@ -185,111 +181,41 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
     )
 
 
-def monitor(parser: Parser, argv: Sequence[str]) -> int:
-    """Print rates and delays until Ctrl-C; return the exit code.
-
-    Raises:
-        UsageError: one frame without the other.
-    """
-    _add_frames(parser, "?")
-    parser.add_argument(
-        "--period", type=positive, default=2.0, metavar="S", help="seconds between reports (2)"
-    )
-    args = parser.parse(argv)
-    if args.target and not args.source:
-        parser.error("name both frames, or none")
-    with Session(args.ros_args) as session, closing(_Transforms(session)) as transforms:
-        if args.target:
-            print(
-                f"Waiting for transform chain to become available between {args.target} and "
-                f"{args.source}"
-            )
-            _await_transform(transforms, args, None)
-        else:
-            transforms.await_first()
-        net = Window(_WINDOW)
-
-        def sample() -> None:
-            if args.target:
-                stamp_ns = transforms.buffer.lookup(args.target, args.source).stamp_ns
-                if stamp_ns:
-                    net.add((transforms.now_ns() - stamp_ns) * _NANO)
-
-        while True:
-            transforms.spin(sample, args.period)
-            print(f"\n\n\n{_results(transforms, args, net)}")
-
-
-def _results(transforms: "_Transforms", args: Namespace, net: Window) -> str:
-    buffer = transforms.buffer
-    names = sorted(buffer.frames)
-    lines = ["RESULTS: for all Frames"]
-    if args.target:
-        chain = buffer.chain(args.target, args.source)
-        names = [name for name in chain if name in buffer.frames]
-        lines = [f"RESULTS: for {args.target} to {args.source}", f"Chain is: {' -> '.join(chain)}"]
-        if found := net.statistics():
-            lines.append(f"Net delay     avg = {found.mean:.6g}: max = {found.high:.6g}")
-    lines += ["", "Frames:"]
-    for name in names:
-        delay = "static" if buffer.frames[name].static else transforms.frames[name].delay()
-        publishers = transforms.publishers(name)
-        lines.append(f"Frame: {cell(name)}, published by {publishers}, {delay}")
-    lines += ["", "All Broadcasters:"]
-    for node, arrivals in sorted(transforms.nodes.items()):
-        if rate := arrivals.rate():
-            lines.append(f"Node: {node} {rate:.3f} Hz, {arrivals.delay()}")
-    return "\n".join(lines)
-
-
 @dataclass
 class _Arrivals:
-    """When messages with a frame, or of a node, were received, and how old they were."""
+    """When messages with a frame were received."""
 
     intervals: Window = field(default_factory=lambda: Window(_WINDOW))  # s
-    delays: Window = field(default_factory=lambda: Window(_WINDOW))  # s
     last: float | None = None
 
-    def add(self, now: float, delay: float) -> None:
+    def add(self, now: float) -> None:
         if self.last is not None:
             self.intervals.add(now - self.last)
         self.last = now
-        self.delays.add(delay)
 
     def rate(self) -> float:
         """Hz; 0 if that is not known, or nothing came since the last call."""
         found = self.intervals.statistics()
         return 1.0 / found.mean if found is not None and found.mean > 0.0 else 0.0
 
-    def delay(self) -> str:
-        found = self.delays.statistics()
-        if found is None:
-            return "no new transform"
-        return f"Average Delay: {found.mean:.6g}, Max Delay: {found.high:.6g}"
-
 
 class _Transforms:
-    """What a session receives on /tf and /tf_static, and from whom; it warns of conflicts.
+    """What a session receives on /tf and /tf_static.
 
     Attributes:
         buffer: the transforms.
         frames: how each child frame arrives.
-        nodes: how the messages of each node on /tf arrive, seen every 20 ms.
     """
 
     def __init__(self, session: Session) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        from onebot_bringup.introspection.frame_publishers import FramePublishers
         from onebot_bringup.introspection.transforms import TransformBuffer
         from onebot_description.wire.tf_message import TFMessage
 
         self.buffer = TransformBuffer()
         self.frames: dict[str, _Arrivals] = {}
-        self.nodes: dict[str, _Arrivals] = {}
-        self._session, self._publishers = session, FramePublishers()
-        self._senders: TfSenders | None = None
-        self._began = self._checked = time.monotonic()
+        self._session = session
         self._warned: set[str] = set()
         for topic, durability in zip(
             _TOPICS, (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL), strict=True
@@ -301,11 +227,6 @@ class _Transforms:
                 QoSProfile(depth=_DEPTH, durability=durability),
                 raw=True,
             )
-
-    def close(self) -> None:
-        """End the subscriptions that are not the executor's."""
-        if self._senders is not None:
-            self._senders.close()
 
     def _receiver(self, topic: str) -> Callable[[bytes], None]:
         from onebot_description.wire.messages import BAD_MESSAGE, tf_arrays
@@ -319,53 +240,14 @@ class _Transforms:
             for sentence in self.buffer.add(message, static=topic == _TOPICS[1]):
                 self.warn(sentence)
             now = time.monotonic()
-            for child, delay in zip(message.children, self._delays(message), strict=True):
-                self.frames.setdefault(child.removeprefix("/"), _Arrivals()).add(now, delay)
+            for child in message.children:
+                self.frames.setdefault(child.removeprefix("/"), _Arrivals()).add(now)
 
         return received
 
-    def _delays(self, message: "TfArrays") -> list[float]:
-        delays: list[float] = ((self.now_ns() - message.stamps_ns) * _NANO).tolist()
-        return delays
-
     def spin(self, until: Callable[[], Any], timeout: float) -> Any:
         """Receive until ``until()`` is true, for ``timeout`` seconds at most."""
-        return self._session.spin(self._polling(until), timeout)
-
-    def _polling(self, condition: Callable[[], Any]) -> Callable[[], Any]:
-        def check() -> Any:
-            self._poll()
-            return condition()
-
-        return check
-
-    def _poll(self) -> None:
-        """See who has sent what; warn of frames that several nodes publish, each once."""
-        now = time.monotonic()
-        if self._senders is None:
-            self._await_names(now)
-            return
-        for sender, transforms, latched in self._senders.take():
-            self._publishers.add(sender, transforms, latched=latched)
-            delays = self._delays(transforms)
-            if delays and not latched:
-                mean = math.fsum(delays) / len(delays)
-                self.nodes.setdefault(sender.name, _Arrivals()).add(now, mean)
-        if now - self._checked > _CHECK_EVERY:
-            self._checked = now
-            for conflict in self._publishers.conflicts(self._senders.senders()):
-                self.warn(str(conflict))
-
-    def _await_names(self, now: float) -> None:
-        """Begin to see who sends once that is discovered: what comes before is nobody's."""
-        from onebot_bringup.introspection.frame_publishers import TfSenders
-        from onebot_bringup.introspection.message_senders import publishers
-
-        node = self._session.node
-        counts = [(node.count_publishers(t), len(publishers(node, t))) for t in _TOPICS]
-        known = any(number for number, _ in counts) and all(a == b for a, b in counts)
-        if known or now - self._began > PATIENCE:
-            self._senders = TfSenders(node)
+        return self._session.spin(until, timeout)
 
     def warn(self, text: str) -> None:
         """Print a warning, once."""
@@ -382,26 +264,21 @@ class _Transforms:
         Raises:
             OneBotError: nobody publishes one.
         """
-        if not self._session.look_for(self._polling(lambda: self.buffer.frames), "transforms"):
-            published = "; ".join(f"publishers of {t}: {self._of_topic(t)}" for t in _TOPICS)
-            raise OneBotError(f"no transform was received on /tf and /tf_static ({published})")
+        if not self._session.look_for(lambda: self.buffer.frames, "transforms"):
+            found = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
+            named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in found)
+            raise OneBotError(f"no transform was received on /tf and /tf_static ({named})")
 
-    def publishers(self, frame: str) -> str:
-        """The nodes that publish a frame, joined by commas; of its topic, if it is not known."""
-        found = self._publishers.publishers(frame)
-        return ", ".join(found) or self._of_topic(_TOPICS[self.buffer.frames[frame].static])
+    def publishers(self, topic: str) -> list[str]:
+        """The names of the nodes that publish a topic, of each publisher one."""
+        from onebot_bringup.introspection.publishers import publishers
 
-    def _of_topic(self, topic: str) -> str:
-        from onebot_bringup.introspection.message_senders import publishers
-
-        found = publishers(self._session.node, topic).values()
-        return " or ".join(sorted(set(found))) or "none"
+        return list(publishers(self._session.node, topic).values())
 
 
 COMMANDS = {
     "tree": Subcommand("show the tree of frames, with rates and ages", tree),
     "echo": Subcommand("print the pose of one frame in another, like tf2_echo", echo),
-    "monitor": Subcommand("measure rates and delays, like tf2_monitor", monitor),
 }
 
 

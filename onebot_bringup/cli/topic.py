@@ -22,13 +22,12 @@ from onebot_bringup.cli.options import (
     read_stdin,
 )
 from onebot_bringup.cli.session import Session, add_spin_time, await_class, types_of
-from onebot_bringup.introspection.rates import Bandwidth, Delays, Intervals
+from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
-from onebot_description.wire.cdr import nanoseconds
 
 _NO_MESSAGE = 2.0  # s without a message until echo prints a note
 _NO_SUBSCRIBER = 2.0  # s without a subscriber until pub prints a note
-_REPORT = 1.0  # s between reports of hz, bw and delay
+_REPORT = 1.0  # s between reports of hz and bw
 _SILENT_REPORTS = 2  # reports without any message until a note is printed
 
 _Row = tuple[str, list[str], int]
@@ -216,20 +215,6 @@ def bw(parser: Parser, argv: Sequence[str]) -> int:
         )
 
 
-def delay(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the age of a topic's messages each second; return the exit code."""
-    args = _parse_measurement(parser, argv, 10000)
-    meter = Delays(args.window)
-    with Session(args.ros_args, spin_time=args.spin_time) as session:
-        clock = session.node.get_clock()
-
-        def arrived(message: Any) -> None:
-            stamp = message.header.stamp
-            meter.arrived((clock.now().nanoseconds - nanoseconds(stamp)) * 1e-9)
-
-        _measure(session, args, arrived, meter.report, raw=False)
-
-
 def _parse_measurement(parser: Parser, argv: Sequence[str], window: int) -> Namespace:
     parser.add_argument("topic", metavar="TOPIC", help="such as /joint_states")
     parser.add_argument(
@@ -244,24 +229,21 @@ def _parse_measurement(parser: Parser, argv: Sequence[str], window: int) -> Name
 def _measure(
     session: Session,
     args: Namespace,
-    arrived: Callable[[Any], None],
+    arrived: Callable[[bytes], None],
     report: Callable[[], str | None],
     *,
-    raw: bool = True,
     announce: bool = False,
 ) -> NoReturn:
     topic, kind = await_class(session, args.topic)
-    if not raw and "header" not in kind.get_fields_and_field_types():
-        raise OneBotError(f"msg does not have header: {topic} has no stamp to compare with")
     received = 0
 
-    def on_message(message: Any) -> None:
+    def on_message(data: bytes) -> None:
         nonlocal received
         received += 1
-        arrived(message)
+        arrived(data)
 
     session.node.create_subscription(
-        kind, topic, on_message, qos.matching(session.node, topic, args), raw=raw
+        kind, topic, on_message, qos.matching(session.node, topic, args), raw=True
     )
     if announce:
         print(f"Subscribed to [{topic}]")
@@ -529,7 +511,6 @@ COMMANDS = {
     "find": Subcommand("list the topics of a type", find),
     "hz": Subcommand("measure the rate of messages", hz),
     "bw": Subcommand("measure the bandwidth", bw),
-    "delay": Subcommand("measure the age of messages, by their header", delay),
 }
 
 

@@ -1,4 +1,4 @@
-"""Rate, bandwidth and delay of messages, printed like ``ros2 topic hz``, ``bw`` and ``delay``."""
+"""Rate and bandwidth of messages, printed like ``ros2 topic hz`` and ``bw``."""
 
 import math
 from collections import deque
@@ -67,23 +67,6 @@ class Intervals:
             return None
         rate = 1.0 / found.mean if found.mean > 0.0 else 0.0
         return f"average rate: {rate:.3f}\n{_details(found)}"
-
-
-class Delays:
-    """The age of messages at reception, by their header's stamp, for ``topic delay``."""
-
-    def __init__(self, size: int | None) -> None:
-        """Measure over ``size`` messages at most."""
-        self._window = Window(size)
-
-    def arrived(self, delay: float) -> None:
-        """Add a message by its age, seconds."""
-        self._window.add(delay)
-
-    def report(self) -> str | None:
-        """Return the report of the delay; None without messages since the last report."""
-        found = self._window.statistics()
-        return f"average delay: {found.mean:.3f}\n{_details(found)}" if found else None
 
 
 class Bandwidth:

@@ -367,6 +367,9 @@ def simulation_arguments(control: str) -> list[Argument]:
             "boxes; empty: nothing",
             examples=worlds,
         ),
+        Argument(
+            "sensors", "", "sensors that its URDF lacks: a URDF or xacro file with their blocks"
+        ),
         number("rate", "", f"control cycles a second, Hz; {_AS_IN_FILE}", *_CYCLES),
     ]
 
@@ -390,8 +393,10 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
         raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
     if values.get("robots"):
         _check_robots(values, given)
-    if values.get("world") and values["sim"] == "false":
-        raise UsageError(f"world:={values['world']} is for the simulation: leave out sim:=false")
+    for name in ("world", "sensors"):
+        if values.get(name) and values["sim"] == "false":
+            text = "is for the simulation: leave out sim:=false"
+            raise UsageError(f"{name}:={values[name]} {text}")
     if values.get("steer") == "false":
         for name in _OF_STEERING:
             if name in given:

@@ -99,6 +99,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     """
     from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
+    from onebot_description.description.loading import load_sensors
+    from onebot_description.description.places import PLACES, keep_places
     from onebot_description.description.worlds import load_world
     from onebot_description.description.xacro import included_files
     from onebot_description.file_watch import file_states
@@ -130,6 +132,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     if values.get("world"):
         values["world"] = load_world(values["world"]).source  # checked
         values["view"] = own.get("view", command.world_view)
+    if values.get("sensors"):  # likewise
+        values["sensors"] = str(load_sensors(values["sensors"], description.link_names).files[0])
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
@@ -138,6 +142,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         Launcher(command.program) as launcher,
     ):
         remove_stale_in_background()
+        os.environ[PLACES] = folder
+        for each in (description, *(robot.description for robot in robots)):
+            keep_places(each)
         make = NodeFactory(
             Path(folder), values, description, for_xacro, arguments.ros_args, known, robots
         )

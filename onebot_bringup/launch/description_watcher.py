@@ -17,7 +17,6 @@ from __future__ import annotations
 import json
 import sys
 import time
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -42,6 +41,8 @@ class Known(NamedTuple):
     @classmethod
     def of(cls, urdf: str, files: Iterable[Path], before: Mapping[Path, FileState]) -> Known:
         """Return it for ``files``; ``before`` holds the states that some had before the reading."""
+        from onebot_description.description.places import digest_of
+
         now = file_states(files)
         return cls(digest_of(urdf), {file: before.get(file, state) for file, state in now.items()})
 
@@ -62,11 +63,6 @@ class Known(NamedTuple):
         watch = FileWatch(self.files, known=self.files)
         while not any(watch.poll()):
             time.sleep(_POLL)
-
-
-def digest_of(urdf: str) -> str:
-    """Return a short name for a URDF text, which an edited one does not have."""
-    return f"{len(urdf):x}-{zlib.crc32(urdf.encode()):08x}"
 
 
 class DescriptionUpdates:
@@ -114,6 +110,7 @@ class DescriptionUpdates:
 
     def _load(self) -> None:
         from onebot_description.description import load_description
+        from onebot_description.description.places import keep_places
         from onebot_description.description.xacro import included_files
 
         try:
@@ -124,6 +121,7 @@ class DescriptionUpdates:
             self._watch.watch((*self._watch.files, *included_files(self._model)))
             return
         self._watch.watch(description.files)
+        keep_places(description)
         names = ", ".join(map(str, dict.fromkeys(self._edited)))
         self._edited.clear()
         self._send(description.urdf, names)
@@ -136,6 +134,8 @@ class DescriptionUpdates:
         """Have ``urdf`` published; ``names`` are the files edited."""
         from rcl_interfaces.srv import SetParameters
         from rclpy.parameter import Parameter
+
+        from onebot_description.description.places import digest_of
 
         digest = digest_of(urdf)
         if digest == self._sent:

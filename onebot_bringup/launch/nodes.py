@@ -102,6 +102,8 @@ class NodeFactory:
         for argument, name in _WHEELS.items():
             if self.values[argument]:
                 parameters[name] = [each.strip() for each in self.values[argument].split(",")]
+        if self.values["sensors"]:
+            parameters["sensors"] = self.values["sensors"]
         if self.values["world"]:
             parameters["world"], parameters["world_frame_id"] = self.values["world"], WORLD_FRAME
         return parameters

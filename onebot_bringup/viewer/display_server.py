@@ -3,6 +3,7 @@
 import ctypes
 import fcntl
 import os
+import re
 import signal
 import subprocess
 import tempfile
@@ -27,6 +28,8 @@ from onebot_description.errors import OneBotError
 # Rerun's own program as a child process that can never outlive us, whatever ends us.
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
+# What Rerun writes as it crashes, with some lines before, before a trace and where to report bugs.
+_CRASH = re.compile(r"(?:(?!.*XDG_RUNTIME_DIR).*\n+){0,8}.*(?:panicked at|caught a signal).*")
 _LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
 
 
@@ -75,11 +78,12 @@ class Child:
         return self._process.poll() is None
 
     def last_words(self) -> str:
-        """Return the last line it wrote, or its exit code."""
-        self._output.seek(0, os.SEEK_END)
-        self._output.seek(max(0, self._output.tell() - 4000))
-        lines = self._output.read().decode(errors="replace").strip().splitlines()
-        return lines[-1].strip() if lines else f"exit code {self._process.poll()}"
+        """Return the last line it wrote, or why it crashed; or else its exit code."""
+        output = self.output().strip()
+        crash = _CRASH.search(output)
+        if crash is not None:
+            return " ".join(crash.group().split())
+        return output.rpartition("\n")[2].strip() or f"exit code {self._process.poll()}"
 
     def output(self) -> str:
         """Return all it wrote."""

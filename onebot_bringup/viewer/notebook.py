@@ -173,5 +173,7 @@ def _inline_viewer(recording: rr.RecordingStream, height: int) -> "Viewer":
     from rerun.notebook import HAS_NOTEBOOK, Viewer
 
     if not HAS_NOTEBOOK:
-        raise OneBotError("Rerun's viewer for notebooks is missing: pip install 'onebot[notebook]'")
+        raise OneBotError(
+            "Rerun's viewer for notebooks is missing: pip install 'onebot-robots[notebook]'"
+        )
     return Viewer(width="auto", height=height, recording=recording, theme="dark")

@@ -54,10 +54,6 @@ _AROUND = (12, 76)
 _ALIKE = 3  # pictures in a row that make a still one
 
 
-class UnreadableError(OneBotError):
-    """The viewer cannot read what it is to show."""
-
-
 @dataclass(frozen=True)
 class Framing:
     """How to frame a picture."""
@@ -104,7 +100,6 @@ def render(
 
     Raises:
         OneBotError: there is no such recording, nothing to draw with, or nothing in 3D.
-        UnreadableError: the recording cannot be read.
     """
     if isinstance(source, Path) and not source.is_file():
         raise OneBotError(f"there is no recording {source}")
@@ -270,7 +265,6 @@ def headless_viewer(
 
     Raises:
         OneBotError: there is nothing to draw with, or nothing is shown in a minute.
-        UnreadableError: the source cannot be read.
     """
     if not hasattr(ViewerClient, "get_state"):
         raise OneBotError(TOO_OLD)
@@ -444,7 +438,11 @@ class _Loading:
         for entry in _answer(self._client.get_logs, self._progress):
             if entry.level == "ERROR":
                 reason = entry.message.splitlines()[0].rpartition(": ")[2]
-                raise UnreadableError(f"{self._source} cannot be shown: {reason}")
+                raise OneBotError(
+                    f"{self._source} cannot be shown: {reason}; of a .rrd file that was cut short, "
+                    f"rerun rrd merge --continue-on-error -o whole.rrd {self._source} copies what "
+                    "is whole"
+                )
 
     def _report(self, state: ViewerState | None) -> None:
         now = time.monotonic()

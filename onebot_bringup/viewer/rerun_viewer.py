@@ -47,7 +47,6 @@ Parameters:
 import json
 import re
 import sys
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -63,7 +62,6 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from onebot_bringup.introspection.frame_publishers import FrameConflicts
 from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
@@ -391,7 +389,6 @@ class RerunViewer(Node):
         self._published_displays = ""
         self._topics = TopicSubscriptions(self, self._view.take)
         self._topics.set_topics(self._view.topics)
-        self._conflicts = FrameConflicts(self)
         self._updates = ViewUpdates(source, settings, self._view, self._topics, self.get_logger())
         # Not ROS time: it may stop or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -429,8 +426,6 @@ class RerunViewer(Node):
             self._topics.set_topics(self._view.topics)
         except OneBotError as error:
             self._warn("topics", str(error), every=10.0)
-        for conflict in self._conflicts.poll(time.monotonic()):
-            self._warn(f"publishers {conflict.publishers}", f"/tf: {conflict}", every=60.0)
         self._updates.poll()
 
     def _offer_topics(self) -> None:
@@ -463,7 +458,6 @@ class RerunViewer(Node):
         server, self._server = self._server, None
         try:
             if server is not None:
-                self._conflicts.close()
                 self._view.finish()
                 server.close()
         finally:

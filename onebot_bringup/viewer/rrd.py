@@ -1,17 +1,14 @@
-"""Rerun's recordings as files (.rrd): checked, and copied as far as they are whole."""
+"""Rerun's recordings as files (.rrd), checked."""
 
-import subprocess
 import warnings
 from pathlib import Path
 
-from onebot_bringup.viewer.display_server import program
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.bounded_yaml import open_regular
 
 _STARTS = (b"RRF", b"RRIO")  # of the files of all of Rerun's versions
 _NOTHING = 200  # bytes of a file in which no message is whole
 _PROPERTIES = "/__properties"  # the recording's name and start
-_COPYING = 120.0  # seconds
 
 
 def check_rrd(rrd: Path) -> None:
@@ -58,20 +55,3 @@ def has_content(rrd: Path) -> bool | None:
             )
     except (RuntimeError, ValueError, OSError):
         return None
-
-
-def salvage(rrd: Path, copy: Path) -> None:
-    """Copy what is whole of a recording that was cut short, or is still being written.
-
-    Raises:
-        OneBotError: nothing is.
-    """
-    command = [str(program()), "rrd", "merge", "--continue-on-error", "-o", str(copy)]
-    try:
-        done = subprocess.run(
-            [*command, str(rrd.absolute())], capture_output=True, timeout=_COPYING, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise OneBotError(f"{rrd}: not read to its end within {_COPYING:.0f} s") from None
-    if done.returncode or not copy.is_file() or copy.stat().st_size < _NOTHING:
-        raise OneBotError(f"{rrd} was cut short before anything was in it")

@@ -42,10 +42,9 @@ def add_noise(
     if noise == _NONE:
         return values
     drawn = generator.standard_normal(values.shape, np.float32)
-    result: NDArray[np.float32] = values + (
-        np.float32(noise.stddev) * drawn + np.float32(noise.mean + offset)
-    )
+    shift = np.float32(noise.stddev) * drawn + np.float32(noise.mean + offset)
+    result: NDArray[T] = values + shift
     if noise.precision > 0.0:
-        step = np.float32(noise.precision)
-        result = np.round(result / step) * step
+        steps: NDArray[T] = np.round(result / values.dtype.type(noise.precision))
+        result = steps * values.dtype.type(noise.precision)
     return result

@@ -126,11 +126,12 @@ class Instrument:
         )
         return np.array([bias(noise, once) for noise in noises])
 
-    def measure(self, world: World) -> None:
-        """Measure, and publish, what somebody wants."""
-        wanted = self._outlet.wanted()
-        if not wanted:
-            return
+    def wanted(self) -> frozenset[str]:
+        """Return the outputs that somebody wants."""
+        return self._outlet.wanted()
+
+    def measure(self, world: World, wanted: frozenset[str]) -> None:
+        """Measure, and publish, the outputs ``wanted``."""
         link = world.placed.links[self.row][self.sensor.link]
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
         pose = Pose(link.rotation @ turn, link.rotation @ at + link.position)
@@ -238,16 +239,16 @@ class Sensing:
         world: Description | None,
         cycles: float,
         gravity: float,
-        warn: Callable[[str, str], None],
+        warn: Callable[[str], object],
         failed: Callable[[BaseException], None],
     ) -> None:
-        """Start the thread.
+        """Get ready; ``start`` starts the thread.
 
         Args:
             world: what stands around the robots.
             cycles: control cycles a second, Hz.
             gravity: m/s^2.
-            warn: called with a key and a text.
+            warn: called with a text.
             failed: called with what has ended the thread.
         """
         self._world, self._cycles, self._gravity = world, cycles, gravity
@@ -258,14 +259,25 @@ class Sensing:
         self._last: tuple[int, Sequence[Snapshot]] | None = None
         self._jobs: SimpleQueue[tuple[Instrument, Frame] | None] = SimpleQueue()
         self._reported: dict[Instrument, tuple[float, int, int]] = {}
+        self._scene: tuple[Sequence[SensedRobot], Scene, camera.Painter] | None = None
+        self._stopped = False
         self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
+
+    def start(self) -> None:
+        """Start to measure.
+
+        The scene of robots with sensors is built here: reading meshes would hold up the loop.
+        """
+        if any(self._instruments.values()):
+            self._build(self._robots)
         self._thread.start()
 
     def stop(self) -> None:
         """End the thread after what it is measuring."""
         self._stopped = True
         self._jobs.put(None)
-        self._thread.join(_PATIENCE)
+        if self._thread.is_alive():
+            self._thread.join(_PATIENCE)
 
     def enter(self, row: int, robot: SensedRobot, instruments: Sequence[Instrument]) -> None:
         """Sense with these ``instruments`` of the robot of ``row`` from now on."""
@@ -303,30 +315,32 @@ class Sensing:
                     self._jobs.put((each, frame))
         self._last = tick, snapshots
 
-    _stopped = False
-
     def _run(self) -> None:
         try:
             world: World | None = None
             while (job := self._jobs.get()) and not self._stopped:
                 instrument, frame = job
-                world = self._at(frame, world)
-                instrument.measure(world)
+                if wanted := instrument.wanted():
+                    world = self._at(frame, world)
+                    instrument.measure(world, wanted)
                 instrument.done += 1
                 self._report(instrument)
         except BaseException as error:
             self._failed(error)
 
+    def _build(self, robots: Sequence[SensedRobot]) -> tuple[Scene, camera.Painter]:
+        """Return the scene with these robots, which is built where they are other ones."""
+        if self._scene is None or self._scene[0] is not robots:
+            scene = Scene(self._world, robots)
+            self._scene = robots, scene, camera.Painter(scene.still)
+        return self._scene[1:]
+
     def _at(self, frame: Frame, last: World | None) -> World:
         """Return the world of a frame; ``last`` is that of the last one."""
         if last is not None and last.frame is frame:
             return last
+        scene, painter = self._build(frame.robots)
         states = [RobotState(*each.pose, each.joints.positions) for each in frame.snapshots]
-        if last is None or last.frame.robots is not frame.robots:
-            scene = Scene(self._world, frame.robots)
-            painter = camera.Painter(scene.still)
-        else:
-            scene, painter = last.scene, last.painter
         placed = scene.place(frame.boxes, states)
         return World(frame, scene, placed, painter, 1.0 / self._cycles, self._gravity)
 
@@ -345,6 +359,4 @@ class Sensing:
             reached = instrument.rate * made / (made + dropped)
             name = instrument.sensor.name
             text = f'sensor "{name}" reaches {reached:.3g} of {instrument.rate:g} Hz'
-            self._warn(
-                f"sensor {name}", f"{text}: measuring takes too long; lower its rate or its size"
-            )
+            self._warn(f"{text}: measuring takes too long; lower its rate or its size")

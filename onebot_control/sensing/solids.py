@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import matrix
 from onebot_control.simulation.engine import logger
-from onebot_control.simulation.shapes import mesh_parts
 from onebot_description.description.description import (
     Box,
     Capsule,
@@ -24,6 +23,7 @@ from onebot_description.description.description import (
     Rgba,
     Sphere,
 )
+from onebot_description.description.meshes import mesh_parts
 from onebot_description.errors import OneBotError
 
 Floats = NDArray[np.float64]

@@ -17,6 +17,7 @@ from onebot_control.simulation.engine import engine, logger
 from onebot_control.simulation.loading import LoadedRobot
 from onebot_control.simulation.settings import Settings
 from onebot_description.description import Description
+from onebot_description.description.sizes import LARGEST
 from onebot_description.errors import OneBotError
 
 # Faster than this after the settling time, m/s and rad/s: a warning.
@@ -68,10 +69,11 @@ def settle(
     The motors must be set to 0 before. Afterwards the robot is at rest there, all joints exactly 0.
 
     Raises:
-        OneBotError: it does not stay on the ground or upright.
+        OneBotError: it does not stay on the ground or upright, or is in another unit than metres.
     """
-    near = engine.getClosestPoints(robot.body, robot.ground, 1e3, physicsClientId=client)
+    near = engine.getClosestPoints(robot.body, robot.ground, 1e9, physicsClientId=client)
     lowest = min(point[8] for point in near)
+    _check_size(client, robot, description, lowest)
     place(client, robot, ((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
     come_to_rest(client, robot, settings)
     position, rotation = link_pose(client, robot)
@@ -97,6 +99,24 @@ def settle(
     rest_pose = RestPose(position[2], multiply(about_z(-yaw_of(*rotation)), rotation))
     place(client, robot, rest_pose.at(0.0, 0.0, 0.0))
     return rest_pose
+
+
+def _check_size(client: int, robot: LoadedRobot, description: Description, lowest: float) -> None:
+    """Refuse a robot that is in another unit than metres; ``lowest`` is where it ends, m."""
+    if abs(lowest) > LARGEST:
+        raise OneBotError(
+            f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
+            "or an <origin> in millimetres? Lengths are in m"
+        )
+    links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
+    for index, link in {-1: description.root_link, **links}.items():
+        low, high = engine.getAABB(robot.body, index, physicsClientId=client)
+        length = max(most - least for least, most in zip(low, high, strict=True))
+        if length > LARGEST:
+            raise OneBotError(
+                f'{description.source}: the <collision> of link "{link}" is {length:.4g} m large, '
+                "with what is fixed to it; is it in millimetres? Lengths are in m"
+            )
 
 
 def come_to_rest(client: int, robot: LoadedRobot, settings: Settings) -> None:

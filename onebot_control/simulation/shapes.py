@@ -2,16 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from io import BytesIO
-from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description.description import Box, Cylinder, Mesh, Shape, Sphere
-from onebot_description.description.meshes import fault_of, without_materials
-from onebot_description.errors import OneBotError
+from onebot_description.description.meshes import mesh_corners, read_mesh
 
 Floats = NDArray[np.float64]
 
@@ -54,64 +51,13 @@ def bottom(shape: Shape, pose: Floats) -> float:
     return height - abs(float(up[2])) * shape.length / 2.0 - around
 
 
-def mesh_corners(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
-    return _triangles(mesh)[0]
-
-
-def mesh_parts(mesh: Mesh, *, materials: bool) -> list[Any]:
-    """Return the surfaces of a mesh file as trimesh.Trimesh, in metres, unscaled.
-
-    Args:
-        mesh: names the file.
-        materials: read how they look, too; a broken material may cost surfaces.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
-    import trimesh
-
-    path = mesh.path
-    if path is None:
-        raise OneBotError(mesh.problem)
-    if fault := fault_of(path):
-        raise OneBotError(f"{path} {fault}")
-    try:
-        if path.suffix.lower() == ".dae":
-            surfaces = str(path) if materials else BytesIO(without_materials(path))
-            scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
-            scene = scene.convert_units("meters")
-        else:
-            scene = trimesh.load_scene(str(path), process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # trimesh and its parsers raise exceptions of many types
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise OneBotError(f"{path} cannot be read: {reason}") from error
-    if not any(len(part.faces) for part in parts):
-        raise OneBotError(f"{path} holds no triangles")
-    return parts
-
-
-def _triangles(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """The corners (N, 3) of a mesh file, and the triangles (M, 3) of which they are."""
-    parts = mesh_parts(mesh, materials=False)
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
-    faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]
-    return corners, np.concatenate(faces)
-
-
 def as_obj(mesh: Mesh, convex: bool) -> str:
     """Return a mesh file, or its convex hull, in metres, as Wavefront OBJ.
 
     Raises:
         OneBotError: it cannot be read, or holds no triangles.
     """
-    corners, faces = _triangles(mesh)
+    corners, faces = read_mesh(mesh)
     if convex:
         faces = _hull(corners)
     used, faces = np.unique(faces, return_inverse=True)

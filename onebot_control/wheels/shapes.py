@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.simulation.bodies import link_poses, matrix
-from onebot_control.simulation.shapes import mesh_corners
 from onebot_description.description.description import (
     Cylinder,
     Description,
@@ -15,6 +14,7 @@ from onebot_description.description.description import (
     Mesh,
     Sphere,
 )
+from onebot_description.description.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 
 Floats = NDArray[np.float64]

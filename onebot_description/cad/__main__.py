@@ -20,7 +20,7 @@ try:
 except ModuleNotFoundError as error:
     if error.name != "manifold3d":
         raise
-    sys.exit("the CAD needs manifold3d: pip install 'onebot[cad]'")
+    sys.exit("the CAD needs manifold3d: pip install 'onebot-robots[cad]'")
 
 
 _HEADER = """\

@@ -234,6 +234,8 @@ class Description:
     joints: tuple[Joint, ...]  # likewise
     problems: tuple[str, ...]  # what ``onebot check`` refuses, and nodes warn of
     warnings: tuple[str, ...]  # what works but is probably not meant
+    # Where each element of ``urdf`` was written, in document order.
+    places: tuple[str, ...] = field(default=(), compare=False, repr=False)
     sensors: tuple[Sensor, ...] = ()
     bad_sensors: tuple[str, ...] = ()  # names of those that could not be read
 

@@ -19,6 +19,7 @@ from onebot_description.description.checks import (
 )
 from onebot_description.description.description import Description, Sensor
 from onebot_description.description.packages import resolve
+from onebot_description.description.places import kept_places
 from onebot_description.description.reading import (
     Findings,
     read_ends,
@@ -107,7 +108,8 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     """Read and check URDF text, such as a parameter holds; xacro is not expanded.
 
     Args:
-        urdf: the text. An encoding it declares is ignored, being text already.
+        urdf: the text. An encoding it declares is ignored, being text already. Messages have the
+            lines of the files that a bringup has made it of, where that is known.
         name: what to call it in messages. If it is the path of a file, relative mesh paths start
             from that file's folder.
 
@@ -120,6 +122,9 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
     found = xml.scan(data, name, "utf-8")
     document = xml.to_document(data, found, name, _folder(name), "utf-8")
+    known = kept_places(urdf)
+    if len(known) == len(document.places):
+        document.places.update(zip(document.root.iter(), known, strict=True))
     files = (Path(name).absolute(),) if document.folder is not None else ()
     return _check(document, name, files, blank)
 
@@ -182,6 +187,7 @@ def _check(
         joints=tuple(joints.values()),
         problems=condensed(findings.texts("problem")),
         warnings=condensed([*map(printable, warnings), *findings.texts("warning")]),
+        places=tuple(map(findings.where, document.root.iter())),
         sensors=sensors,
         bad_sensors=bad_sensors,
     )

@@ -6,7 +6,7 @@ all of them.
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Literal, NamedTuple
 from xml.etree import ElementTree
@@ -46,6 +46,8 @@ _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
 # Further than this from 1, an axis was not merely rounded when written.
 _AXIS_ROUNDING = 1e-3
 _MOST_HINTS = 100
+_TURN = 2 * math.pi + 0.01  # rad, as 6.29 is a turn rounded up
+_MOST_DEGREES = 720  # of a joint's limit; what is more means no limit
 
 Severity = Literal["error", "problem", "warning"]
 
@@ -254,7 +256,17 @@ def _read_origin(findings: Findings, element: Element, *, needed: bool = False) 
         ZERO if origin.get(name) is None else read_triple(findings, origin, name, needed=needed)
         for name in ("xyz", "rpy")
     )
+    _check_radians(findings, origin, rpy or ())
     return None if xyz is None or rpy is None else Origin(xyz, rpy)
+
+
+def _check_radians(findings: Findings, element: Element, angles: Sequence[float]) -> None:
+    """Warn of angles that are probably in degrees, as they are above a turn."""
+    degrees = max(map(abs, angles), default=0.0)
+    if degrees > _TURN:
+        radians = f"{math.radians(degrees):.4g}"
+        text = f"{degrees:g} is more than a turn; angles are in rad"
+        findings.warning(element, f"{text}: if it is in degrees, write {radians}")
 
 
 def read_links(findings: Findings, materials: Mapping[Element, Material]) -> dict[Element, Link]:
@@ -590,6 +602,10 @@ def _read_limit(
                 limit, f"{text}; delete them, or if it must stop there make it revolute"
             )
         return None, None, velocity, effort
+    # The last joints of real arms turn by more than a turn, but not by whole numbers of radians.
+    ends = [end for end in (lower, upper) if end is not None and kind == "revolute"]
+    if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
+        _check_radians(findings, limit, ends)
     if lower is not None and upper is not None and lower > upper:
         findings.problem(limit, f"lower {lower:g} is above upper {upper:g}; swap them")
         lower, upper = upper, lower

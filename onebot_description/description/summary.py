@@ -1,14 +1,15 @@
 """A robot description as a tree for the terminal."""
 
 import math
+from collections.abc import Mapping
 from pathlib import PurePath
+from types import MappingProxyType
 
 from onebot_description.description.description import (
     Box,
     Camera,
     Capsule,
     Description,
-    Geometry,
     Joint,
     Lidar,
     Link,
@@ -27,16 +28,20 @@ _SENSOR_HEADINGS = ("sensor", "measures", "rate", "topic", "frame")
 _Row = tuple[str, ...]
 
 
-def describe(description: Description) -> str:
+def describe(description: Description, sizes: Mapping[Shape, Triple] = MappingProxyType({})) -> str:
     """Return a table of links as a tree, with the joint that moves each, and one of sensors.
 
     Angles are shown in degrees, everything else in SI units.
+
+    Args:
+        description: of the robot.
+        sizes: of its meshes, which are shown with them; see ``shape_sizes``.
     """
     links = {link.name: link for link in description.links}
     rows: list[_Row] = [_HEADINGS]
     for branch, name, joint in _walk(description):
         link = links[name]
-        cells = (name, *_joint_cells(joint), _mass(link), _shapes(link))
+        cells = (name, *_joint_cells(joint), _mass(link), _shapes(link, sizes))
         first, *others = map(cell, cells)
         rows.append((branch + first, *others))
     lines = [_title(description), "", *aligned(rows)]
@@ -131,20 +136,18 @@ def _mass(link: Link) -> str:
     return "" if link.inertial is None else f"{link.inertial.mass:.4g} kg"
 
 
-def _shapes(link: Link) -> str:
+def _shapes(link: Link, sizes: Mapping[Shape, Triple]) -> str:
     """The shapes seen, or, if there are none, those that collide."""
+    shown = ", ".join(_shape(part.shape, sizes) for part in link.visuals or link.collisions)
     if link.visuals:
-        return _listed(link.visuals) + ("" if link.collisions else " (no collision)")
-    return _listed(link.collisions) + (" (collision only)" if link.collisions else "")
+        return shown + ("" if link.collisions else " (no collision)")
+    return shown + (" (collision only)" if link.collisions else "")
 
 
-def _listed(geometries: tuple[Geometry, ...]) -> str:
-    return ", ".join(_shape(geometry.shape) for geometry in geometries)
-
-
-def _shape(shape: Shape) -> str:
+def _shape(shape: Shape, sizes: Mapping[Shape, Triple]) -> str:
     if isinstance(shape, Mesh):
-        return PurePath(shape.uri).name
+        size = "×".join(f"{side:.4g}" for side in sizes.get(shape, ()))
+        return f"{PurePath(shape.uri).name} {size}".rstrip()
     if isinstance(shape, Box):
         return "box " + "×".join(f"{side:.4g}" for side in shape.size)
     if isinstance(shape, Sphere):

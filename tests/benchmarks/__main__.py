@@ -20,6 +20,7 @@ BENCHMARKS = {
     "startup": "command to first /tf, /odom and frame logged, and memory, against an empty node",
     "control_loop": "jitter at 100 Hz and latency of commands, with the viewer and without",
     "viewer": "CPU of the viewer for each robot state against bare send_columns",
+    "sensing": "CPU of ranges and pictures against bare Embree; jitter with sensors subscribed to",
     "displays": "CPU of displays of scans, clouds, images, maps, markers against bare send_columns",
 }
 

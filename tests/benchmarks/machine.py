@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.benchmarks.measuring import CHECKOUT
 
-_PACKAGES = ("onebot", "ros-jazzy-rclpy", "numpy", "rerun-sdk", "pybullet", "yourdfpy")
+_PACKAGES = ("onebot-robots", "ros-jazzy-rclpy", "numpy", "rerun-sdk", "pybullet", "yourdfpy")
 
 
 def describe() -> dict[str, str | int]:

@@ -15,8 +15,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from onebot_bringup.introspection.domains import claimed_domain
 from onebot_description.errors import OneBotError
+from tests.domains import claimed_domain
 
 T = TypeVar("T")
 CHECKOUT = Path(__file__).resolve().parents[2]

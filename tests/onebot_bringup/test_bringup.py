@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from onebot_bringup.launch.bringup import environment
-from onebot_bringup.launch.description_watcher import digest_of
+from onebot_description.description.places import digest_of
 from tests.onebot_bringup.bringup_support import MARK, Transforms, stop, wait_for_robot
 from tests.onebot_bringup.launcher_support import RunningCommand
 from tests.orphans import marked

@@ -45,11 +45,11 @@ def test_tree(frames: None) -> None:
     done = onebot("tf", "tree", "--wait-time", "2.5")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0].split() == ["frame", "rate", "age", "published", "by"]
-    assert lines[1] == "map" and lines[2].split() == ["└─", "m", "static", "/driver"]
+    assert lines[0].split() == ["frame", "rate", "age"]
+    assert lines[1] == "map" and lines[2].split() == ["└─", "m", "static"]
     assert lines[3] == "odom"
-    assert re.fullmatch(r"└─ base +[\d.]+ Hz +-?\d\.\d{3} s +/driver", lines[4])
-    assert lines[5].split() == ["└─", "wheel", "static", "/driver"]
+    assert re.fullmatch(r"└─ base +[\d.]+ Hz +-?\d\.\d{3} s", lines[4])
+    assert lines[5].split() == ["└─", "wheel", "static"]
     assert "warning: 2 unconnected trees, of map, odom" in done.stderr
 
 
@@ -88,40 +88,12 @@ def test_echo_of_what_is_not_there(
         assert command.interrupt() == 0 and not command.out
 
 
-def test_monitor(frames: None, tmp_path: Path) -> None:
-    """The chain with its delay, each frame of it, and the rate of the publishers, until Ctrl-C."""
-    with running(tmp_path, "tf", "monitor", "odom", "wheel", "--period", "0.5") as command:
-        command.says("Node: /driver ")
-        assert command.interrupt() == 0 and "Traceback" not in command.err
-        for part in (
-            r"RESULTS: for odom to wheel\nChain is: odom -> base -> wheel\n",
-            r"Net delay     avg = \S+: max = \S+\n",
-            r"Frame: base, published by /driver, Average Delay: \S+, Max Delay: \S+\n",
-            r"Frame: wheel, published by /driver, static\n",
-            r"All Broadcasters:\nNode: /driver \d+\.\d{3} Hz, Average Delay: ",
-        ):
-            assert re.search(part, command.out), part
-
-
-def test_publishers_of_one_frame(frames: None, ros_domain: int, tmp_path: Path) -> None:
-    """Two nodes that publish one frame are warned of by name, and each frame has its own."""
-    with Peer(ros_domain, "other") as other:
-        publisher = other.node.create_publisher(TFMessage, "/tf", 100)
-
-        def publish() -> None:
-            found = [transform("odom", "base", 2.0), transform("base", "arm")]
-            for each in found:
-                each.header.stamp = other.node.get_clock().now().to_msg()
-            publisher.publish(TFMessage(transforms=found))
-
-        other.node.create_timer(0.02, publish)
-        with running(tmp_path, "tf", "monitor", "--period", "0.5") as command:
-            command.says("warning: base: published by /driver, /other at once")
-            command.says("Node: /other ")
-            command.says("Frame: arm, published by /other, Average Delay: ")
-            command.says("Frame: wheel, published by /driver, static")
-            assert command.interrupt() == 0
-        assert command.err.count("at once") == 1
+def test_two_robots_in_one(frames: None, ros_domain: int) -> None:
+    """Two nodes of one name publish the same frames: a second bringup in the domain."""
+    with Peer(ros_domain, "driver") as other:
+        other.node.create_publisher(TFMessage, "/tf", 100)
+        done = onebot("tf", "tree")
+    assert done.stderr.count("warning: /tf is published by 2 nodes named /driver: ") == 1
 
 
 def test_without_transforms(ros_domain: int) -> None:
@@ -135,4 +107,4 @@ def test_without_transforms(ros_domain: int) -> None:
     late = onebot("tf", "echo", "odom", "base", "--timeout", "0.5")
     assert late.returncode == 1
     assert 'error: no transform odom -> base: Invalid frame ID "odom" passed to' in late.stderr
-    assert onebot("tf", "monitor", "odom").returncode == 2
+    assert onebot("tf", "echo", "odom").returncode == 2

@@ -27,12 +27,11 @@ WORDS = {
     "onebot topic echo --flow": {"--flow-style"},
     "onebot topic pub /x geometry_msgs/msg/TwistS": {"geometry_msgs/msg/TwistStamped"},
     "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
-    "onebot tf ": {"tree", "echo", "monitor"},
+    "onebot tf ": {"tree", "echo"},
     "onebot run onebot_c": {"onebot_control"},
     "onebot run onebot_control ": {"velocity_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
     "onebot doctor --c": {"--clean"},
-    "onebot soak --fault cut": {"cut-link"},
     "onebot nothing ": set(),
     "onebot topic nothing ": set(),
     "onebot run onebot_control velocity_controller ": set(),  # it must not run

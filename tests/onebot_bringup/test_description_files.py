@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.launch.description_watcher import Known, digest_of
+from onebot_bringup.launch.description_watcher import Known
+from onebot_description.description.places import digest_of
 from onebot_description.file_watch import file_states
 
 

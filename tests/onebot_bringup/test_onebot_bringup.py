@@ -238,6 +238,34 @@ def test_a_bad_control_file_brings_it_down_with_the_reason(ros_domain, tmp_path)
         assert "Traceback" not in node.output
 
 
+def test_warnings_name_the_files_line_and_have_a_level(ros_domain, tmp_path):
+    """Though the nodes get the text alone; also what the simulation logs, which knows no ROS."""
+    model = tmp_path / "low.xacro"
+    low = '<collision><origin xyz="0 0 -0.02"/><geometry><box size="0.1 0.1 0.1"/></geometry>'
+    bare = '<link name="bare"><visual/></link>'
+    macro = f'<xacro:macro name="part"><link name="part">\n{low}</collision></link></xacro:macro>'
+    joints = "".join(
+        f'<joint name="{name}_joint" type="fixed"><parent link="base_link"/><child link="{name}"/>'
+        "</joint>"
+        for name in ("part", "bare")
+    )
+    text = urdf().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ')
+    end = f"\n{bare}\n{macro}\n<xacro:part/>{joints}</robot>"
+    model.write_text(text.replace("</robot>", end))
+    lines = model.read_text().splitlines()
+    place = {
+        name: next(n for n, line in enumerate(lines, 1) if f'<link name="{name}"' in line)
+        for name in ("part", "bare")
+    }
+    with NodeProcess(MODULE, f"model:={model}", "viewer:=none") as node:
+        for name, found in (
+            ("robot_state_publisher", f'low.xacro:{place["bare"]}: link "bare" <visual>'),
+            ("velocity_controller", f"low.xacro:{place['part']}: a collision shape of link"),
+        ):
+            line = wait_for(lambda: re.search(f".*{re.escape(found)}.*", node.output), found)  # noqa: B023
+            assert line[0].startswith(f"[{name}] [WARN] ")
+
+
 @pytest.mark.slow
 def test_robots_of_two_kinds_in_one_world(ros_domain, tmp_path):
     """Each has its own description, frames and command; wheels and odometry hang together."""

@@ -2,6 +2,7 @@
 
 import functools
 import http.server
+import itertools
 import json
 import math
 import signal
@@ -24,7 +25,7 @@ from onebot_bringup.steering.server import STATIC
 from onebot_control.poses import yaw_of
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.description.packages import package_share
-from tests.onebot_bringup.steering_support import PageClient
+from tests.onebot_bringup.steering_support import PageClient, SlowWay
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, steering
@@ -346,6 +347,38 @@ def test_a_dead_server_stops_the_robot_and_the_page_comes_back_still(
                 page.wait_for_states(10)
                 assert page.limit("linear") == "0.4"
                 _drive(page, heard, (0.4, 0.0))
+
+
+def test_a_connection_that_is_too_slow_stops_and_says_so(peer: Peer, page: Page) -> None:
+    """It queues up no commands; when it is fast again, what is held drives again."""
+    heard = peer.hear(Twist, TOPIC, 1000)
+    sides = itertools.cycle((1, -1))
+
+    def said() -> str:
+        page.drag(next(sides), 0)  # a hand that is there
+        return page.text("#message")
+
+    with steering(**LIMITS) as node, SlowWay(node.address) as way:
+        page.open(way.address)
+        page.drive_by_pad(0.0, 1.5, at(heard, 0.5, 0.0))
+        way.rate = 200.0
+        wait_for(lambda: "too slow to drive" in said(), "word of it")
+        first = len(page.sent())
+
+        def late() -> dict[str, Any] | None:
+            """The state once the server has what was sent until the word came."""
+            said()
+            frames = page.frames()
+            state = next(message for _, message in reversed(frames) if message["type"] == "state")
+            return state if state["received"] > first else None
+
+        state = wait_for(late, "late commands")
+        assert state["late"] and len(page.sent()) - state["received"] <= 8
+        assert heard[-1] == STILL and page.body("hand") == "joystick"
+        way.rate = math.inf
+        wait_for(lambda: said() == "" and heard[-1] != STILL, "it to drive again")
+        page.let_go()
+        wait_to_stop(page, heard)
 
 
 def test_a_page_that_gave_way_to_others_waits_for_its_user(peer: Peer, page: Page) -> None:

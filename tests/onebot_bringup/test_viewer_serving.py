@@ -14,6 +14,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+import rerun as rr
 
 from onebot_bringup.serving.ports import answers, free_port
 from onebot_bringup.serving.rerun_proxy import SERVICE
@@ -23,7 +24,7 @@ from onebot_bringup.viewer.display_server import (
     WebPage,
     open_recording,
 )
-from onebot_bringup.viewer.pictures import render
+from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_description.errors import OneBotError
 from tests.support import PATIENCE, wait_for
 
@@ -326,6 +327,20 @@ def test_a_missing_recording_is_named(tmp_path):
     """No viewer is started for it."""
     with pytest.raises(OneBotError, match="no recording .*none.rrd"):
         render(tmp_path / "none.rrd", Path("x.png"))
+
+
+@pytest.mark.slow
+def test_a_crash_of_the_viewer_is_reported_by_its_cause(tmp_path):
+    """Not by the last line, which names a page for reports; a picture without pixels is one."""
+    recording = open_recording(save=tmp_path / "x.rrd")
+    recording.stream.log("text", rr.TextLog("shown"))
+    recording.close()
+    with (
+        pytest.raises(OneBotError, match="Wgpu validation error.*panicked at '.+'$") as error,
+        headless_viewer(str(tmp_path / "x.rrd"), 0, 0) as client,
+    ):
+        client.take_screenshot()
+    assert "Report bugs" not in str(error.value)
 
 
 def test_last_words_are_those_of_the_program():

@@ -68,7 +68,7 @@ class Command(NamedTuple):
 
 @pytest.fixture(scope="module")
 def command(tmp_path_factory):
-    """``onebot accuracy --write FILE`` of the test's robot; to measure takes seconds."""
+    """The command with ``--write FILE``, of the test's robot; to measure takes seconds."""
     reports, file = [], tmp_path_factory.mktemp("accuracy") / "table.md"
 
     def kept(*arguments):

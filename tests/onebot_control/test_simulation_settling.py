@@ -2,6 +2,7 @@
 
 import logging
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from onebot_control.simulation import Settings, Simulation
 from onebot_control.simulation.loading import engine, make_world
 from onebot_control.simulation.rest_pose import RestPose
 from onebot_description.description import parse_description
+from onebot_description.description.description import Box
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, robot, simulate
 
@@ -44,6 +46,25 @@ def test_the_lowest_point_touches_the_ground(z):
         assert simulation.base_pose().translation == pytest.approx([0, 0, 0.05 - z], abs=1e-3)
         assert simulation.rest_pose.height == simulation.base_pose().translation[2]
         assert simulation.base_pose().rotation == pytest.approx([0, 0, 0, 1], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("xyz", "size", "reason"),
+    [
+        ("0 0 0", "0.4 0.3 94", "the robot would start at z = 47 m; is a <collision> or an"),
+        ("0 0 49.95", "400 300 100", 'the <collision> of link "base" is 400 m large, with what'),
+        ("0 0 2000", "0.4 0.3 0.1", "the robot would start at z = -2000 m; is a <collision> or"),
+    ],
+)
+def test_a_robot_in_millimetres_is_refused(xyz, size, reason):
+    """Whether it would start high in the air, deep in the ground, or be as large as a hall."""
+    description = _block(xyz)
+    [collision] = description.links[0].collisions
+    box = replace(collision, shape=Box(tuple(map(float, size.split()))))
+    base = replace(description.links[0], collisions=(box,))
+    with pytest.raises(OneBotError, match="^block.urdf: ") as caught:
+        _stand(replace(description, links=(base, *description.links[1:])))
+    assert reason in str(caught.value)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -204,7 +204,6 @@ def test_what_is_simulated() -> None:
 
 
 PUBLIC = Path(__file__).parents[1] / "robots"
-DEEPRACER = PUBLIC / "warn_deepracer.xacro"
 
 
 def drive(description: Description) -> list[tuple[float, float]]:

@@ -209,4 +209,6 @@ def test_without_manifold3d_the_command_says_what_to_install(tmp_path):
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert result.returncode == 1
-    assert result.stderr.splitlines() == ["the CAD needs manifold3d: pip install 'onebot[cad]'"]
+    assert result.stderr.splitlines() == [
+        "the CAD needs manifold3d: pip install 'onebot-robots[cad]'"
+    ]

@@ -1,8 +1,12 @@
 """The variables by which ROS and Fast DDS discover nodes."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
+from subprocess import PIPE
 
+import psutil
 import pytest
 
 from onebot_description import discovery
@@ -15,6 +19,8 @@ from onebot_description.discovery import (
     use_local_discovery,
 )
 from onebot_description.errors import OneBotError
+from tests.ros_support import Peer
+from tests.support import wait_for
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 NAMES = (RANGE, SERVER, PROFILE, "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
@@ -76,6 +82,7 @@ def test_the_environment_overrides_the_default(
         ({RANGE: "SUBNET"}, "network.xml"),
         ({}, "network.xml"),
         ({RANGE: "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, ""),
+        ({RANGE: "LOCALHOST", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, ""),
         ({RANGE: "SUBNET", PROFILE: "/mine.xml"}, "mine.xml"),
     ],
 )
@@ -104,3 +111,31 @@ def test_introspection_by_a_server(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_SUPER_CLIENT", "FALSE")
     configure_discovery(whole_graph=True)
     assert os.environ["ROS_SUPER_CLIENT"] == "FALSE"
+
+
+_NODE = """
+import sys, rclpy
+from onebot_description.discovery import configure_discovery
+configure_discovery()
+rclpy.init()
+node = rclpy.create_node("local")
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_the_default_listens_on_loopback_only(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No other computer reaches it, whatever peers that has; all programs on this one do."""
+    command = [sys.executable, "-c", _NODE]
+    with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True) as process:
+        assert process.stdout.readline() == "ready\n"
+        first = 7400 + 250 * ros_domain  # of DDSI-RTPS, section 9.6.2.3
+        ends = [each.laddr for each in psutil.Process(process.pid).net_connections("udp")]
+        listens = {end.ip for end in ends if first <= end.port < first + 250}
+        assert listens == {"127.0.0.1"}
+        monkeypatch.delenv(RANGE)
+        with Peer(ros_domain) as peer:
+            wait_for(lambda: "local" in peer.node.get_node_names(), "the node")
+        process.communicate()

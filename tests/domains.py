@@ -14,7 +14,7 @@ _FIRST_PORT, _PORTS = 7400, 250  # of multicast discovery, in domain 0; and for 
 
 @contextmanager
 def claimed_domain() -> Iterator[int]:
-    """A domain that no other test, benchmark or soak has, though several run at once, nor a robot.
+    """A domain that no other test or benchmark has, though several run at once, nor a robot.
 
     Raises:
         OneBotError: all are in use.

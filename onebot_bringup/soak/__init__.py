@@ -1,1 +1,0 @@
-"""Robots that run for long while faults are injected, and what is measured meanwhile."""

@@ -1,0 +1,106 @@
+"""How large a robot's shapes are, and whether they are in the wrong unit: millimetres, mostly."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from onebot_description.description.description import (
+    ZERO,
+    Box,
+    Description,
+    Mesh,
+    Shape,
+    Sphere,
+    Triple,
+)
+from onebot_description.description.meshes import mesh_corners
+from onebot_description.errors import OneBotError
+
+# m; no larger robot is known. What has no joint that moves may be a world.
+LARGEST = 20.0
+_LARGEST_WORLD = 200.0
+_MILLIMETRES = 100.0  # m, from which on centimetres are as unlikely
+_TIMES = 100.0  # by which a shape may be larger than most others
+
+
+def shape_sizes(description: Description) -> dict[Shape, Triple]:
+    """Return the lengths of the shapes' sides, m; those of meshes that cannot be read are absent.
+
+    Meshes are opened.
+    """
+    sizes: dict[Shape, Triple] = {}
+    for link in description.links:
+        for shape in (part.shape for part in (*link.visuals, *link.collisions)):
+            if shape not in sizes and (size := _size(shape)) is not None:
+                sizes[shape] = size
+    return sizes
+
+
+def _size(shape: Shape) -> Triple | None:
+    if isinstance(shape, Box):
+        return shape.size
+    if isinstance(shape, Mesh):
+        try:
+            corners = mesh_corners(shape)
+        except OneBotError:  # reported by who needs the mesh
+            return None
+        x, y, z = (abs(corners.max(axis=0) - corners.min(axis=0)) * shape.scale).tolist()
+        return abs(x), abs(y), abs(z)
+    width = 2.0 * shape.radius
+    return width, width, width if isinstance(shape, Sphere) else shape.length
+
+
+def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:
+    """Return a warning for each shape and joint that is probably in another unit than metres.
+
+    Args:
+        description: of a robot, or a world.
+        sizes: of its shapes; see ``shape_sizes``.
+    """
+    largest = LARGEST if description.moving_joints else _LARGEST_WORLD
+    return [*_large_shapes(description, sizes, largest), *_far_joints(description, largest)]
+
+
+def _large_shapes(
+    description: Description, sizes: Mapping[Shape, Triple], largest: float
+) -> Iterator[str]:
+    usual = _usual(sizes)
+    shown: set[Shape] = set()
+    for link in description.links:
+        for part in (*link.visuals, *link.collisions):
+            size, kind = sizes.get(part.shape, ZERO), type(part.shape).__name__.lower()
+            length = max(size)
+            if part.shape in shown or length <= min(largest, _TIMES * usual):
+                continue
+            shown.add(part.shape)
+            sides = " x ".join(f"{side:.4g}" for side in size)
+            others = "" if length > largest else f", over {_TIMES:g} times the other shapes"
+            factor = "0.001" if length >= _MILLIMETRES else "0.01"
+            scale = f'write scale="{factor} {factor} {factor}"'
+            remedy = scale if isinstance(part.shape, Mesh) else "lengths are in m"
+            yield (
+                f'{part.where}: link "{link.name}": its {kind} is {sides} m large{others}; is it '
+                f"in {_unit(length)}? {remedy}"
+            )
+
+
+def _usual(sizes: Mapping[Shape, Triple]) -> float:
+    """Return the length, m, of the largest shape below a gap; infinite if most are not below it."""
+    lengths = sorted(length for length in map(max, sizes.values()) if length > 0.0)
+    for row, (below, above) in enumerate(zip(lengths, lengths[1:], strict=False), 1):
+        if above > _TIMES * below and 2 * row > len(lengths):
+            return below
+    return math.inf
+
+
+def _far_joints(description: Description, largest: float) -> Iterator[str]:
+    for joint in description.joints:
+        away = math.hypot(*joint.origin.xyz)
+        if away > largest:
+            yield (
+                f'{joint.where}: joint "{joint.name}": its <origin> is {away:.4g} m away; is it in '
+                f"{_unit(away)}? lengths are in m"
+            )
+
+
+def _unit(length: float) -> str:
+    return "millimetres" if length >= _MILLIMETRES else "centimetres or millimetres"

@@ -1,0 +1,110 @@
+"""The steering page in a real window: what is held ends where the page cannot see its release."""
+
+import ctypes
+import functools
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import Twist
+
+from tests.ros_support import Peer
+from tests.steering_browser_support import Page, steering
+from tests.support import require_program, wait_for
+from tests.support_browser import browser, display
+
+pytestmark = pytest.mark.slow
+
+TOPIC = "/velocity_controller/cmd_vel"
+MOST = 200  # commands after the release, at 20 Hz: more than the page grants a hand that is still
+Words = tuple[object, ...]  # commands of xdotool
+
+
+def do(*words: object) -> None:
+    """Have a real mouse and keyboard do this, and the browser some time for it."""
+    subprocess.run([require_program("xdotool"), *map(str, words), "sleep", "0.2"], check=True)
+
+
+@contextmanager
+def grabbed_keyboard() -> Iterator[None]:
+    """Another program takes all keys, as a screen locker or a launcher does."""
+    library = ctypes.CDLL("libX11.so.6")
+    library.XOpenDisplay.restype = ctypes.c_void_p
+    library.XDefaultRootWindow.restype = ctypes.c_ulong
+    opened = ctypes.c_void_p(library.XOpenDisplay(None))
+    root = ctypes.c_ulong(library.XDefaultRootWindow(opened))
+    assert library.XGrabKeyboard(opened, root, 0, 1, 1, ctypes.c_ulong(0)) == 0
+    library.XSync(opened, 0)
+    yield
+    library.XCloseDisplay(opened)
+
+
+def test_a_release_that_the_page_never_sees_stops(ros_domain: int, tmp_path: Path) -> None:
+    """In a menu, on the title bar, while another program has the keys; so does a still hand."""
+    with (
+        display(),
+        Peer(ros_domain) as peer,
+        steering(max_linear=0.5) as node,
+        browser(tmp_path, (1200, 850), headless=False) as driver,
+    ):
+        page = Page(driver).open(node.address)
+        heard = peer.hear(Twist, TOPIC, 1000)
+        script = "return [screenX, screenY, outerWidth, outerHeight, innerWidth, innerHeight]"
+        x, y, width, height, inner_width, inner_height = driver.execute_script(script)
+
+        def place(selector: str) -> Words:
+            """The middle of an element on the screen."""
+            box = page.find(selector).rect
+            left, top = x + (width - inner_width) / 2, y + height - inner_height
+            across, down = left + box["x"] + box["width"] / 2, top + box["y"] + box["height"] / 2
+            return "mousemove", round(across), round(down)
+
+        def mouse(selector: str) -> tuple[Words, Words]:
+            drag = "mousedown", 1, "mousemove_relative", "--", 0, -30
+            return (*place(selector), *drag), ("mouseup", 1)
+
+        key = ("keydown", "w"), ("keyup", "w")
+        escape = "key", "Escape", "key", "Escape"
+        menu = ("key", "alt+f", *place("#view")), escape
+        dots = ("mousemove", x + width - 22, y + 63, "click", 1), escape
+        title = ("mousemove", x + width // 2, y + 15, "mousedown", 1), ("mouseup", 1)
+        nothing: tuple[Words, Words] = (), ()
+
+        for hold, elsewhere, grab in (
+            (key, nothing, grabbed_keyboard),
+            (key, dots, nullcontext),
+            (key, menu, nullcontext),
+            (key, title, nullcontext),
+            (mouse("#linear input"), menu, nullcontext),
+            (mouse("#linear [name=plus]"), menu, nullcontext),
+            (mouse("#pad"), menu, nullcontext),
+        ):
+            do(*place("#view"), "click", 1)
+            press, release = (functools.partial(do, *words) for words in hold)
+            begin = len(heard)
+            page.drive_until(
+                press,
+                release,
+                lambda begin=begin: any(m.linear.x for m in heard[begin:]),
+                f"{hold} to drive",
+            )
+            with grab():
+                do(*elsewhere[0])
+                release()
+                _stops(page, heard, f"{hold} let go after {elsewhere}")
+                do(*elsewhere[1])
+        press, release = (functools.partial(do, *words) for words in mouse("#linear [name=plus]"))
+        page.drive_until(press, release, lambda: heard[-1] != Twist(), "the button to drive")
+        _stops(page, heard, "a hand that is still")
+        assert "no sign of a hand" in page.text("#message")
+        release()
+
+
+def _stops(page: Page, heard: list[Twist], what: str) -> None:
+    """Wait for the stop, without any input of the page."""
+    begin = len(heard)
+    wait_for(lambda: page.body("driver") == "nobody" or len(heard) > begin + MOST, "the stop")
+    assert len(heard) <= begin + MOST, f"it drives on: {what}"
+    assert page.body("hand") == "" and heard[-1] == Twist()

@@ -1,0 +1,347 @@
+"""Sensors of velocity_controller on real DDS: what is published, when, and in which frames."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from onebot_description.wire.cdr import nanoseconds
+from onebot_description.wire.tf_message import TFMessage
+from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
+from tests.onebot_control.test_fleet_process import call
+from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.support import wait_for
+
+MODULE = "onebot_control.velocity_controller"
+NODE = "/velocity_controller"
+HALF = 2.0  # of the room, m
+AHEAD = 0.1  # where the laser is on the robot
+
+FRAMES = """
+  <link name="laser_link"/>
+  <joint name="laser" type="fixed"><parent link="base_link"/><child link="laser_link"/>
+    <origin xyz="0.1 0 0.2"/></joint>
+  <link name="camera_link"/>
+  <joint name="camera" type="fixed"><parent link="base_link"/><child link="camera_link"/>
+    <origin xyz="0.1 0 0.2"/></joint>
+  <link name="optical"/>
+  <joint name="to_optical" type="fixed"><parent link="camera_link"/><child link="optical"/>
+    <origin rpy="-1.5707963267948966 0 -1.5707963267948966"/></joint>"""
+MAST = """
+  <link name="mast"><visual><geometry><cylinder radius="0.05" length="0.4"/></geometry></visual>
+  </link>
+  <joint name="to_mast" type="fixed"><parent link="base_link"/><child link="mast"/>
+    <origin xyz="-0.2 0 0.2"/></joint>"""
+
+
+def laser(samples: int = 181, rate: float = 10.0, far: float = 10.0) -> str:
+    return f"""
+  <gazebo reference="laser_link"><sensor name="laser" type="gpu_lidar">
+    <update_rate>{rate}</update_rate>
+    <lidar>
+      <scan><horizontal><samples>{samples}</samples><min_angle>-1.5</min_angle>
+        <max_angle>1.5</max_angle></horizontal></scan>
+      <range><min>0.05</min><max>{far}</max></range>
+      <noise><type>gaussian</type><stddev>0.01</stddev></noise>
+    </lidar></sensor></gazebo>"""
+
+
+IMU = """
+  <gazebo reference="base_link"><sensor name="imu" type="imu"><update_rate>50</update_rate>
+    <topic>imu/data</topic><imu><angular_velocity><z><noise type="gaussian">
+    <stddev>0.01</stddev></noise></z></angular_velocity></imu></sensor></gazebo>"""
+CAMERA = """
+  <gazebo reference="camera_link"><sensor name="cam" type="rgbd_camera">
+    <update_rate>20</update_rate>
+    <camera><optical_frame_id>optical</optical_frame_id><horizontal_fov>1.0</horizontal_fov>
+      <image><width>64</width><height>48</height></image></camera></sensor></gazebo>"""
+
+
+def bot(*blocks: str) -> str:
+    sides = SEPARATION / 2
+    return urdf(wheel("left", sides), wheel("right", -sides), CASTER, FRAMES, *blocks)
+
+
+def box(name: str, size: str, xyz: str, kind: str = "fixed") -> str:
+    shape = f'<geometry><box size="{size}"/></geometry>'
+    mass = '<inertial><mass value="0.5"/><inertia ixx="0.01" iyy="0.01" izz="0.01"'
+    return (
+        f'<link name="{name}"><visual>{shape}</visual><collision>{shape}</collision>'
+        f'{mass} ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="to_{name}" type="{kind}">'
+        f'<parent link="floor"/><child link="{name}"/><origin xyz="{xyz}"/></joint>'
+    )
+
+
+def room(folder: Path, *boxes: str) -> str:
+    """A world of four walls; its path."""
+    walls = [
+        box(f"wall{n}", size, f"{x} {y} 0.5")
+        for n, (size, x, y) in enumerate(
+            (("0.2 5 1", 2.1, 0), ("0.2 5 1", -2.1, 0), ("5 0.2 1", 0, 2.1), ("5 0.2 1", 0, -2.1))
+        )
+    ]
+    file = folder / "room.urdf"
+    links = f'<link name="floor"/>{"".join([*walls, *boxes])}'
+    file.write_text(f'<robot name="room">{links}</robot>')
+    return str(file)
+
+
+def in_room(angles: np.ndarray, x: float, y: float = 0.0, yaw: float = 0.0) -> np.ndarray:
+    """The ranges to the walls from there."""
+    with np.errstate(divide="ignore"):
+        to_x = (HALF * np.sign(np.cos(angles + yaw)) - x) / np.cos(angles + yaw)
+        to_y = (HALF * np.sign(np.sin(angles + yaw)) - y) / np.sin(angles + yaw)
+    return np.minimum(to_x, to_y)
+
+
+def angles_of(scan: LaserScan) -> np.ndarray:
+    return scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+
+
+def stamps(messages: Sequence[Any]) -> list[int]:
+    return [nanoseconds(each.header.stamp) for each in messages]
+
+
+def image(message: Image) -> np.ndarray:
+    kind, shape = (np.uint8, (-1, 3)) if message.encoding == "rgb8" else (np.float32, (-1,))
+    return np.frombuffer(message.data, kind).reshape(message.height, message.width, *shape[1:])
+
+
+@pytest.mark.slow
+def test_a_robot_senses_its_room(ros_domain: int, tmp_path: Path) -> None:
+    """Ranges, frames, stamps with transforms of that time, the camera's four topics, the IMU."""
+    (tmp_path / "bot.urdf").write_text(bot(laser(), IMU, CAMERA))
+    arguments = ros_args(
+        world=room(tmp_path), use_sim_time=True, x=-0.5, sensor_noise=False, publish_rate=7.0
+    )
+    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments):
+        tf = peer.hear(TFMessage, "/tf", 1000)
+        scans = peer.hear(LaserScan, "/scan", 1000)
+        inertia = peer.hear(Imu, "/imu/data", 1000)
+        wait_for(lambda: len(scans) > 20 and len(inertia) > 40, "scans")
+        (end,) = peer.node.get_publishers_info_by_topic("/scan")
+        assert end.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
+        scan = scans[-1]
+        assert scan.header.frame_id == "laser_link" and len(scan.ranges) == 181
+        # Karto's count of the rays, from single precision.
+        assert round((scan.angle_max - scan.angle_min) / scan.angle_increment) + 1 == 181
+        assert (scan.range_min, scan.range_max) == (pytest.approx(0.05), 10.0)
+        np.testing.assert_allclose(scan.ranges, in_room(angles_of(scan), -0.4), atol=1e-3)
+        # Each tenth cycle, and odom -> base_link at that very time, though odom is slower.
+        assert {*np.diff(stamps(scans))} <= {100_000_000 * missed for missed in (1, 2, 3)}
+        wait_for(lambda: len(tf) > 200, "transforms")
+        known = {
+            child: {
+                nanoseconds(each.header.stamp)
+                for message in tf
+                for each in message.transforms
+                if each.child_frame_id == child
+            }
+            for child in ("base_link", "odom")
+        }
+        since = min(known["base_link"])
+        for child, times in known.items():
+            sensed = {stamp for stamp in stamps(scans) if since <= stamp <= max(times)}
+            assert sensed and sensed <= times, child
+        rest = inertia[-1]
+        assert rest.header.frame_id == "base_link"
+        assert rest.linear_acceleration.z == pytest.approx(9.81, abs=0.05)
+        assert rest.angular_velocity_covariance[8] == pytest.approx(1e-4)
+        assert rest.orientation.w == pytest.approx(1.0, abs=1e-2)
+        # The camera's topics are there, and nothing is drawn before somebody subscribes.
+        info = peer.hear(CameraInfo, "/camera/camera_info")
+        colors = peer.hear(Image, "/camera/image_raw")
+        depths = peer.hear(Image, "/camera/depth/image_raw")
+        points = peer.hear(PointCloud2, "/camera/points")
+        wait_for(lambda: info and colors and depths and points, "the camera")
+        focal = 64 / (2 * math.tan(0.5))
+        assert info[0].k[0] == info[0].k[4] == info[0].p[0] == pytest.approx(focal)
+        assert (info[0].k[2], info[0].k[5], info[0].distortion_model) == (32.0, 24.0, "plumb_bob")
+        assert {each[-1].header.frame_id for each in (info, colors, depths, points)} == {"optical"}
+        assert colors[0].encoding == "rgb8" and image(colors[0]).shape == (48, 64, 3)
+        assert depths[0].encoding == "32FC1"
+        np.testing.assert_allclose(image(depths[-1])[20:24], HALF + 0.4, atol=2e-3)
+        cloud = points[-1]
+        fields = {each.name: each.offset for each in cloud.fields}
+        assert fields == {"x": 0, "y": 4, "z": 8, "rgb": 16}
+        floats = np.frombuffer(cloud.data, np.float32).reshape(48, 64, cloud.point_step // 4)
+        middle = floats[24, 32, :3]  # right ahead: z of the optical frame
+        np.testing.assert_allclose(middle, [0, 0, HALF + 0.4], atol=2e-3)
+
+
+@pytest.mark.slow
+def test_sensors_follow_simulated_time_and_what_moves(ros_domain: int, tmp_path: Path) -> None:
+    """Silent while paused, stepped when due, faster with the pace; a box pushed is in the scan."""
+    (tmp_path / "bot.urdf").write_text(bot(laser()))
+    crate = box("crate", "0.3 0.3 0.5", "0.6 0 0.25", "floating")
+    arguments = ros_args(
+        world=room(tmp_path, crate), use_sim_time=True, cmd_vel_timeout=5.0, sensor_noise=False
+    )
+    with Peer(ros_domain) as peer, NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments):
+        scans = peer.hear(LaserScan, "/scan", 1000)
+
+        def ahead() -> float:
+            return float(scans[-1].ranges[90])
+
+        wait_for(lambda: len(scans) > 3, "scans")
+        assert ahead() == pytest.approx(0.45 - AHEAD, abs=5e-3)
+        drive = Twist()
+        drive.linear.x = 0.4
+        commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
+        timer = peer.node.create_timer(0.05, lambda: commands.publish(drive))
+        # The crate is pushed: it keeps its distance, while the wall beside it comes nearer.
+        beside = float(scans[-1].ranges[90 + 36])
+        wait_for(lambda: float(scans[-1].ranges[90 + 36]) < beside - 0.3, "the robot to push")
+        assert ahead() < 0.3
+        timer.cancel()
+        assert call(peer, SetBool, f"{NODE}/pause", data=True).success
+        last = len(wait_for(lambda: _settled(scans), "silence"))
+        for _ in range(20):
+            assert call(peer, Trigger, f"{NODE}/step").success
+        wait_for(lambda: len(scans) >= last + 2, "two scans in 20 steps")
+        _settled(scans)
+        assert len(scans) == last + 2
+        assert call(peer, SetBool, f"{NODE}/pause", data=False).success
+        (result,) = peer.set_parameters(NODE, real_time_factor=0.5)
+        assert result.successful, result.reason
+        times = stamps(scans)
+        assert (np.diff(times) > 0).all()
+        assert all((time // 10_000_000 - 1) % 10 == 0 for time in times)  # of the cycles' grid
+
+
+def _settled(messages: list[Any]) -> list[Any] | None:
+    """The messages, once no more come."""
+    import time
+
+    before = len(messages)
+    time.sleep(0.5)
+    return messages if len(messages) == before else None
+
+
+@pytest.mark.slow
+def test_robots_of_a_fleet_sense_each_other_in_their_namespaces(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    """Topics, also absolute ones, and frames are each robot's; a has b's mast before it."""
+    absolute = laser().replace("<update_rate>", "<topic>/scan</topic><update_rate>")
+    (tmp_path / "bot.urdf").write_text(bot(absolute, MAST))
+    places = {"a": (-1.0, 0.0), "b": (0.5, 0.0)}
+    robots = [
+        word
+        for name, (x, y) in places.items()
+        for word in ("--robot", "-r", f"__ns:=/{name}", "-p", f"x:={x}", "-p", f"y:={y}")
+    ]
+    common = ros_args(world=room(tmp_path), use_sim_time=True, sensor_noise=False)
+    with (
+        Peer(ros_domain) as peer,
+        NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *robots, *common),
+    ):
+        scans = {name: peer.hear(LaserScan, f"/{name}/scan", 100) for name in places}
+        wait_for(lambda: all(len(each) > 2 for each in scans.values()), "both scans")
+        seen = {name: np.array(each[-1].ranges) for name, each in scans.items()}
+        assert scans["a"][-1].header.frame_id == "a/laser_link"
+        assert seen["a"][90] == pytest.approx(1.5 - 0.1 - 0.25, abs=1e-3)
+        walls = in_room(angles_of(scans["b"][-1]), 0.6)
+        np.testing.assert_allclose(seen["b"], walls, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_two_runs_give_the_same_bytes(ros_domain: int, tmp_path: Path) -> None:
+    """With noise, of all messages that both runs have."""
+    (tmp_path / "bot.urdf").write_text(bot(laser(), IMU, CAMERA))
+    kinds = {"/scan": LaserScan, "/imu/data": Imu, "/camera/points": PointCloud2}
+    arguments = ros_args(world=room(tmp_path), use_sim_time=True)
+
+    def run() -> dict[str, dict[int, bytes]]:
+        found: dict[str, dict[int, bytes]] = {topic: {} for topic in kinds}
+
+        def keep(topic: str, data: bytes) -> None:
+            found[topic][nanoseconds(deserialize_message(data, kinds[topic]).header.stamp)] = data
+
+        with Peer(ros_domain) as peer, NodeProcess(MODULE, str(tmp_path / "bot.urdf"), *arguments):
+            for topic, kind in kinds.items():
+                peer.node.create_subscription(
+                    kind, topic, lambda data, topic=topic: keep(topic, bytes(data)), 100, raw=True
+                )
+            wait_for(
+                lambda: all(each and max(each) > 6_000_000_000 for each in found.values()), "6 s"
+            )
+        return found
+
+    first, second = run(), run()
+    for topic, messages in first.items():
+        both = messages.keys() & second[topic].keys()
+        assert len(both) >= 5, topic
+        assert all(messages[stamp] == second[topic][stamp] for stamp in both), topic
+    ranges = [
+        np.array(deserialize_message(data, LaserScan).ranges) for data in first["/scan"].values()
+    ]
+    assert 0.002 < np.abs(ranges[0] - ranges[1]).mean() < 0.05
+
+
+@pytest.mark.slow
+def test_blocks_are_edited_while_the_robot_drives(ros_domain: int, tmp_path: Path) -> None:
+    """A good edit changes the sensor, a bad one leaves the last good one; also in a file."""
+    file = tmp_path / "sensors.urdf"
+    file.write_text(f"<robot>{IMU}</robot>")
+    every = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with (
+        Peer(ros_domain) as peer,
+        NodeProcess(
+            MODULE, *ros_args(use_sim_time=True, sensors=str(file), cmd_vel_timeout=9.0)
+        ) as node,
+    ):
+        described = peer.node.create_publisher(String, "/robot_description", every)
+        described.publish(String(data=bot(laser(far=1.5))))
+        scans = peer.hear(LaserScan, "/scan")
+        inertia, odom = peer.hear(Imu, "/imu/data"), peer.hear(Odometry, f"{NODE}/odom", 1000)
+        wait_for(lambda: scans and inertia, "both sensors")
+        drive = Twist()
+        drive.linear.x = 0.2
+        commands = peer.publisher(Twist, f"{NODE}/cmd_vel")
+        peer.node.create_timer(0.02, lambda: commands.publish(drive))
+        wait_for(lambda: odom[-1].twist.twist.linear.x > 0.19, "the robot to drive")
+        driving = len(odom)
+        assert len(scans[-1].ranges) == 181 and math.isinf(scans[-1].ranges[0])
+        described.publish(String(data=bot(laser(samples=0))))
+        wait_for(lambda: 'sensor "laser" stays as it was' in node.output, "the fault")
+        before = len(scans)
+        wait_for(lambda: len(scans) > before + 3, "more scans")
+        assert len(scans[-1].ranges) == 181
+        described.publish(String(data=bot(laser(samples=91))))
+        wait_for(lambda: len(scans[-1].ranges) == 91, "other scans")
+        assert min(each.twist.twist.linear.x for each in odom[driving:]) > 0.1  # it never stopped
+        file.write_text(f"<robot>{IMU.replace('imu/data', 'imu/raw')}</robot>")
+        raw = peer.hear(Imu, "/imu/raw")
+        wait_for(lambda: raw, "the IMU's other topic")
+        file.write_text("<robot>")
+        wait_for(lambda: "The sensors stay as they were" in node.output, "the file's fault")
+        before = len(raw)
+        wait_for(lambda: len(raw) > before + 3, "the IMU to stay")
+        (result,) = peer.set_parameters(NODE, sensors=str(tmp_path / "none.urdf"))
+        assert not result.successful and "no such file" in result.reason
+        (result,) = peer.set_parameters(NODE, sensors="")
+        assert result.successful
+        wait_for(lambda: not peer.node.get_publishers_info_by_topic("/imu/raw"), "it to be gone")
+
+
+def test_a_file_that_is_not_there_is_one_error(ros_domain: int, tmp_path: Path) -> None:
+    (tmp_path / "bot.urdf").write_text(bot())
+    missing = tmp_path / "missing.urdf"
+    node = NodeProcess(
+        MODULE, str(tmp_path / "bot.urdf"), *ros_args(sensors=str(missing)), check=False
+    )
+    with node:
+        assert node.wait() == 1
+        assert "Traceback" not in node.output and "no such file" in node.output
