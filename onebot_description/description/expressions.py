@@ -1,8 +1,8 @@
 """Expressions of xacro files: simpleeval's, and nothing is in reach that xacro does not document.
 
-Lambdas, generators, f-strings and names with leading underscores are refused, and attributes are
-those of namespaces, of loaded YAML and of plain values. What an expression may cost is bounded by
-the process that it runs in (see ``bounded_process``).
+Lambdas, f-strings and names with leading underscores are refused, a generator becomes a list, and
+attributes are those of namespaces, of loaded YAML and of plain values. What an expression may cost
+is bounded by the process that it runs in (see ``bounded_process``).
 """
 
 import ast
@@ -54,7 +54,7 @@ class _Evaluator(simpleeval.EvalWithCompoundTypes):
     def __init__(self, names: Mapping[str, Any]) -> None:
         super().__init__(_OPERATORS, {}, names, _ATTRIBUTES)
         self.functions = names
-        del self.nodes[ast.GeneratorExp], self.nodes[ast.JoinedStr]
+        del self.nodes[ast.JoinedStr]
 
 
 @functools.lru_cache(maxsize=4096)  # macros repeat theirs
