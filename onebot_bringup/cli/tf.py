@@ -40,10 +40,10 @@ def tree(parser: Parser, argv: Sequence[str]) -> int:
 
 def received_frames(session: Session) -> list[str]:
     """Return the names of the frames that are received within a second of the first."""
-    with closing(_Transforms(session)) as transforms:
-        transforms.await_first()
-        transforms.spin(lambda: False, 1.0)
-        return sorted(transforms.buffer.names)
+    transforms = _Transforms(session)
+    transforms.await_first()
+    transforms.spin(lambda: False, 1.0)
+    return sorted(transforms.buffer.names)
 
 
 def _drawn(transforms: "_Transforms") -> list[str]:

@@ -92,7 +92,9 @@ def test_a_limit_below_zero_is_none(name: str) -> None:
         robot(hinge("j", "a", LIMIT.replace(f'{name}="1"', f'{name}="-1"'))), "is negative"
     )
     assert getattr(description.joints[0], name) is None
-    assert at_rest(description, motions={"j": {"position": 0.5}}).keys() == {"j"}
+    assert at_rest(description, motions={"j": {"type": "constant", "position": 0.5}}).keys() == {
+        "j"
+    }
 
 
 @pytest.mark.parametrize(
@@ -108,7 +110,7 @@ def test_a_joint_without_limits_stays_at_0(limit: str, problem: str) -> None:
     description = taken(robot(hinge("j", "a", limit)), problem)
     assert (description.joints[0].lower, description.joints[0].upper) == (None, None)
     assert moved(description, j=2.0) == {"a": "base"}
-    assert at_rest(description, motions={"j": {"position": 0.5}}) == {"j": 0.0}
+    assert at_rest(description, motions={"j": {"type": "constant", "position": 0.5}}) == {"j": 0.0}
 
 
 @pytest.mark.parametrize(
