@@ -272,6 +272,15 @@ def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
     return found
 
 
+def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
+    """Return a warning if the files have sections, but none for ``node``."""
+    sections = parameters.sections
+    if not sections or any(section_matches(section, node) for section in sections):
+        return None
+    names = ", ".join(map(str, files))
+    return f"{names} has no section for {node}, only for {listing(sections)}"
+
+
 def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
     """Refuse a file with sections that are for none of ``nodes``: they would do nothing.
 
@@ -336,11 +345,7 @@ class LiveParameters:
     @property
     def warning(self) -> str | None:
         """A warning if the files have sections, but none for this node."""
-        sections = self.file.sections
-        if not sections or any(section_matches(section, self._node) for section in sections):
-            return None
-        names = ", ".join(map(str, self.files))
-        return f"{names} has no section for {self._node}, only for {listing(sections)}"
+        return no_section(self.file, self.files, self._node)
 
     def add(self, config_file: str) -> None:
         """Take the file of the parameter ``config_file`` as the last of the files, to be read."""
