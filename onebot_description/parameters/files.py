@@ -319,15 +319,6 @@ def read_text(file: Path) -> str:
 _SOURCES = ("config_file", "robot_description")
 
 
-def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
-    """Return a warning if the files have sections, but none for ``node``."""
-    sections = parameters.sections
-    if not sections or any(section_matches(section, node) for section in sections):
-        return None
-    names = ", ".join(map(str, files))
-    return f"{names} has no section for {node}, only for {listing(sections)}"
-
-
 class LiveParameters:
     """The parameters that files hold for one node, now and when they are next saved.
 
