@@ -91,6 +91,7 @@ class Driving:
         self.nodes, self._node = nodes, nodes[0]
         self._failure: BaseException | None = None
         self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
+        self._warn = Throttled(self._node.get_logger().warning)
         simulation_log.handlers = [NodeLog(self._node)]
         settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
         self.simulated = _is_simulated(nodes, settings)

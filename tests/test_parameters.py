@@ -65,10 +65,12 @@ def test_robot_state_publisher(start_node: Callable[..., Node]) -> None:
 def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
     """Those with names of the user's own are described as well, also if set while it runs."""
     joint = "base_link__link_01"
-    names = [("", f"motions.{joint}.position")]
+    motion = {f"motions.{joint}.type": "constant", f"motions.{joint}.position": 0.5}
     node = start_node(
-        lambda: JointStatePublisher(str(MRM), RosArguments((), names=names)),
-        **{f"motions.{joint}.position": 0.5},
+        lambda: JointStatePublisher(
+            str(MRM), RosArguments((), names=[("", name) for name in motion])
+        ),
+        **motion,
     )
     found = described(node)
     assert float_range(found["rate"]) == (0.001, 1000.0)

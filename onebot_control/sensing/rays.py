@@ -26,7 +26,8 @@ Integers = NDArray[np.int32]
 
 HAS_EMBREE = EmbreeScene is not None
 NOTHING, GROUND = -2, -1  # in place of a surface
-_BUNDLE, _LARGE_BUNDLE, _MANY = 8, 64, 4096  # rays
+# Of so many rays at least, so many are bundled: more bundles find fewer rays, and take longer.
+_BUNDLES = ((50_000, 64), (2_000, 8), (0, 1))
 _PASSES = 64  # facets of round shapes that a ray may pass without touching one
 _ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
 _MOST_RAYS = 16_000  # of one call of PyBullet
@@ -52,7 +53,7 @@ class Rays:
         """
         self.singles, self._grid = directions.astype(np.float32), grid
         self._count = count = len(directions)
-        self._size = _BUNDLE if count < _MANY else _LARGE_BUNDLE
+        self._size = next(size for least, size in _BUNDLES if count >= least)
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         self._longest = float(lengths.max())
         self.inverse_lengths = (1.0 / lengths[:, 0]).astype(np.float32)
@@ -61,7 +62,8 @@ class Rays:
         axes = np.add.reduceat(units, starts)
         self._axes = axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)
         cosines = (units * np.repeat(self._axes, self._size, axis=0)[:count]).sum(axis=1)
-        self._halves = np.arccos(np.clip(np.minimum.reduceat(cosines, starts), -1.0, 1.0)) + 1e-6
+        halves = np.arccos(np.clip(np.minimum.reduceat(cosines, starts), -1.0, 1.0)) + 1e-6
+        self._cosines, self._sines, self._wide = np.cos(halves), np.sin(halves), halves > np.pi / 2
 
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
@@ -85,17 +87,25 @@ class Rays:
         """
         apart = np.sqrt((centers * centers).sum(axis=1))
         outside = np.maximum(apart, 1e-9)
-        angles = np.arcsin(np.minimum(1.0, radii / outside))[:, None] + self._halves
-        touched: NDArray[np.bool_] = centers @ self._axes.T >= outside[:, None] * np.cos(
-            np.minimum(angles, math.pi)
-        )
+        sines = np.minimum(1.0, radii / outside)
+        cosines = np.sqrt(1.0 - sines * sines)
+        # Both within the angle a + b from the axis: a of the sphere, b of the bundle.
+        least = (outside * cosines)[:, None] * self._cosines
+        least -= (outside * sines)[:, None] * self._sines
+        touched: NDArray[np.bool_] = centers @ self._axes.T >= least
+        touched |= self._wide
         touched |= (apart <= radii)[:, None]
         touched &= (apart - radii <= reach * self._longest)[:, None]
         return touched
 
+    def nearest(self, centers: Floats, radii: Floats) -> Singles:
+        """Return the least distances (B,) at which rays can hit spheres; see ``near``."""
+        least: Floats = np.sqrt((centers * centers).sum(axis=1)) - radii
+        return (least / self._longest).astype(np.float32)
+
     def rows(self, bundles: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return the rays of these bundles."""
-        return np.flatnonzero(np.repeat(bundles, self._size)[: self._count])
+        return bundles.repeat(self._size)[: self._count].nonzero()[0]
 
 
 class Hits(NamedTuple):
@@ -146,11 +156,16 @@ def cast(
     hits = Hits(limit, surfaces, *found, directions)
     if not targets.surfaces:
         return hits
-    touched = rays.near((targets.centers - position) @ rotation, targets.radii, reach)
+    centers = (targets.centers - position) @ rotation
+    touched = rays.near(centers, targets.radii, reach)
+    nearest = rays.nearest(centers, targets.radii)
     for index in np.flatnonzero(touched.any(axis=1)).tolist():
         if index + 1 == skipped:
             continue
         rows = rays.rows(touched[index])
+        rows = rows[limit[rows] > nearest[index]]  # not what something nearer hides
+        if not len(rows):
+            continue
         back = targets.rotations[index].T
         origin = back @ (position - targets.positions[index])
         own = limit[rows]
@@ -230,7 +245,8 @@ class Surface:
         if self._caster is None:
             none = np.zeros(len(directions), np.float32)
             return _Found(np.full(len(directions), -1, np.int32), none, none.copy())
-        origins = np.broadcast_to(origin.astype(np.float32), directions.shape)
+        # One origin for all, which no copies take time for.
+        origins = np.ndarray(directions.shape, np.float32, origin.astype(np.float32), 0, (0, 4))
         refined = len(self._rounds.radii) > 0
         found = distances.copy() if refined else distances
         hits = self._caster.run(origins, directions, dists=found, output=True)

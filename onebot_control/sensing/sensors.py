@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from queue import SimpleQueue
 from typing import Any, NamedTuple, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,7 +259,7 @@ class Sensing:
         self._due: list[Instrument] = []
         self._last: tuple[int, Sequence[Snapshot]] | None = None
         self._jobs: SimpleQueue[tuple[Instrument, Frame] | None] = SimpleQueue()
-        self._reported: dict[Instrument, tuple[float, int, int]] = {}
+        self._reported: WeakKeyDictionary[Instrument, tuple[float, int, int]] = WeakKeyDictionary()
         self._scene: tuple[Sequence[SensedRobot], Scene, camera.Painter] | None = None
         self._stopped = False
         self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
@@ -281,7 +282,9 @@ class Sensing:
 
     def enter(self, row: int, robot: SensedRobot, instruments: Sequence[Instrument]) -> None:
         """Sense with these ``instruments`` of the robot of ``row`` from now on."""
-        self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
+        known = self._robots[row] if row < len(self._robots) else None
+        if known is None or known.description is not robot.description:  # else the scene stays
+            self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
         costs = list(_WAITING)
         self._instruments[row] = sorted(
             instruments, key=lambda each: costs.index(type(each.sensor.model))
@@ -346,10 +349,8 @@ class Sensing:
 
     def _report(self, instrument: Instrument) -> None:
         """Warn once a minute if measurements were dropped."""
-        now, fresh = time.monotonic(), instrument not in self._reported
-        made, dropped = instrument.done, instrument.dropped
-        if fresh:
-            self._reported[instrument] = now - _REPORT + _FIRST_REPORT, made, dropped
+        now, made, dropped = time.monotonic(), instrument.done, instrument.dropped
+        self._reported.setdefault(instrument, (now - _REPORT + _FIRST_REPORT, 0, 0))
         since, before, dropped_before = self._reported[instrument]
         if now - since < _REPORT:
             return

@@ -7,7 +7,8 @@ business of the dataclass that describes them, see ``reader``.
 
 import functools
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,13 +26,14 @@ from onebot_description.parameters.reader import (
 )
 
 _MARK = "ros__parameters"
-_TRUE = {"y", "Y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"}
-_FALSE = {"n", "N", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF"}
+_BOOLS = {
+    **dict.fromkeys("y Y yes Yes YES true True TRUE on On ON".split(), True),
+    **dict.fromkeys("n N no No NO false False FALSE off Off OFF".split(), False),
+}
 _INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
 _DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
 _INT64 = range(-(2**63), 2**63)
-_LONGEST_NAME = 255
 
 
 @dataclass
@@ -94,13 +96,10 @@ class _Yaml:
     def __init__(self, name: str) -> None:
         self._name = name
 
-    def _compose(self, text: str, *, aliases: bool = True) -> yaml.Node | None:
+    def _compose(self, text: str, *, aliases: bool) -> yaml.Node | None:
         """Return the text's tree; None if it is empty."""
         try:
             return bounded_yaml.compose(text, aliases=aliases)
-        except bounded_yaml.BoundError as error:
-            line = error.problem_mark.line if error.problem_mark else None
-            raise self._error(line, str(error.problem)) from None
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             # libyaml ends a last line that has no end.
@@ -114,16 +113,28 @@ class _Yaml:
         if not isinstance(node, yaml.MappingNode):
             what = f'"{shortened(node.value)}"' if isinstance(node, yaml.ScalarNode) else "a list"
             self._fail(node, f"{what} stands where a map belongs")
-        seen: dict[str, int] = {}
+        lines: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 self._fail(key, "a name must be a plain word")
-            if len(key.value) > _LONGEST_NAME:
-                self._fail(key, f"a name of more than {_LONGEST_NAME} characters")
-            if key.value in seen:
-                self._fail(key, f'"{key.value}" is here twice, first on line {seen[key.value]}')
-            seen[key.value] = key.start_mark.line + 1
+            if key.value in lines:
+                self._fail(key, f'"{key.value}" is here twice, first on line {lines[key.value]}')
+            lines[key.value] = key.start_mark.line + 1
         return list(node.value)
+
+    def _entries(
+        self, node: yaml.Node, prefix: str = ""
+    ) -> Iterator[tuple[str, yaml.ScalarNode, yaml.Node]]:
+        """Yield dotted name, key and value of all that is in a map and in the maps in it."""
+        for key, value in self._pairs(node):
+            name = prefix + key.value
+            if isinstance(value, yaml.MappingNode) and value.value:
+                yield from self._entries(value, f"{name}.")
+            else:
+                yield name, key, value
+
+    def _place(self, key: yaml.Node) -> str:
+        return f"{self._name}:{key.start_mark.line + 1}"
 
     def _error(self, line: int | None, text: str) -> ConfigError:
         place = self._name if line is None else f"{self._name}:{line + 1}"
@@ -137,48 +148,39 @@ class _File(_Yaml):
     """A ROS 2 parameter file."""
 
     def read(self, text: str) -> dict[str, Parameters]:
+        """Return the parameters of each section."""
         root = self._compose(text, aliases=False)
         sections: dict[str, Parameters] = {}
-        if isinstance(root, yaml.MappingNode):
+        if root is not None:
             self._sections(root, "", sections)
-        elif root is not None:
-            self._fail(root, "no map of node names")
         return sections
 
     def _sections(self, node: yaml.Node, path: str, found: dict[str, Parameters]) -> None:
         """Gather the parameters of each section; those of one name are put together."""
         for key, value in self._pairs(node):
             if key.value == _MARK:
-                shared = path.rpartition("/")[2] in ("*", "**")
-                parameters = Parameters()
-                self._parameters(value, "", parameters)
-                parameters.shared = set(parameters.values) if shared else set()
+                parameters = self._parameters(value)
+                if path.rpartition("/")[2] in ("*", "**"):
+                    parameters.shared = set(parameters.values)
                 found.setdefault(path or "/", Parameters()).update(parameters)
             elif isinstance(value, yaml.MappingNode):
                 self._sections(value, f"{path}/{key.value.strip('/')}", found)
             else:
                 self._fail(key, f'"{key.value}" must hold a map with "{_MARK}:" in it')
 
-    def _parameters(self, node: yaml.Node, prefix: str, found: Parameters) -> None:
-        for key, value in self._pairs(node):
-            name = prefix + key.value
-            if isinstance(value, yaml.MappingNode):
-                self._parameters(value, name + ".", found)
-                continue
-            result = self._value(name, value)
-            if result is not None:
-                found.values[name] = result
-                found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
+    def _parameters(self, node: yaml.Node) -> Parameters:
+        found = Parameters()
+        for name, key, value in self._entries(node):
+            # rcl cannot infer the type of an empty list, and treats it as not given.
+            if value.value or isinstance(value, yaml.ScalarNode):
+                found.values[name] = self._value(name, value)
+                found.places[name] = self._place(key)
+        return found
 
     def _value(self, name: str, node: yaml.Node) -> Any:
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(name, node)
-        values = [
-            self._scalar(name, item)
-            if isinstance(item, yaml.ScalarNode)
-            else self._fail(item, f"{name}: a list holds plain values only")
-            for item in node.value
-        ]
+        values = [self._scalar(name, item) for item in node.value]
         kinds = {type(value) for value in values}
         if len(kinds) > 1:
             remedy = (
@@ -187,47 +189,30 @@ class _File(_Yaml):
                 else "put quotes around its strings"
             )
             self._fail(node, f"{name}: a list holds values of one kind; {remedy}")
-        # rcl cannot infer the type of an empty list, and treats it as not given.
-        return values or None
+        return values
 
-    def _scalar(self, name: str, node: yaml.ScalarNode) -> bool | int | float | str:
-        text: str = node.value
+    def _scalar(self, name: str, node: Any) -> bool | int | float | str:
+        if not isinstance(node, yaml.ScalarNode):
+            self._fail(node, f"{name}: a list holds plain values only")
         if node.style:  # quoted, or a block of text
-            return text
-        if not text:
+            return str(node.value)
+        if not node.value:
             self._fail(node, f"{name}: has no value")
-        return plain_value(text)
+        return plain_value(node.value)
 
 
 def plain_value(text: str) -> bool | int | float | str:
     """Return what rcl takes an unquoted word for: a bool, an integer, a double or a string."""
-    if text in _TRUE or text in _FALSE:
-        return text in _TRUE
-    readings: tuple[Callable[[str], int | float | None], ...] = (_integer, _double)
-    for reading in readings:
-        value = reading(text)
-        if value is not None:
-            return value
-    return text
-
-
-def _integer(text: str) -> int | None:
-    if not _INTEGER.fullmatch(text):
-        return None
-    digits = text.lstrip("+-").lower()
-    octal = len(digits) > 1 and digits[0] == "0" and digits[1] != "x"
-    try:
-        value = int(text, 8 if octal else 0)
-    except ValueError:  # such as 09
-        return None
-    return value if value in _INT64 else None
-
-
-def _double(text: str) -> float | None:
-    word = _NOT_FINITE.fullmatch(text)
-    if word:
+    if text in _BOOLS:
+        return _BOOLS[text]
+    if _INTEGER.fullmatch(text):
+        for base in (0, 8):  # 010 is octal, 09 is a double
+            with suppress(ValueError):
+                if (value := int(text, base)) in _INT64:
+                    return value
+    if word := _NOT_FINITE.fullmatch(text):
         return float(word[1] + word[2])
-    return float(text) if _DOUBLE.fullmatch(text) else None
+    return float(text) if _DOUBLE.fullmatch(text) else text
 
 
 # Other YAML files: a map, of no node -------------------------------------------------------------
@@ -253,28 +238,15 @@ def read_map(text: str, name: str) -> Parameters:
 
 class _Map(_Yaml):
     def read(self, text: str) -> Parameters:
-        self._loader, found = yaml.SafeLoader(""), Parameters()
-        root = self._compose(text)
-        if root is not None:
-            self._entries(root, "", found)
+        found, loader = Parameters(), yaml.SafeLoader("")
+        root = self._compose(text, aliases=True)
+        for name, key, node in self._entries(root) if root is not None else ():
+            try:
+                found.values[name] = loader.construct_object(node, deep=True)
+            except Exception as error:  # of whichever kind, for a value that does not suit its tag
+                self._fail(node, f"invalid YAML: {' '.join(str(error).split())}")
+            found.places[name] = self._place(key)
         return found
-
-    def _entries(self, node: yaml.Node, prefix: str, found: Parameters) -> None:
-        for key, value in self._pairs(node):
-            name = prefix + key.value
-            if key.tag != "tag:yaml.org,2002:str":
-                self._fail(key, f'a name must be a string; write "{key.value}" in quotes')
-            if isinstance(value, yaml.MappingNode) and value.value:
-                self._entries(value, f"{name}.", found)
-                continue
-            found.values[name] = self._content(value)
-            found.places[name] = f"{self._name}:{key.start_mark.line + 1}"
-
-    def _content(self, node: yaml.Node) -> Any:
-        try:
-            return self._loader.construct_object(node, deep=True)
-        except Exception as error:  # of whichever kind, for a value that does not suit its tag
-            return self._fail(node, f"invalid YAML: {' '.join(str(error).split())}")
 
 
 # The parameter files of one node, read as one --------------------------------------------------
@@ -298,15 +270,6 @@ def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
         found.update(read_parameters(read_text(file), str(file), node))
     found.drop_shared(lambda names: unknown_parameters(kind, names))
     return found
-
-
-def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
-    """Return a warning if the files have sections, but none for ``node``."""
-    sections = parameters.sections
-    if not sections or any(section_matches(section, node) for section in sections):
-        return None
-    names = ", ".join(str(file) for file in files)
-    return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
 def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
@@ -336,10 +299,8 @@ def read_text(file: Path) -> str:
     """Return a file's text; one that cannot be read is a ConfigError."""
     try:
         return bounded_yaml.read_text(file)
-    except UnicodeDecodeError:
-        raise ConfigError([Problem("", f"{file}: cannot be read: not UTF-8 text")]) from None
-    except (OSError, ValueError) as error:  # the latter of a name with a null byte
-        reason = error.strerror if isinstance(error, OSError) else str(error)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
 
 
@@ -347,6 +308,15 @@ def read_text(file: Path) -> str:
 
 # They name files, so that setting them while the node runs is to read others.
 _SOURCES = ("config_file", "robot_description")
+
+
+def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
+    """Return a warning if the files have sections, but none for ``node``."""
+    sections = parameters.sections
+    if not sections or any(section_matches(section, node) for section in sections):
+        return None
+    names = ", ".join(map(str, files))
+    return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
 class LiveParameters:
@@ -367,73 +337,49 @@ class LiveParameters:
         Raises:
             ConfigError: a file cannot be read, or is not ROS 2 parameter YAML.
         """
-        self._files = tuple(files)
-        self._extra: tuple[Path, ...] = ()
+        self._given = self.files = tuple(files)
         self._node, self._kind = node, kind
         self._pinned: dict[str, Any] = {}
         self.file = self.read()
 
     @property
-    def files(self) -> tuple[Path, ...]:
-        """All the files."""
-        return (*self._files, *self._extra)
-
-    @property
-    def names(self) -> str:
-        """The files in words."""
-        return ", ".join(str(file) for file in self.files)
-
-    @property
     def warning(self) -> str | None:
-        """A warning if the files have no section for this node."""
+        """A warning if the files have sections, but none for this node."""
         return no_section(self.file, self.files, self._node)
 
     def add(self, config_file: str) -> None:
         """Take the file of the parameter ``config_file`` as the last of the files, to be read."""
-        self._extra = (Path(config_file),) if config_file else ()
+        self.files = (*self._given, Path(config_file)) if config_file else self._given
 
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
         """Remember the parameters of these ``names`` that the command line decided."""
+        decided = (n for n in names if n in values and n not in _SOURCES)
         written = self.file.values
-        self._pinned = {
-            name: values[name]
-            for name in names
-            if name in values and name not in _SOURCES and values[name] != written.get(name)
-        }
+        self._pinned = {n: values[n] for n in decided if values[n] != written.get(n)}
 
     def read(self) -> Parameters:
-        """Read the files as they are now, in any thread.
-
-        Raises:
-            ConfigError: as above.
-        """
+        """Read the files as they are now, in any thread; raises as the constructor does."""
         return read_files(self.files, self._node, self._kind)
 
     def changes(self, file: Parameters, current: Mapping[str, Any]) -> dict[str, Any]:
         """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
-        usual = {n: value for n, value in defaults(self._kind).items() if n not in _SOURCES}
-        wanted = {**usual, **file.values, **self._pinned}
-        changes = {
+        known = [name for name in current if is_parameter(self._kind, name)]
+        wanted = {**dict.fromkeys(known), **defaults(self._kind), **file.values, **self._pinned}
+        written = {*file.values, *self._pinned}
+        return {
             name: value
             for name, value in wanted.items()
-            if name not in current or not _same(current[name], value)
+            if not _same(current.get(name), value) and (name in written or name not in _SOURCES)
         }
-        gone = [
-            name
-            for name in current
-            if name not in wanted and name not in _SOURCES and is_parameter(self._kind, name)
-        ]
-        return {**changes, **dict.fromkeys(gone)}
 
     def overridden(self, file: Parameters) -> list[str]:
         """Names edited in ``file`` without effect, as the command line overrides them."""
-        edited = (n for n in self._pinned if file.values.get(n) != self.file.values.get(n))
-        return list(edited)
+        before = self.file.values
+        return [name for name in self._pinned if file.values.get(name) != before.get(name)]
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:
         """Return where those of ``values`` were written that the files decided."""
-        written = self.file.values
-        places = self.file.places
+        written, places = self.file.values, self.file.places
         return {key: at for key, at in places.items() if _same(values.get(key), written[key])}
 
 

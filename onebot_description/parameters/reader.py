@@ -1,7 +1,7 @@
 """Parameters as checked dataclasses: what each may be is written once, beside its default.
 
 A field made by ``parameter`` is one ROS parameter or one key of a YAML file. A field that is itself
-a dataclass is a group (``camera.eye``), one of type ``Mapping[str, X]`` a group with names of the
+a dataclass is a group (``camera.eye``), one of type ``Mapping[str, X]`` a map with names of the
 user's own (``motions.elbow.position``, where X is a dataclass, or ``zeros.elbow``)::
 
     @dataclass(frozen=True)
@@ -21,13 +21,12 @@ longer parameters and what to write now.
 import contextlib
 import dataclasses
 import functools
-import re
 import sys
 import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.values import Rule, ValueType, plain, shown
@@ -43,9 +42,8 @@ Values = Mapping[str, Any]
 REQUIRED = MISSING
 """The default of a parameter that must be given."""
 
-_RULE = "onebot parameter"  # of a field's metadata
+_RULE = "onebot parameter"  # the key in a field's metadata
 _MOST_LISTED = 50  # problems in one message
-_MOST_FOUND = 1000  # problems, then the rest is not read
 # Parameters that rclpy declares on every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 _OF_EVERY_NODE_PREFIXES = ("qos_overrides.", "overrides.")
@@ -67,24 +65,16 @@ class Problem:
         """Return ``place: key: text``.
 
         Args:
-            places: where each parameter was written, such as ``joints.yaml:7``.
+            places: where each parameter was written, such as ``joints.yaml:7``; the place of a
+                group is that of the first parameter in it.
         """
-        parts = (self._place(places or {}), self.key, self.text)
-        return ": ".join(part for part in parts if part)
+        inside = (place for key, place in (places or {}).items() if _is_in(key, self.key))
+        place = (places or {}).get(self.key) or next(inside, "")
+        return ": ".join(part for part in (place, self.key, self.text) if part)
 
-    def _place(self, places: Mapping[str, str]) -> str:
-        """The place of the parameter itself, else of the first one inside the group it names."""
-        if self.key in places:
-            return places[self.key]
-        if not self.key:
-            return ""
-        inside = self.key + "."
-        return next((place for key, place in places.items() if key.startswith(inside)), "")
 
-    def overlaps(self, other: "Problem") -> bool:
-        """Whether one of the two is about the same parameter as the other, or about its group."""
-        one, two = f"{self.key}.", f"{other.key}."
-        return one.startswith(two) or two.startswith(one)
+def _is_in(name: str, group: str) -> bool:
+    return bool(group) and name.startswith(f"{group}.")
 
 
 class ConfigError(OneBotError):
@@ -107,49 +97,19 @@ class ConfigError(OneBotError):
 # Fields of the dataclasses --------------------------------------------------------------------
 
 
-def parameter(
-    default: Any,
-    description: str,
-    *,
-    name: str = "",
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float | None = None,
-    choices: Sequence[str] = (),
-    not_empty: bool = False,
-    unique: bool = False,
-    pattern: re.Pattern[str] | None = None,
-    write: str = "",
-    nan: str = "",
-    read_only: bool = False,
-) -> Any:
+def parameter(default: Any, description: str, **rules: Any) -> Any:
     """Return a dataclass field for one parameter. Its type is the field's annotation.
 
     A type may be float (an integer is one, too), int, bool, str, a tuple of these (``tuple[str,
     ...]``, or ``tuple[float, float, float]`` for exactly three), ``X | None``, where None and an
     empty list are both "not given", or a mapping from names to one of these or to a dataclass.
-    Rules on numbers and strings apply to each in a list or mapping.
 
     Args:
         default: the value when it is not given; REQUIRED if it must be.
         description: one line, with the unit.
-        name: in ROS or YAML, if it is not the field's; may hold dots.
-        above: numbers must be greater.
-        at_least: numbers must be as great.
-        at_most: numbers must not be greater.
-        choices: the only strings allowed.
-        not_empty: neither a string nor a list may be empty.
-        unique: a list must not hold anything twice.
-        pattern: what a string must match.
-        write: what would be right, for errors, such as ``a topic, such as /odom``.
-        nan: what NaN means, such as ``no limit``; empty if the number must be finite.
-        read_only: it is read once, when the node starts.
+        rules: the other fields of Rule.
     """
-    rule = Rule(
-        description, name, above, at_least, at_most, tuple(choices), not_empty, unique, pattern,
-        write, nan, read_only,
-    )  # fmt: skip
-    metadata = {_RULE: rule}
+    metadata = {_RULE: Rule(description, **rules)}
     if isinstance(default, dict):
         return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -165,12 +125,11 @@ def group(kind: type[T], name: str = "") -> T:
     return dataclasses.field(default_factory=kind, metadata={_RULE: Rule(name=name)})
 
 
-# The schema of a dataclass: values, groups of them, and maps with user-chosen keys ------------
+# What a dataclass consists of -----------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Field:
-    """One field of a group."""
+class _Field(NamedTuple):
+    """One field of a dataclass."""
 
     field: str  # its name in the dataclass
     name: str  # in ROS or YAML
@@ -178,43 +137,29 @@ class _Field:
     default: Any  # REQUIRED if there is none
 
 
-@dataclass(frozen=True)
-class _Group:
+class _Group(NamedTuple):
     """A dataclass."""
 
-    kind: type
+    kind: Any
     fields: tuple[_Field, ...]
 
-    @property
-    def names(self) -> list[str]:
-        """Parameter names of this group; a nested group or map counts as one."""
-        return [field.name for field in self.fields]
 
-
-@dataclass(frozen=True)
-class _UserKeyed:
-    """A map with user-chosen keys."""
+class _Map(NamedTuple):
+    """A map with names of the user's own."""
 
     item: "_Shape"
 
 
-_Shape = ValueType | _Group | _UserKeyed
-
-
-def _group(kind: Any) -> _Group:
-    """What a dataclass asks for."""
-    return _cached_group(kind)
+_Shape = ValueType | _Group | _Map
 
 
 @functools.cache
-def _cached_group(kind: Any) -> _Group:
+def _group(kind: Any) -> _Group:
     hints = typing.get_type_hints(kind)
     fields = []
     for one in dataclasses.fields(kind):
         rule = one.metadata.get(_RULE, Rule())
-        default = one.default
-        if one.default_factory is not MISSING:
-            default = one.default_factory()
+        default = one.default if one.default_factory is MISSING else one.default_factory()
         shape = _shape(hints[one.name], rule)
         fields.append(_Field(one.name, rule.name or one.name, shape, default))
     return _Group(kind, tuple(fields))
@@ -223,70 +168,84 @@ def _cached_group(kind: Any) -> _Group:
 def _shape(hint: Any, rule: Rule) -> _Shape:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if dataclasses.is_dataclass(hint):
-        return _group(typing.cast(type, hint))
-    if origin in (typing.Union, types.UnionType):
-        (inner,) = (arg for arg in args if arg is not type(None))
-        leaf = _shape(inner, rule)
-        assert isinstance(leaf, ValueType)
-        return dataclasses.replace(leaf, optional=True)
-    if origin is not None and issubclass(origin, Mapping):
-        return _UserKeyed(_shape(args[1], rule))
+        return _group(typing.cast(Any, hint))
+    if origin in (typing.Union, types.UnionType):  # with None
+        return dataclasses.replace(typing.cast(ValueType, _shape(args[0], rule)), optional=True)
     if origin is tuple:
         return ValueType(args[0], rule, True, None if args[-1] is Ellipsis else len(args))
-    return ValueType(hint, rule)
+    return ValueType(hint, rule) if origin is None else _Map(_shape(args[1], rule))
+
+
+class _Leaf(NamedTuple):
+    """A parameter with a fixed name."""
+
+    name: str
+    path: tuple[str, ...]  # the fields to it
+    type: ValueType
+    default: Any
+
+    def value(self, config: Any) -> Any:
+        """Return the value in ``config``, a dataclass, as ROS has it."""
+        return _as_ros(self.type, functools.reduce(getattr, self.path, config))
+
+
+def _leaves(kind: Any) -> Mapping[str, _Leaf]:
+    """Return the parameters with fixed names, by name, those of groups included."""
+    return {leaf.name: leaf for leaf in _walk(_group(kind), "", ())}
+
+
+def _walk(shape: _Group, prefix: str, path: tuple[str, ...]) -> Iterator[_Leaf]:
+    for field in shape.fields:
+        name, way = prefix + field.name, (*path, field.field)
+        if isinstance(field.shape, ValueType):
+            yield _Leaf(name, way, field.shape, field.default)
+        elif isinstance(field.shape, _Group):
+            yield from _walk(field.shape, f"{name}.", way)
+
+
+def _as_ros(leaf: ValueType, value: Any) -> Any:
+    if value is REQUIRED or value is None:
+        return [] if leaf.many else None
+    return list(value) if leaf.many else value
 
 
 # Names ----------------------------------------------------------------------------------------
 
 
-class _Unknown(Exception):
-    """A name that is no parameter; its text is what would be right, which takes time to find."""
-
-    def __init__(self, text: str, name: str = "", known: Sequence[str] = ()) -> None:
-        super().__init__(text)
-        self._name, self._known = name, known
-
-    def __str__(self) -> str:
-        return super().__str__() + (did_you_mean(self._name, self._known) if self._known else "")
+def _locate(kind: type, name: str) -> tuple[_Shape, str]:
+    """Return the innermost shape that ``name`` leads to, and what of ``name`` it does not have."""
+    shape: _Shape = _group(kind)
+    while name and (step := _step(shape, name)):
+        _, shape, name = step
+    return shape, name
 
 
-def _locate(shape: _Shape, name: str) -> tuple[tuple[str, ...], _Shape]:
-    """Find the parameter or group called ``name``: the fields and items to it, and its shape."""
-    if not name:
-        return (), shape
-    if isinstance(shape, _Group):
-        return _locate_field(shape, name)
-    if isinstance(shape, _UserKeyed):
-        item, rest = _split(shape.item, name)
-        path, found = _locate(shape.item, rest)
-        return (item, *path), found
-    raise _Unknown("is one value, not a map")
-
-
-def _locate_field(shape: _Group, name: str) -> tuple[tuple[str, ...], _Shape]:
-    for field in shape.fields:
-        if name == field.name or name.startswith(f"{field.name}."):
-            path, found = _locate(field.shape, name[len(field.name) + 1 :])
-            return (field.field, *path), found
-    remedies: Mapping[str, str] = getattr(shape.kind, "REMEDIES", {})
-    if name in remedies:
-        raise _Unknown(f"no longer a parameter; {remedies[name]}")
-    raise _Unknown("no such parameter", name, shape.names)
+def _step(shape: _Shape, name: str) -> tuple[str, _Shape, str] | None:
+    """Return the part of ``shape`` that ``name`` begins with, its shape, and what follows."""
+    if isinstance(shape, _Map):
+        first, rest = _split(shape.item, name)
+        return first, shape.item, rest
+    for field in shape.fields if isinstance(shape, _Group) else ():
+        if f"{name}.".startswith(f"{field.name}."):
+            return field.name, field.shape, name[len(field.name) + 1 :]
+    return None
 
 
 def _split(item: _Shape, name: str) -> tuple[str, str]:
     """Split off a name of the user's own, which may hold dots, from what is inside."""
     if isinstance(item, ValueType):
         return name, ""
-    if isinstance(item, _UserKeyed):
+    if isinstance(item, _Map):
         first, _, rest = name.partition(".")
         return first, rest
-    ends = [known for known in item.names if name.endswith(f".{known}")]
-    if ends:
-        end = max(ends, key=len)
-        return name[: -len(end) - 1], end
-    first, dot, last = name.rpartition(".")
-    return (first, last) if dot else (name, "")
+    ends = [field.name for field in item.fields if name.endswith(f".{field.name}")]
+    end = max(ends, key=len, default=name.rpartition(".")[2])
+    return (name.removesuffix(f".{end}"), end) if "." in name else (name, "")
+
+
+def is_parameter(kind: type, name: str) -> bool:
+    """Whether the dataclass ``kind`` has a parameter, group or map of this name."""
+    return bool(name) and not _locate(kind, name)[1]
 
 
 def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
@@ -296,14 +255,21 @@ def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
     """
     problems: list[Problem] = []
     for name in names:
-        if is_of_every_node(name):
-            continue
-        try:
-            _locate(_group(kind), name)
-        except _Unknown as error:
-            text = str(error) if len(problems) < _MOST_LISTED else "no such parameter"
-            problems.append(Problem(name, text))
+        shape, unknown = _locate(kind, name)
+        if unknown and not is_of_every_node(name):
+            problems.append(Problem(name, _no_such(shape, unknown, len(problems))))
     return problems
+
+
+def _no_such(shape: _Shape, name: str, number: int = 0) -> str:
+    """Return what is wrong with a ``name`` that ``shape`` does not have; problem ``number``."""
+    if not isinstance(shape, _Group):
+        return "is one value, not a map"
+    if remedy := getattr(shape.kind, "REMEDIES", {}).get(name):
+        return f"no longer a parameter; {remedy}"
+    # To find similar names takes time, and the problems after the first are not listed.
+    names = [field.name for field in shape.fields]
+    return f"no such parameter{did_you_mean(name, names) if number < _MOST_LISTED else ''}"
 
 
 def is_of_every_node(name: str) -> bool:
@@ -311,42 +277,36 @@ def is_of_every_node(name: str) -> bool:
     return name in _OF_EVERY_NODE or name.startswith(_OF_EVERY_NODE_PREFIXES)
 
 
+# Values of a dataclass ------------------------------------------------------------------------
+
+
 def defaults(kind: type) -> dict[str, Any]:
     """Return every parameter of the dataclass ``kind`` whose name is fixed, with its default.
 
     Values are as ROS has them: lists, and an empty one for a list that is not given.
     """
-    return {name: _as_ros(leaf, default) for name, leaf, default in _leaves(_group(kind), "", None)}
-
-
-def is_parameter(kind: type, name: str) -> bool:
-    """Whether the dataclass ``kind`` has a parameter or group of this name."""
-    try:
-        _locate(_group(kind), name)
-    except _Unknown:
-        return False
-    return True
+    return {leaf.name: _as_ros(leaf.type, leaf.default) for leaf in _leaves(kind).values()}
 
 
 def values_of(config: Any) -> dict[str, Any]:
     """Return what ``defaults`` does, but with the values of ``config``, a dataclass."""
-    shape = _group(type(config))
-    return {name: _as_ros(leaf, value) for name, leaf, value in _leaves(shape, "", config)}
+    return {leaf.name: leaf.value(config) for leaf in _leaves(type(config)).values()}
 
 
 def as_map(config: Any) -> dict[str, Any]:
     """Return ``config``, a dataclass, as nested maps for ``read``, without what has its default."""
     found: dict[str, Any] = {}
-    for field in _group(type(config)).fields:
+    kind: Any = type(config)
+    for field in _group(kind).fields:
         value = getattr(config, field.field)
+        if value == field.default:
+            continue
         if isinstance(field.shape, ValueType):
-            if value != field.default:
-                found[field.name] = _as_ros(field.shape, value)
-        elif isinstance(field.shape, _UserKeyed):
-            items = {name: as_map(item) for name, item in value.items()}
-            found |= {field.name: items} if items else {}
-        elif inner := as_map(value):
-            found[field.name] = inner
+            found[field.name] = _as_ros(field.shape, value)
+        elif isinstance(field.shape, _Map):
+            found[field.name] = {name: as_map(item) for name, item in value.items()}
+        else:
+            found[field.name] = as_map(value)
     return found
 
 
@@ -357,12 +317,13 @@ def replaced(config: T, name: str, value: Any) -> T:
         ConfigError: it has no such parameter, or that cannot have this value.
     """
     kind = type(config)
+    leaf = _leaves(kind).get(name)
+    if leaf is None:
+        problems = unknown_parameters(kind, [name])
+        raise ConfigError(problems or [Problem(name, "is more than one parameter")])
     try:
-        path, shape = _locate_field(_group(kind), name)
-        if name not in defaults(kind) or not isinstance(shape, ValueType):
-            raise _Unknown("is more than one parameter")
-        return typing.cast(T, _replaced(config, path, shape.checked(value)))
-    except (_Unknown, ValueError) as error:
+        return typing.cast(T, _replaced(config, leaf.path, leaf.type.checked(value)))
+    except ValueError as error:
         raise ConfigError([Problem(name, str(error))]) from None
 
 
@@ -372,35 +333,7 @@ def _replaced(config: Any, path: Sequence[str], value: Any) -> Any:
     return dataclasses.replace(config, **{field: new})
 
 
-def _leaves(shape: _Group, prefix: str, value: Any) -> Iterator[tuple[str, ValueType, Any]]:
-    """All parameters with fixed names, each with its value in ``value`` or else its default."""
-    for field in shape.fields:
-        default = getattr(value, field.field) if value is not None else field.default
-        if isinstance(field.shape, _Group):
-            inner = None if default is REQUIRED else default
-            yield from _leaves(field.shape, f"{prefix}{field.name}.", inner)
-        elif isinstance(field.shape, ValueType):
-            yield prefix + field.name, field.shape, default
-
-
-def _as_ros(leaf: ValueType, value: Any) -> Any:
-    if value is REQUIRED or value is None:
-        return [] if leaf.many else None
-    return list(value) if leaf.many else value
-
-
 # Reading --------------------------------------------------------------------------------------
-
-
-def flatten(values: Values, prefix: str = "") -> dict[str, Any]:
-    """Return nested maps as one map of dotted names; an empty map stays, as a value."""
-    flat: dict[str, Any] = {}
-    for key, value in values.items():
-        if isinstance(value, Mapping) and value:
-            flat.update(flatten(value, f"{prefix}{key}."))
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat
 
 
 def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None) -> T:
@@ -415,116 +348,106 @@ def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None)
     Raises:
         ConfigError: with every problem, each naming the parameter and what would be right.
     """
+    given = {name: one for name, one in _flat(values, "") if not is_of_every_node(name)}
     reading = _Reading()
-    with contextlib.suppress(_TooManyError):
-        config = reading.build(_group(kind), reading.tree(kind, flatten(values)), "")
+    config = reading.build(_group(typing.cast(Any, kind)), given, "")
     if reading.problems:
         raise ConfigError(reading.problems, places)
     return typing.cast(T, config)
 
 
-class _TooManyError(Exception):
-    """Too much is wrong for anybody to read."""
+def _flat(values: Values, prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield values by dotted names; an empty map is a value."""
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
 
 
 class _Reading:
-    """Builds one dataclass of values, and collects what is wrong with them."""
+    """Builds a dataclass of values, and collects what is wrong with them."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
 
     def _report(self, key: str, text: str) -> None:
         self.problems.append(Problem(key, text))
-        if len(self.problems) > _MOST_FOUND:
-            raise _TooManyError
 
-    def tree(self, kind: type, flat: Values) -> dict[str, Any]:
-        """Sort ``flat`` by the fields they belong to."""
-        tree: dict[str, Any] = {}
-        for name, value in flat.items():
-            if is_of_every_node(name):
-                continue
-            try:
-                path, shape = _locate_field(_group(kind), name)
-            except _Unknown as error:
-                self._report(name, str(error))
-                continue
-            if isinstance(shape, ValueType):
-                _put(tree, path, value)
-            elif value == {}:
-                _put(tree, path, {})
-            else:
-                self._report(name, f"{shown(value)}; write a map{_form(shape)}")
-        return tree
+    def build(self, shape: _Shape, given: Values, key: str) -> Any:
+        """Return what is given for ``key``, checked; REQUIRED if it is wrong.
 
-    def build(self, shape: _Shape, content: Any, key: str) -> Any:
-        """Return ``content`` checked; REQUIRED if it is wrong."""
-        if isinstance(shape, ValueType):
-            try:
-                return shape.checked(content)
-            except ValueError as error:
-                self._report(key, str(error))
+        Args:
+            shape: what belongs there.
+            given: values by what follows ``key`` in their names, "" for the value of ``key``.
+            key: dotted name, "" for the whole.
+        """
+        parts: dict[str, dict[str, Any]] = {}
+        shapes: dict[str, _Shape] = {}
+        for name, value in given.items():
+            if name and (step := _step(shape, name)):
+                first, shapes[first], rest = step
+                parts.setdefault(first, {})[rest] = value
+            elif name:
+                self._report(_join(key, name), _no_such(shape, name, len(self.problems)))
+            elif isinstance(shape, ValueType):
+                return self._value(shape, value, key)
+            elif value != {}:
+                self._report(key, f"{shown(value)}; write a map{_form(shape)}")
                 return REQUIRED
-        if isinstance(shape, _UserKeyed):
-            items = {
-                name: self.build(shape.item, inner, _join(key, name))
-                for name, inner in content.items()
-            }
-            return {name: item for name, item in items.items() if item is not REQUIRED}
-        return self._build_group(shape, content, key)
-
-    def _build_group(self, shape: _Group, content: Mapping[str, Any], key: str) -> Any:
-        found: dict[str, Any] = {}
-        for field in shape.fields:
-            if field.field in content:
-                found[field.field] = self.build(
-                    field.shape, content[field.field], _join(key, field.name)
-                )
-            elif field.default is REQUIRED:
-                self._missing(field, key)
-                found[field.field] = REQUIRED
-        if any(f.default is REQUIRED and found[f.field] is REQUIRED for f in shape.fields):
+        if key and any(given) and not parts:  # nothing in it is known: it counts as not given
             return REQUIRED
-        result = shape.kind(**{name: v for name, v in found.items() if v is not REQUIRED})
-        if hasattr(result, "check"):
-            self._check(result.check(), key)
+        built = {n: self.build(shapes[n], part, _join(key, n)) for n, part in parts.items()}
+        built = {name: one for name, one in built.items() if one is not REQUIRED}
+        return self._group(shape, parts, built, key) if isinstance(shape, _Group) else built
+
+    def _value(self, kind: ValueType, value: Any, key: str) -> Any:
+        try:
+            return kind.checked(value)
+        except ValueError as error:
+            self._report(key, str(error))
+            return REQUIRED
+
+    def _group(self, shape: _Group, given: Values, values: Values, key: str) -> Any:
+        required = [field for field in shape.fields if field.default is REQUIRED]
+        self.problems += [_missing(one, key) for one in required if one.name not in given]
+        if any(field.name not in values for field in required):
+            return REQUIRED
+        named = {one.field: values[one.name] for one in shape.fields if one.name in values}
+        result = shape.kind(**named)
+        if hasattr(result, "check") and len(self.problems) < _MOST_LISTED:
+            self.problems += self._unrelated(result.check(), key)
         return result
 
-    def _missing(self, field: _Field, key: str) -> None:
-        rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
-        choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
-        what = "".join(f", {text}" for text in (rule.description, choices) if text)
-        if key:  # the group's, because only what is written has a line
-            self._report(key, f"has no {field.name}{what}")
-        else:
-            self._report(field.name, f"is missing{what}")
+    def _unrelated(self, found: Iterable[Problem], prefix: str) -> list[Problem]:
+        """Return the problems that follow from no other."""
+        named = [Problem(_join(prefix, problem.key), problem.text) for problem in found]
+        return [one for one in named if not any(_overlap(one, other) for other in self.problems)]
 
-    def _check(self, found: Iterable[Problem], prefix: str) -> None:
-        """Take the problems that follow from no other."""
-        known = tuple(self.problems)
-        for problem in found:
-            fresh = Problem(_join(prefix, problem.key), problem.text)
-            if not any(map(fresh.overlaps, known)):
-                self._report(fresh.key, fresh.text)
+
+def _overlap(one: Problem, other: Problem) -> bool:
+    """Whether the two are about the same parameter, or one is about the group of the other."""
+    first, second = f"{one.key}.", f"{other.key}."
+    return first.startswith(second) or second.startswith(first)
+
+
+def _missing(field: _Field, key: str) -> Problem:
+    rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
+    choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
+    what = "".join(f", {text}" for text in (rule.description, choices) if text)
+    if key:  # the group's, because only what is written has a line
+        return Problem(key, f"has no {field.name}{what}")
+    return Problem(field.name, f"is missing{what}")
 
 
 def _join(prefix: str, name: str) -> str:
     return ".".join(part for part in (prefix, name) if part)
 
 
-def _put(tree: dict[str, Any], path: Sequence[str], value: Any) -> None:
-    for step in path[:-1]:
-        tree = tree.setdefault(step, {})
-    if value == {} and path[-1] in tree:
-        return
-    tree[path[-1]] = value
-
-
-def _form(shape: _Shape) -> str:
+def _form(shape: _Group | _Map) -> str:
     """How a map is written, in words."""
     if isinstance(shape, _Group):
-        return f" with {', '.join(shape.names)}"
-    assert isinstance(shape, _UserKeyed)
+        return f" with {', '.join(field.name for field in shape.fields)}"
     if isinstance(shape.item, ValueType):
         return f", such as {{some_name: {'0.5' if shape.item.base is float else '...'}}}"
     return f" of names, each a map{_form(shape.item)}"
@@ -553,24 +476,21 @@ def declare(
     """
     first = {**defaults(kind), **(values or {}), **(fixed or {})}
     for name, default in first.items():
-        _declare(node, kind, name, default, ignore_override=name in (fixed or {}))
-    found = {name: plain(node.get_parameter(name).value) for name in first}
-    ours = {name: value for name, value in found.items() if is_parameter(kind, name)}
-    return {name: value for name, value in ours.items() if value is not None}
+        if not node.has_parameter(name):
+            _declare(node, kind, name, default, ignore_override=name in (fixed or {}))
+    found = {n: plain(node.get_parameter(n).value) for n in first if is_parameter(kind, n)}
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_override: bool) -> None:
     from rcl_interfaces.msg import ParameterDescriptor
     from rclpy.exceptions import InvalidParameterValueException
 
-    if node.has_parameter(name):
-        return
     # rclpy cannot infer the type of an empty list: it is set afterwards, as is a double.
     first = None if default == [] else default
     node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True), ignore_override)
     given = node.get_parameter(name)
-    value = ros_parameter(name, default) if given.value is None else given
-    final = _with_doubles(kind, value)
+    final = _with_double(kind, ros_parameter(name, default) if given.value is None else given)
     if final.type_ != given.type_:
         node.set_parameters([final])
     # Out of range, it is left to ``read`` to report.
@@ -578,23 +498,24 @@ def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_overri
         node.set_descriptor(name, descriptor(kind, name))
 
 
-def _with_doubles(kind: type, parameter: "Parameter") -> "Parameter":
+def _value_type(kind: type, name: str) -> ValueType | None:
+    """Return the type of the parameter ``name``; None if it is no single parameter."""
+    shape, unknown = _locate(kind, name)
+    return shape if isinstance(shape, ValueType) and not unknown else None
+
+
+def _with_double(kind: type, parameter: "Parameter") -> "Parameter":
     """Return a parameter of the dataclass ``kind``, as a double if it has an integer for one."""
-    value = plain(parameter.value)
-    try:
-        _, leaf = _locate(_group(kind), parameter.name)
-        if isinstance(leaf, ValueType) and leaf.base is float and value not in (None, []):
+    value, leaf = plain(parameter.value), _value_type(kind, parameter.name)
+    if leaf and leaf.base is float and value not in (None, []):
+        with contextlib.suppress(ValueError):  # ``read`` reports it
             return ros_parameter(parameter.name, _as_ros(leaf, leaf.checked(value)))
-    except (_Unknown, ValueError):  # ``read`` reports it
-        pass
     return parameter
 
 
 def set_doubles(node: "Node", kind: type) -> None:
     """Have an integer that is set for a double of the dataclass ``kind`` be one on ``node``."""
-    node.add_pre_set_parameters_callback(
-        lambda parameters: [_with_doubles(kind, one) for one in parameters]
-    )
+    node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, one) for one in given])
 
 
 def refuse_undeclared(node: "Node", kind: type) -> None:
@@ -610,15 +531,13 @@ def refuse_undeclared(node: "Node", kind: type) -> None:
 
     def check(parameters: list["Parameter"]) -> list["Parameter"]:
         names = [one.name for one in parameters if not node.has_parameter(one.name)]
-        problems = [
-            next(iter(unknown_parameters(kind, [name])), Problem(name, "no such parameter"))
-            for name in names
-        ]
-        if problems:
+        if names:
+            texts = {one.key: one.text for one in unknown_parameters(kind, names)}
             error = ParameterNotDeclaredException(names)
-            error.args = ("\n".join(problem.message() for problem in problems),)
+            lines = (f"{name}: {texts.get(name, 'no such parameter')}" for name in names)
+            error.args = ("\n".join(lines),)
             raise error
-        return [_with_doubles(kind, one) for one in parameters]
+        return [_with_double(kind, one) for one in parameters]
 
     node.add_pre_set_parameters_callback(check)
 
@@ -628,29 +547,24 @@ def descriptor(kind: type, name: str) -> "ParameterDescriptor":
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
     result = ParameterDescriptor(dynamic_typing=True)
-    try:
-        _, leaf = _locate(_group(kind), name)
-    except _Unknown:
-        return result
-    if not isinstance(leaf, ValueType):
+    leaf = _value_type(kind, name)
+    if leaf is None:
         return result
     rule = leaf.rule
     result.description, result.read_only = rule.description, rule.read_only
     result.additional_constraints = leaf.constraints
     if leaf.many or rule.nan or not rule.range:
         return result
-    low = rule.above if rule.above is not None else rule.at_least
+    low = rule.at_least if rule.above is None else rule.above
+    given = {"from_value": low, "to_value": rule.at_most}
+    ends = {end: leaf.base(value) for end, value in given.items() if value is not None}
     if leaf.base is float:
-        least, most = _or(low, -sys.float_info.max), _or(rule.at_most, sys.float_info.max)
-        result.floating_point_range = [FloatingPointRange(from_value=least, to_value=most)]
+        widest = {"from_value": -sys.float_info.max, "to_value": sys.float_info.max}
+        result.floating_point_range = [FloatingPointRange(**{**widest, **ends})]
     elif leaf.base is int:
-        least, most = int(_or(low, -(2**63))), int(_or(rule.at_most, 2**63 - 1))
-        result.integer_range = [IntegerRange(from_value=least, to_value=most, step=1)]
+        whole = {"from_value": -(2**63), "to_value": 2**63 - 1, "step": 1}
+        result.integer_range = [IntegerRange(**{**whole, **ends})]
     return result
-
-
-def _or(value: float | None, otherwise: float) -> float:
-    return otherwise if value is None else value
 
 
 def ros_parameter(name: str, value: Any) -> "Parameter":

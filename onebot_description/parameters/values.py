@@ -5,6 +5,7 @@ import re
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import cycle, islice
 from typing import Any
 
 from onebot_description.errors import did_you_mean, shortened
@@ -13,12 +14,19 @@ MAX_PORT = 65535
 """The greatest number of a TCP port."""
 
 LARGEST = 1e60
-"""The greatest size of a number: products of a few of them are finite."""
+"""The greatest absolute value of a parameter: products of a few of them are finite."""
 
 _INT64 = range(-(2**63), 2**63)
+_LISTS = (list, tuple, array)
 
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
 _PLURAL = {float: "numbers", int: "integers", bool: "booleans", str: "strings"}
+_EXAMPLES = {
+    float: ("0.0", "1.0", "2.0"),
+    int: ("0", "1", "2"),
+    bool: ("true", "false"),
+    str: ("first", "second", "third"),
+}
 
 
 @dataclass(frozen=True)
@@ -41,13 +49,11 @@ class Rule:
     @property
     def range(self) -> str:
         """The range in words, such as "above 0 and up to 1000"; empty for none."""
-        if self.above is not None:
-            most = "" if self.at_most is None else f" and up to {self.at_most:g}"
-            return f"above {self.above:g}{most}"
+        most = "" if self.at_most is None else f"to {self.at_most:g}"
         if self.at_least is not None:
-            most = "" if self.at_most is None else f" to {self.at_most:g}"
-            return f"from {self.at_least:g}{most}"
-        return "" if self.at_most is None else f"up to {self.at_most:g}"
+            return _join(" ", f"from {self.at_least:g}", most)
+        above = "" if self.above is None else f"above {self.above:g}"
+        return _join(" and ", above, f"up {most}" if most else "")
 
     def beyond(self, value: float) -> str:
         """Return on which side ``value`` is out of range; empty if it is within."""
@@ -76,60 +82,47 @@ class ValueType:
         Raises:
             ValueError: what is wrong and what would be right.
         """
-        if self.optional and (value is None or _is_list(value) and not len(value)):
+        if self.optional and plain(value) in (None, []):
             return None
         if value is None:
             raise ValueError(f"has no value; write {self.wanted(value)}")
         return self._list(value) if self.many else self._one(value)
 
     def _list(self, value: Any) -> tuple[Any, ...]:
-        if not _is_list(value):
+        if not isinstance(value, _LISTS):
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
         items = tuple(self._one(item) for item in value)
         if self.length is not None and len(items) != self.length:
-            what = self.rule.write
-            if not what:
-                what = ": ".join(filter(None, (str(self.length), self.rule.description)))
+            what = self.rule.write or _join(": ", str(self.length), self.rule.description)
             raise ValueError(f"{len(items)} {_PLURAL[self.base]}; write {what}")
         if self.rule.not_empty and not items:
             raise ValueError(f"is empty; write {self.wanted(value)}")
-        twice = [item for item in dict.fromkeys(items) if items.count(item) > 1]
-        if self.rule.unique and twice:
-            raise ValueError(f'"{twice[0]}" is there twice')
+        if self.rule.unique and len(set(items)) < len(items):
+            twice = next(item for item in items if items.count(item) > 1)
+            raise ValueError(f'"{twice}" is there twice')
         return items
 
     def _one(self, value: Any) -> Any:
-        if self.base is float:
-            return self._number(value)
-        if type(value) is not self.base:
+        fits = isinstance(value, int | float if self.base is float else self.base)
+        if not fits or isinstance(value, bool) != (self.base is bool):
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
+        if isinstance(value, int) and value not in _INT64:
+            raise ValueError(f"needs more than 64 bits; write {self.wanted(value)}")
         if isinstance(value, str):
             self._check_text(value)
-        elif self.base is int:
-            if value not in _INT64:
-                raise ValueError(f"needs more than 64 bits; write {self.wanted(value)}")
-            self._check_range(value)
+        elif self.base is not bool:
+            value = self.base(value)
+            self._check_number(value)
         return value
 
-    def _number(self, value: Any) -> float:
-        if not _is_number(value):
-            raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
-        try:
-            number = float(value)
-        except OverflowError:  # an integer of more than 308 digits
-            number = math.inf
-        if math.isnan(number) and self.rule.nan:
-            return math.nan
-        if not math.isfinite(number):
-            raise ValueError(f"{number} is not finite; write {self.wanted(value)}")
-        if abs(number) > LARGEST:
-            raise ValueError(f"{number:g} is beyond {LARGEST:g}; write {self.wanted(value)}")
-        self._check_range(number)
-        return number
-
-    def _check_range(self, value: Any) -> None:
+    def _check_number(self, value: Any) -> None:
+        unset = f", or .nan for {self.rule.nan}" if self.rule.nan else ""
+        if unset and math.isnan(value):
+            return
+        if self.base is float and not abs(value) <= LARGEST:
+            beyond = f"beyond {LARGEST:g}" if math.isfinite(value) else "not finite"
+            raise ValueError(f"{value:g} is {beyond}; write {self.wanted(value)}")
         if beyond := self.rule.beyond(value):
-            unset = f", or .nan for {self.rule.nan}" if self.rule.nan else ""
             raise ValueError(f"{value:g} {beyond}; write a number {self.rule.range}{unset}")
 
     def _check_text(self, value: str) -> None:
@@ -146,47 +139,39 @@ class ValueType:
         if self.rule.write:
             return self.rule.write
         if self.many:
-            length = "" if self.length is None else f"{self.length} "
-            return f"a list of {length}{_PLURAL[self.base]}, such as {self._example()}"
+            what = _join(" ", str(self.length or ""), _PLURAL[self.base])
+            example = islice(cycle(_EXAMPLES[self.base]), self.length or 2)
+            return f"a list of {what}, such as [{', '.join(example)}]"
         if self.rule.choices:
             return f"one of {', '.join(self.rule.choices)}"
-        if self.base is str and _is_number(value):
+        if self.base is str and type(value) in (int, float):
             return f'a string, such as "{value}"'
-        within = f" {self.rule.range}" if self.rule.range else ""
-        return f"{_SINGULAR[self.base]}{within}"
-
-    def _example(self) -> str:
-        words = {str: ["first", "second", "third"], bool: ["true", "false"]}.get(
-            self.base, ["0.0", "1.0", "2.0"] if self.base is float else ["0", "1", "2"]
-        )
-        length = 2 if self.length is None else self.length
-        return f"[{', '.join(words[i % len(words)] for i in range(length))}]"
+        return _join(" ", _SINGULAR[self.base], self.rule.range)
 
     @property
     def constraints(self) -> str:
         """The rules in words, for a parameter's descriptor."""
         rule = self.rule
-        words = [rule.range, f"one of {', '.join(rule.choices)}" if rule.choices else ""]
-        words.append(f"{self.length} {_PLURAL[self.base]}" if self.length is not None else "")
-        words.append("not empty" if rule.not_empty else "")
-        words.append("no duplicates" if rule.unique else "")
-        words.append(rule.write)
-        words.append(f"NaN: {rule.nan}" if rule.nan else "")
-        words.append("read when the node starts; restart it to change it" * rule.read_only)
-        return "; ".join(word for word in words if word)
+        return _join(
+            "; ",
+            rule.range,
+            f"one of {', '.join(rule.choices)}" if rule.choices else "",
+            f"{self.length} {_PLURAL[self.base]}" if self.length is not None else "",
+            "not empty" * rule.not_empty,
+            "no duplicates" * rule.unique,
+            rule.write,
+            f"NaN: {rule.nan}" if rule.nan else "",
+            "read when the node starts; restart it to change it" * rule.read_only,
+        )
+
+
+def _join(separator: str, *words: str) -> str:
+    return separator.join(word for word in words if word)
 
 
 def plain(value: Any) -> Any:
     """Return a parameter's value, arrays as lists: they come as array.array, tuple or list."""
-    return list(value) if isinstance(value, array | tuple | list) else value
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _is_list(value: object) -> bool:
-    return isinstance(value, array | tuple | list)
+    return list(value) if isinstance(value, _LISTS) else value
 
 
 def shown(value: object) -> str:
@@ -197,17 +182,8 @@ def shown(value: object) -> str:
         return f"{str(value).lower()} is a bool"
     if isinstance(value, str):
         return f'"{shortened(value)}" is a string'
-    if isinstance(value, int) and value not in _INT64:
-        return "an integer of more than 64 bits is a number"
-    if _is_number(value):
+    if isinstance(value, int | float):
         return f"{value} is a number"
-    if _is_list(value):
-        return f"{_list_text(plain(value))} is a list"
+    if isinstance(value, _LISTS):
+        return f"{shortened(str(plain(value)))} is a list"
     return "is a map" if isinstance(value, Mapping) else f"{value!r} cannot be used here"
-
-
-def _list_text(values: list[Any]) -> str:
-    try:
-        return shortened(str(values))
-    except ValueError:  # of an integer of too many digits
-        return "[...]"

@@ -210,38 +210,26 @@ EQUIVALENT = (
     Equivalent(
         "onebot_description/joints/config.py",
         "MotionParameters.motion",
-        'if self.kind <= "constant":',
+        'if self.type <= "constant":',
         "no kind of motion comes before constant",
     ),
     Equivalent(
         "onebot_description/joints/config.py",
         "MotionParameters.motion",
-        'if self.kind >= "sine":',
+        'if self.type >= "sine":',
         "no kind of motion comes after sine",
     ),
     Equivalent(
         "onebot_description/joints/config.py",
         "MotionParameters.motion",
-        'if self.kind >= "pose":',
+        'if self.type >= "pose":',
         "only poses and keyframes are left",
     ),
     Equivalent(
         "onebot_description/joints/config.py",
         "MotionParameters.notes",
-        'if kind >= "sine" and missing:',
+        'if self.type >= "sine" and missing:',
         "no kind of motion comes after sine",
-    ),
-    Equivalent(
-        "onebot_description/joints/motions.py",
-        "_Keyframes.__init__",
-        "self._smooth = np.array([motion.blend >= MINIMUM_JERK for motion in motions])",
-        "no blend comes after minimum_jerk",
-    ),
-    Equivalent(
-        "onebot_description/joints/motions.py",
-        "_Keyframes._within",
-        "inside = (begin != end) & (end < np.inf)",
-        "the times increase",
     ),
     Equivalent(
         "onebot_description/joints/motions.py",

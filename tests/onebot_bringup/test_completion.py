@@ -36,7 +36,6 @@ WORDS = {
     "onebot topic nothing ": set(),
     "onebot run onebot_control velocity_controller ": set(),  # it must not run
     "onebot discovery:=subnet topic e": {"echo"},
-    "onebot accuracy --wr": {"--write"},  # which has a parser of its own
     "onebot check ": {"package_path:=", "arm.urdf"},
     "onebot_bringup viewer:=na": {"viewer:=native"},
     "onebot_bringup world:=": {"world:=maze", "world:=ramp"},

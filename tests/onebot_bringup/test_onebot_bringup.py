@@ -260,7 +260,7 @@ def test_warnings_name_the_files_line_and_have_a_level(ros_domain, tmp_path):
     with NodeProcess(MODULE, f"model:={model}", "viewer:=none") as node:
         for name, found in (
             ("robot_state_publisher", f'low.xacro:{place["bare"]}: link "bare" <visual>'),
-            ("velocity_controller", f"low.xacro:{place['part']}: a collision shape of link"),
+            ("velocity_controller", f"low.xacro:{place['part']} (called at "),
         ):
             line = wait_for(lambda: re.search(f".*{re.escape(found)}.*", node.output), found)  # noqa: B023
             assert line[0].startswith(f"[{name}] [WARN] ")

@@ -138,10 +138,7 @@ def _recorded(commands, message, file: Path, speed: float) -> bool:
 
 
 def test_topics_are_in_the_node_s_namespace(ros_domain, tmp_path):
-    """With __ns the same view shows another robot's topics.
-
-    A second node that publishes the same frames is warned of by its name.
-    """
+    """With __ns the same view shows another robot's topics."""
     (tmp_path / "view.yaml").write_text(VIEW)
     args = ros_args(viewer="none", save=tmp_path / "x.rrd", view=tmp_path / "view.yaml")
     args += ["-r", "__ns:=/r1"]
@@ -150,21 +147,6 @@ def test_topics_are_in_the_node_s_namespace(ros_domain, tmp_path):
         wait_for(driver.step, "the drive")
         file = tmp_path / "x.rrd"
         wait_for(lambda: while_written(strips, file, "truth"), "the trail in the file")
-        assert "published by" not in node.output
-        with Peer(ros_domain, "other") as other:
-            second = other.publisher(TFMessage, "/tf")
-            moved = TFMessage(transforms=[TransformStamped(child_frame_id="base")])
-            moved.transforms[0].header.frame_id = "map"
-            warning = (
-                "/tf: base: published by /other, /peer at once (in map by /other, in odom by /peer)"
-            )
-
-            def warned() -> bool:
-                driver.step()
-                second.publish(moved)
-                return warning in node.output
-
-            wait_for(warned, "the warning of the second publisher")
         assert node.interrupt() == 0
 
 
@@ -175,7 +157,7 @@ def test_undecodable_messages_are_survived(ros_domain, tmp_path):
         commands = peer.publisher(Twist, "wheels/cmd_vel")
         garbage = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
         for topic, publisher in (("odom", driver._odom), ("cmd_vel", commands)):
-            said = f"ignored a message of /wheels/{topic}: it is no"
+            said = f"ignored a message of /wheels/{topic}: no "
             # Again and again: such a warning comes once in some seconds only.
             wait_for(lambda: publisher.publish(garbage) or said in node.output, "a warning")  # noqa: B023
         wait_for(driver.step, "the drive")

@@ -77,7 +77,7 @@ def test_a_page_that_goes_stops_the_robot(peer):
             robot.come_to_rest()
 
 
-@pytest.mark.parametrize("slow", [{"delay": 3.0}, {"rate": 200.0}])
+@pytest.mark.parametrize("slow", [{"delay": 0.8}, {"rate": 80.0}])
 def test_a_slow_way_to_the_server_stops_the_robot(peer, slow):
     """At once, not after the delay; it drives again when the way is fast. A late stop counts."""
     with (

@@ -361,7 +361,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(peer: Peer, page: Page)
     with steering(**LIMITS) as node, SlowWay(node.address) as way:
         page.open(way.address)
         page.drive_by_pad(0.0, 1.5, at(heard, 0.5, 0.0))
-        way.rate = 200.0
+        way.rate = 80.0  # more than half a second for a single command
         wait_for(lambda: "too slow to drive" in said(), "word of it")
         first = len(page.sent())
 

@@ -122,8 +122,8 @@ def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) ->
     with NodeProcess(MODULE, str(model), *words, *ros_args(), check=False) as node:
         wait_for(lambda: node.process.poll() == 1, "the end")
         assert lines_of_ours(node.output) == [
-            "error: /c/velocity_controller: update_rate: 50, but 100 of /a/velocity_controller; "
-            "it is the same for all robots of a world"
+            "error: /c/velocity_controller: update_rate: 50.0, but 100.0 of "
+            "/a/velocity_controller; it is the same for all robots of a world"
         ]
 
 

@@ -1,6 +1,7 @@
 """What sensors measure, against formulas and a ray caster of ten lines; no ROS."""
 
 import math
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,22 @@ from PIL import Image
 from onebot_control.driven_robot import DrivenRobot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
-from onebot_control.sensing import camera, imu, lidar, noise, rays
+from onebot_control.sensing import camera, imu, lidar, noise, rays, sensors
 from onebot_control.sensing.rays import NOTHING, Rays, cast
 from onebot_control.sensing.scene import RobotState, Scene, SensedRobot, matrices
 from onebot_description.description import load_description, parse_description
-from onebot_description.description.description import Camera, Fan, Lidar, Noise
+from onebot_description.description.description import (
+    Camera,
+    Fan,
+    Lidar,
+    Noise,
+    Origin,
+    Sensor,
+)
 from onebot_description.description.worlds import load_world
 from onebot_description.model import quaternions
 from tests.onebot_control.control_support import WHEELS, robot
+from tests.support import wait_for
 
 HERE = np.eye(3), np.zeros(3)
 STILL = (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),)
@@ -374,3 +383,51 @@ def test_an_imu_on_a_ramp_feels_the_slope():
     np.testing.assert_allclose(linear, turn.T @ (0, 0, 9.81), atol=1e-3)
     np.testing.assert_allclose(linear, true, atol=0.02)
     np.testing.assert_allclose(angular, 0, atol=1e-4)
+
+
+# The thread -------------------------------------------------------------------------------------
+
+
+class SlowOutlet:
+    """Takes measurements one at a time, when it is told to."""
+
+    def __init__(self) -> None:
+        self.stamps: list[int] = []
+        self.go = threading.Semaphore(0)
+
+    def wanted(self) -> frozenset[str]:
+        return frozenset({"scan"})
+
+    def publish(self, stamp: int, outputs: object) -> None:
+        self.go.acquire()
+        self.stamps.append(stamp)
+
+
+def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loop never waits; what the sensor reaches is a warning."""
+    monkeypatch.setattr(sensors, "_FIRST_REPORT", -1.0)
+    warnings: list[str] = []
+    failures: list[BaseException] = []
+    model = Lidar(Fan(3, -1.0, 1.0), Fan(), 0.1, 9.0)
+    scan = Sensor("slow", "base_link", Origin(), 50.0, {"scan": "scan"}, "base_link", model)
+    outlet, description = SlowOutlet(), robot()
+    with Fleet.of([Member(description, ControlConfig.from_parameters(WHEELS))]) as fleet:
+        driven = fleet.robots[0]
+        sensing = sensors.Sensing(None, 100.0, 9.81, warnings.append, failures.append)
+        instrument = sensors.Instrument(scan, 0, "/", outlet, 100.0)
+        sensed = SensedRobot(description, driven.plant.joints, driven.held)
+        sensing.enter(0, sensed, [instrument])
+        sensing.start()
+        for tick in range(40):
+            snapshots = fleet.cycle()
+            assert sensing.due(tick) == ({0} if tick % 2 == 0 else set())
+            sensing.take(tick, snapshots, ())
+            assert sensing.due(tick) == set()  # of a cycle that is published again, paused
+        asked = instrument.given
+        assert instrument.dropped == 20 - asked and 4 <= asked <= 6
+        outlet.go.release(asked)
+        wait_for(lambda: len(outlet.stamps) == asked, "what was waiting")
+        sensing.stop()
+    assert outlet.stamps == [2 * each for each in range(asked)]
+    assert not failures
+    assert any('sensor "slow" reaches' in text and "of 50 Hz" in text for text in warnings)

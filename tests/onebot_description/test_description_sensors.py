@@ -300,3 +300,26 @@ def test_a_file_gives_sensors_to_a_robot_that_lacks_them(tmp_path):
     file.write_text("<robot/>")
     with pytest.raises(DescriptionError, match="holds no sensor; write <robot><gazebo"):
         load_sensors(file, ["base_scan"])
+
+
+def test_the_block_in_the_readme_is_read_without_a_warning(tmp_path):
+    text = (Path(__file__).parents[2] / "onebot_control/README.md").read_text()
+    section = text.partition("## Sensors")[2]
+    (tmp_path / "own.urdf").write_text(section.partition("```xml\n")[2].partition("```")[0])
+    (sensor,) = (found := load_sensors(tmp_path / "own.urdf", ["base_scan"])).sensors
+    assert found.notices == () and sensor.topics == scan() and sensor.model.noise.stddev == 0.005
+
+
+@pytest.mark.parametrize("prefix", ["", "left_"])
+def test_onebot_has_sensors_if_asked_for(prefix):
+    """Else it is the robot that it was, link for link."""
+    file = Path(__file__).parents[2] / "onebot_description/urdf/onebot.urdf.xacro"
+    plain = load_description(file, {"prefix": prefix})
+    sensing = load_description(file, {"prefix": prefix, "sensors_enabled": "true"})
+    assert plain.sensors == () and sensing.notices == ()
+    assert sensing.links[: len(plain.links)] == plain.links
+    assert sensing.joints[: len(plain.joints)] == plain.joints
+    frames = [f"{prefix}{name}" for name in ("lidar_link", "imu_link", "camera_optical_frame")]
+    assert [sensor.frame for sensor in sensing.sensors] == frames
+    assert [sensor.topics for sensor in sensing.sensors] == [scan(), {"imu": "imu"}, CAMERA]
+    assert "gazebo" not in plain.urdf

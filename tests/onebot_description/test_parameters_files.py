@@ -9,7 +9,6 @@ import pytest
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.files import (
     LiveParameters,
-    no_section,
     plain_value,
     read_files,
     read_map,
@@ -123,7 +122,7 @@ def test_sections(section: str, node: str, matches: bool) -> None:
         ("jsp:\n  ros__parameters: {a: &x 1, b: *x}\n", "no aliases such as *x"),
         ("jsp:\n  rate: 1\n", ':2: "rate" must hold a map with "ros__parameters:"'),
         ("jsp:\n  ros__parameters: 5\n", "stands where a map belongs"),
-        ("[jsp]\n", "no map of node names"),
+        ("[jsp]\n", ":1: a list stands where a map belongs"),
     ],
 )
 def test_mistakes_name_file_and_line(text: str, words: str) -> None:
@@ -153,7 +152,6 @@ def test_other_yaml_files_are_maps_with_lines_too() -> None:
     [
         ("a: 1\nb: [", "view.yaml:2: invalid YAML"),
         ("a: 1\na: 2\n", 'view.yaml:2: "a" is here twice, first on line 1'),
-        ("1: 2\n", 'view.yaml:1: a name must be a string; write "1" in quotes'),
         ("just words", "view.yaml:1: "),
         ("a: !!float x\n", "view.yaml:1: "),
     ],
@@ -180,16 +178,6 @@ def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: 
     assert found.places["rate"] == f"{two}:2"
     one.write_text("/**/jsp:\n  ros__parameters: {rates: 5}\n")
     assert "rates" in read_files([one], "/jsp", JointsConfig).values, "it names this node"
-
-
-def test_files_that_say_nothing_to_the_node_are_told(tmp_path: Path) -> None:
-    """With the nodes they speak to."""
-    file = tmp_path / "one.yaml"
-    file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")
-    node = "/joint_state_publisher"
-    warning = no_section(read_files([file], node, JointsConfig), [file], node)
-    assert warning is not None
-    assert "has no section for /joint_state_publisher, only for /joint_state_publishr" in warning
 
 
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
@@ -246,4 +234,14 @@ def test_config_file_comes_last_and_can_change(tmp_path: Path) -> None:
         live.read()
     live.add("")
     assert live.read().values == {"rate": 1}
-    assert live.names == str(one)
+
+
+def test_files_without_a_section_for_the_node_are_a_warning(tmp_path: Path) -> None:
+    """It names the sections that there are."""
+    file = tmp_path / "one.yaml"
+    file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")
+    warning = LiveParameters([file], "/joint_state_publisher", JointsConfig).warning
+    assert warning == (
+        f"{file} has no section for /joint_state_publisher, only for /joint_state_publishr"
+    )
+    assert LiveParameters([write(file, "rate: 5")], LIVE_NODE, JointsConfig).warning is None

@@ -115,30 +115,16 @@ def test_values_are_converted() -> None:
     ("values", "words"),
     [
         ({"rate": 0}, "rate: 0 is not above 0; write a number above 0 and up to 100"),
-        ({"rate": 101.0}, "rate: 101 is above 100"),
-        ({"rate": True}, "rate: true is a bool; write a number above 0"),
-        ({"rate": math.nan}, "rate: nan is not finite"),
-        ({"rate": 10**400}, "rate: inf is not finite"),
-        ({"rate": None}, "rate: has no value; write a number"),
         ({"rate": {"a": 1}}, "rate.a: is one value, not a map"),
-        ({"count": 2.0}, "count: 2.0 is a number; write an integer from 1 to 9"),
-        ({"count": 0}, "count: 0 is below 1"),
-        ({"name": ""}, "name: is empty; write a string"),
-        ({"name": 5}, 'name: 5 is a number; write a string, such as "5"'),
-        ({"mode": "fst"}, 'mode: no "fst" (did you mean "fast"?'),
-        ({"on": 1}, "on: 1 is a number; write true or false"),
         ({"color": [1, 2]}, "color: 2 integers; write 3: sRGB bytes"),
-        ({"color": [1, 2, 256]}, "color: 256 is above 255; write a number from 0 to 255"),
-        ({"frames": "odom"}, 'frames: "odom" is a string; write a list of strings, such as [first'),
         ({"frames": ["a", "b", "a"]}, 'frames: "a" is there twice'),
-        ({"frames": [1]}, "frames: 1 is a number; write a list of strings"),
-        ({"limit": -1}, "limit: -1 is below 0; write a number from 0, or .nan for no limit"),
-        ({"limit": math.inf}, "limit: inf is not finite"),
         ({"main.camera": 3}, "main.camera: 3 is a number; write a map with eye, near, far"),
         ({"main": {"camera": {"eye": [1.0]}}}, "main.camera.eye: 1 numbers; write 3"),
         ({"main.camera": {"near": 11.0}}, "main.camera.near: must be less than far"),
         ({"zeros": 1.0}, "zeros: 1.0 is a number; write a map, such as {some_name: 0.5}"),
         ({"zeros.a": "x"}, 'zeros.a: "x" is a string; write a number'),
+        ({"poses": 1.0}, "1.0 is a number; write a map of names, each a map, such as {some_name"),
+        ({"name": {}}, "name: is a map; write a string"),
         ({"lines.a.width": 1.0}, "lines.a: has no topic, what is drawn"),
         ({"lines": {"a": {}}}, "lines.a: has no topic"),
         ({"lines.a.topic": "no good"}, '"no good" is not possible; write a topic, such as odom'),
@@ -166,8 +152,9 @@ def test_all_mistakes_are_reported_at_once_with_their_places() -> None:
 
 
 def test_a_check_reports_nothing_that_follows_from_another_mistake() -> None:
-    """A far that is wrong has its default, which near is not compared with in the message."""
-    assert refused({"main.camera": {"near": "x"}}).count("main.camera") == 1
+    """A near that is wrong has its default, which is not compared with far in the message."""
+    assert len(refused({"main.camera": {"near": "x", "far": 0.05}}).splitlines()) == 1
+    assert len(refused({"main.camera": {"near": 11.0, "eye": "x"}}).splitlines()) == 2
 
 
 @dataclass(frozen=True)
@@ -189,6 +176,7 @@ def test_plain_dataclasses_require_every_field() -> None:
         "spokes: 5.5 is a number; write an integer",
         "center: is missing",
     ]
+    assert refused({"mass": 1.0, "spokes": 5, "center": [0, 0, 0]}, Plain) == "camera: is missing"
 
 
 def test_names_and_defaults_as_ros_has_them() -> None:
@@ -281,11 +269,6 @@ def test_an_empty_map_changes_nothing(order: int) -> None:
     values = [("main.camera", {}), ("main.camera.far", 5.0), ("zeros", {}), ("frames", ["a"])]
     config = read(Settings, dict(values[::order]))
     assert (config.camera, config.zeros, config.frames) == (Camera(far=5.0), {}, ("a",))
-    assert refused({"poses": 1.0}).endswith(
-        "write a map of names, each a map, such as {some_name: 0.5}"
-    )
-    assert refused({"name": {}}) == "name: is a map; write a string"
-    assert refused({"mass": 1.0, "spokes": 5, "center": [0, 0, 0]}, Plain) == "camera: is missing"
 
 
 def test_one_parameter_is_replaced() -> None:
@@ -313,9 +296,6 @@ def test_the_place_of_a_problem() -> None:
     assert Problem("", "t").message(places) == Problem("", "t").message() == "t"
     error = ConfigError([Problem("b", "t"), Problem("", "u")])
     assert (str(error), str(error.located(places))) == ("b: t\nu", "f:4: b: t\nu")
-    for one, other, same in [("a", "a.b", True), ("a.b", "a.b", True), ("a", "ab", False)]:
-        assert Problem(one, "").overlaps(Problem(other, "")) is same
-        assert Problem(other, "").overlaps(Problem(one, "")) is same
 
 
 @dataclass(frozen=True)
@@ -337,13 +317,10 @@ _MOST, _INTEGERS = sys.float_info.max, (-(2**63), 2**63 - 1)
     [
         (Settings, "rate", (0.0, 100.0), None),
         (Settings, "count", None, (1, 9)),
-        (Settings, "main.camera.near", (0.0, _MOST), None),
         (Settings, "lines.a.width", (0.0, _MOST), None),
         (Settings, "color", None, None),
         (Settings, "limit", None, None),
         (Settings, "name", None, None),
-        (Settings, "on", None, None),
-        (Settings, "zeros.a", None, None),
         (Ranges, "most", (-_MOST, 5.0), None),
         (Ranges, "least", None, (-2, _INTEGERS[1])),
         (Ranges, "up_to", None, (_INTEGERS[0], 2)),
@@ -371,7 +348,7 @@ def test_descriptions_as_ros_has_them() -> None:
     """Of parameters only: groups, maps and unknown names have none."""
     found = descriptor(Settings, "main.camera.eye")
     assert (found.description, found.additional_constraints) == ("where it is, m", "3 numbers")
-    for name in ("main.camera", "lines", "lines.a", "nothing", "lines.a.b"):
+    for name in ("main.camera", "lines", "lines.a", "nothing", "lines.a.b", "rate.a"):
         found = descriptor(Settings, name)
         assert found.dynamic_typing and not (found.description or found.additional_constraints)
 

@@ -11,12 +11,13 @@ export class PointerHold {
   constructor(seen) {
     this.seen = seen;
     this.pointer = null;
-    for (const type of ["down", "move", "over", "up", "cancel"]) {
-      const look = (event) => this.look(event, event.buttons & 1);
-      window.addEventListener(`pointer${type}`, look, { capture: true });
+    for (const type of ["pointermove", "pointerover", "pointerup", "pointercancel"]) {
+      window.addEventListener(type, (event) => this.look(event, event.buttons & 1), true);
     }
-    const lose = (event) => this.look(event, false);
-    window.addEventListener("lostpointercapture", lose, { capture: true });
+    for (const type of ["lostpointercapture", "pointerdown"]) {
+      // Pressed anew, its release was missed.
+      window.addEventListener(type, (event) => this.look(event, false), true);
+    }
   }
 
   /** Hold by the pointer of this pointerdown: all that it does is the control's until it ends. */
