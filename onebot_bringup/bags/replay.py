@@ -13,7 +13,7 @@ from onebot_bringup.bags.contents import BagMessage
 from onebot_bringup.bags.reader import Bag
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
-from onebot_bringup.viewer.robot_view import DESCRIPTION, RobotView
+from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
@@ -87,7 +87,8 @@ def log_bag(
     known = descriptions_in(bag, [topic for each in recorded for topic in each.descriptions[:1]])
     source = ViewSource("" if view is None else str(view), warn)
     if known:
-        source.set_robot(next(iter(known.values())).robot_name)
+        name = next(iter(known.values())).robot_name
+        source.set_robot(name, in_world=WORLD_DESCRIPTION in bag.topics)
     config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
     for warning in bag.warnings:
         warn(warning)

@@ -168,21 +168,23 @@ def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Any]:
 
 # --- the view that belongs to a robot: the one saved in the config/ of its description ----------
 
-_VIEW = Path("config/view.yaml")
+_VIEW, _WORLD_VIEW = Path("config/view.yaml"), Path("config/world_view.yaml")
 # What a robot's name must be for a package to be named after it (REP-144); also keeps "../" out.
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
-def view_for(robot_name: str) -> Path | None:
+def view_for(robot_name: str, *, in_world: bool = False) -> Path | None:
     """Return the saved view of the robot, as its URDF names it; None if there is none.
 
     It is ``config/view.yaml`` in the share folder of the package ``<robot_name>_description``,
-    found as every ROS package is, also one of the user's own workspace.
+    found as every ROS package is, also one of the user's own workspace; in a world
+    ``config/world_view.yaml``, if there is one.
     """
     if not _NAME.fullmatch(robot_name):
         return None
     try:
-        path = package_share(f"{robot_name}_description") / _VIEW
+        share = package_share(f"{robot_name}_description")
     except OneBotError:
         return None  # most robots have no package of that name
-    return path if path.is_file() else None
+    views = (share / view for view in ((_WORLD_VIEW, _VIEW) if in_world else (_VIEW,)))
+    return next(filter(Path.is_file, views), None)

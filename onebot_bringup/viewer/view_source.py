@@ -75,13 +75,17 @@ class ViewSource:
         """The view file, if there is one."""
         return self._file
 
-    def set_robot(self, name: str) -> bool:
+    def set_robot(self, name: str, *, in_world: bool = False) -> bool:
         """Use the view of the robot ``name``, unless a file was given; True if it is another one.
+
+        Args:
+            name: as the robot's URDF has it.
+            in_world: something stands around the robot.
 
         Raises:
             OneBotError: it is wrong.
         """
-        file = view_for(name) if self._of_robot else self._file
+        file = view_for(name, in_world=in_world) if self._of_robot else self._file
         if file == self._file:
             return False
         base = load_view(file) if file is not None else ViewConfig()

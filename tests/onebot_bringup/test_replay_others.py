@@ -132,6 +132,17 @@ def test_distros_and_storages(tmp_path, distro, plugin, compression):
     assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
 
 
+def test_a_world_is_replayed_in_the_view_of_a_world(tmp_path):
+    """As the bringup showed it live."""
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_JAZZY, StoragePlugin.MCAP) as robot:
+        for name, link in (("robot", "base_link"), ("world", "world")):
+            urdf = f'<robot name="onebot"><link name="{link}"/></robot>'
+            robot.write(f"/{name}_description", String(data=urdf))
+        robot.write("/tf", transform("world", "odom"))
+        robot.write("/tf", transform("odom", "base_link"))
+    assert Replayed(tmp_path / "bag").fixed_frame == "world"
+
+
 LEVEL = Quaternion(w=1.0)
 
 
