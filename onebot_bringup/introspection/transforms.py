@@ -147,21 +147,30 @@ class TransformBuffer:
             )
         return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
 
-    def lookup(self, target: str, source: str) -> StampedTransform:
-        """Return the pose of ``source`` in ``target`` at the latest time that all have in common.
+    def lookup(self, target: str, source: str, at_ns: int | None = None) -> StampedTransform:
+        """Return the pose of ``source`` in ``target``.
+
+        Args:
+            target: a frame.
+            source: another one.
+            at_ns: when; None for the latest time that all have in common.
 
         Raises:
-            TransformError: a frame does not exist, they are not connected, or never at one time.
+            TransformError: a frame does not exist, they are not connected, or not at that time.
         """
         chain = self.chain(target, source)
         edges = [self._edge(*pair) for pair in zip(chain, chain[1:], strict=False)]
         moving = [history for history, _ in edges if not history.static]
-        time = min((history.newest_ns for history in moving), default=0)
+        newest = min((history.newest_ns for history in moving), default=at_ns or 0)
         oldest = max((history.oldest_ns for history in moving), default=0)
-        if time < oldest:
+        time = newest if at_ns is None else at_ns
+        if not oldest <= time <= newest:
+            way, end, limit = ("past", "earliest", oldest)
+            if time > newest:
+                way, end, limit = ("future", "latest", newest)
             raise TransformError(
-                f"Lookup would require extrapolation into the past.  Requested time "
-                f"{time * _NANO:.6f} but the earliest data is at time {oldest * _NANO:.6f}, when "
+                f"Lookup would require extrapolation into the {way}.  Requested time "
+                f"{time * _NANO:.6f} but the {end} data is at time {limit * _NANO:.6f}, when "
                 f"looking up transform from frame [{source}] to frame [{target}]"
             )
         found = _IDENTITY

@@ -247,6 +247,7 @@ def state_text(fields: Mapping[str, Any]) -> str:
             ``topic``, ``topic_type``, ``topics``, ``robots`` (``name`` and ``topic`` of each),
             ``listeners``, ``others`` (nodes that publish commands, too), ``locked``,
             ``controllers``, ``limits`` (in force), ``chosen``, ``ceiling``, ``ceiling_from``,
-            ``braking``, ``command``, ``odometry`` and ``view``.
+            ``braking``, ``command``, ``odometry``, ``camera`` (the topic of pictures), ``obstacle``
+            (m until the robot meets what its scan sees, None if nothing) and ``view``.
     """
     return json.dumps({"type": "state", **fields}, allow_nan=False)

@@ -61,6 +61,8 @@ class RobotStatus:
     controllers: tuple[str, ...] = ()  # the nodes whose limits are known
     braking: Braking | None = None  # None if no controller is known
     odometry: Mapping[str, Any] | None = None  # its fields in the state
+    camera: str = ""  # the topic of its pictures
+    obstacle: float | None = None  # m until it meets what its scan sees
 
 
 @dataclass
@@ -270,6 +272,8 @@ class SteeringServer:
             "braking": asdict(robot.braking) if robot.braking is not None else None,
             "command": velocity_fields(now.command),
             "odometry": robot.odometry,
+            "camera": robot.camera,
+            "obstacle": robot.obstacle,
             "view": view.addresses(page.host) if view is not None else None,
         }
 

@@ -20,6 +20,8 @@ Subscribes:
     the parameter viewer_page (std_msgs/String, latched): the address of rerun_viewer's page.
     displays (std_msgs/String, latched), of the same node: the topics that are shown in the view.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid): while a page shows its map.
+    robot_description (std_msgs/String), the first LaserScan in the robot's namespace: while there
+        is a page. The first Image there: while a page shows it.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
 Calls:
@@ -76,6 +78,7 @@ from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.limits import Braking, Controller, Limits, braking_of, limits_of
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
+from onebot_bringup.steering.senses import Senses
 from onebot_bringup.steering.server import (
     RobotStatus,
     ServerContext,
@@ -193,6 +196,7 @@ class SteeringPage(Node):
         self._timeouts = 0  # of drivers, that were logged
         self._tools = ToolPublishers(self)
         self._ground = Ground(self, self._odometry)
+        self._senses = Senses(self, self._odometry)
         self._thread = OtherThread(self)
         self._page_topic = settings.viewer_page
         self._viewer = self._page_topic.rpartition("/")[0]  # the node: the topic is its ~/page
@@ -290,6 +294,8 @@ class SteeringPage(Node):
             tuple(one.node for one in controllers),
             self._braking,
             self._odometry.fields(),
+            self._senses.camera,
+            self._senses.obstacle,
         )
 
     def _check_driver(self) -> None:
@@ -329,7 +335,10 @@ class SteeringPage(Node):
         self._odometry.update(commands.topic, robots, subscribers)
         self._topics = command_topics(self)
         self._robots = commanded_robots(self, self._topics)
-        self._ground.update(namespace_of(commands.topic))
+        namespace = namespace_of(commands.topic)
+        self._ground.update(namespace)
+        others = {namespace_of(robot.topic) for robot in self._robots} - {namespace}
+        self._senses.update(namespace, others, self._arbiter.state.pages > 0)
         if self._view.view is not None and not self.count_publishers(self._page_topic):
             self._set_view(None)
         after = commands.kind, commands.topic, len(commands.listeners)
@@ -378,6 +387,10 @@ class SteeringPage(Node):
     def map_picture(self) -> Callable[[], bytes] | None:
         """Return what makes the picture of the map."""
         return self._ground.grid.picture if self._ground.grid is not None else None
+
+    def camera_picture(self) -> Callable[[], bytes | None]:
+        """Return what draws the camera's newest picture; it is subscribed to for a while."""
+        return self._senses.picture()
 
     def reaches_all(self, click: Click) -> bool:
         """Whether all who subscribe to a click's topic have discovered its publisher."""

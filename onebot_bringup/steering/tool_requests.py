@@ -3,6 +3,7 @@
     GET ground[?frame=F]: the robot and the map in a frame, see ``Ground.fields``, and the
         ``command_topic`` of that robot.
     GET map.png: the picture of that map.
+    GET camera.jpg: the newest picture of the robot's camera, which is subscribed to meanwhile.
     POST click: publishes a click, see ``Click``; responds with ``topic`` and ``subscribers``.
     GET nodes: ``nodes`` with parameters, the robot's controllers first; the ``viewer``, "" for
         none; and what is ``shown`` in it: ``topic``, ``type`` and ``visible`` of each.
@@ -115,6 +116,9 @@ class ToolNode(Protocol):
     def map_picture(self) -> Callable[[], bytes] | None:
         """Return what makes the picture of the map, in any thread; None without a map."""
 
+    def camera_picture(self) -> Callable[[], bytes | None]:
+        """Return what draws the camera's newest picture, in any thread; None without one."""
+
     def reaches_all(self, click: Click) -> bool:
         """Whether all who subscribe to a click's topic have discovered its publisher."""
 
@@ -142,6 +146,7 @@ class ToolRequests:
         router = app.router
         router.add_get("/tools/ground", self._ground)
         router.add_get("/tools/map.png", self._map)
+        router.add_get("/tools/camera.jpg", self._camera)
         router.add_get("/tools/nodes", self._nodes)
         router.add_post("/tools/click", self._click)
         router.add_get("/tools/parameters", self._parameters)
@@ -160,6 +165,13 @@ class ToolRequests:
         if draw is None:
             raise web.HTTPNotFound(text="There is no map.\n")
         return web.Response(body=await asyncio.to_thread(draw), content_type="image/png")
+
+    async def _camera(self, request: web.Request) -> web.Response:
+        draw = await asyncio.to_thread(self._thread.call, self._node.camera_picture)
+        picture = await asyncio.to_thread(draw)
+        if picture is None:
+            raise web.HTTPNotFound(text="There is no picture yet.\n")
+        return web.Response(body=picture, content_type="image/jpeg")
 
     async def _nodes(self, request: web.Request) -> web.Response:
         return await _json(partial(self._thread.call, self._node.nodes))

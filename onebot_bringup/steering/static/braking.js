@@ -21,19 +21,25 @@ export function brakingDistance(speed, limits) {
 }
 
 export class Braking {
-  /** @param {HTMLOutputElement} output */
-  constructor(output) {
-    this.output = output;
+  /** @param {HTMLElement} place with an output, and a note of what is in the way. */
+  constructor(place) {
+    this.place = place;
+    this.output = place.querySelector("output");
+    this.note = place.querySelector("small");
   }
 
   /** Show a state of the server. */
-  show({ limits, braking }) {
+  show({ limits, braking, obstacle }) {
     const known = braking && (braking.deceleration ?? braking.jerk) !== null;
-    write(this.output, known ? `${brakingDistance(limits.linear, braking).toFixed(2)} m` : "–");
+    const distance = known ? brakingDistance(limits.linear, braking) : NaN;
+    const near = obstacle !== null && obstacle < distance;
+    write(this.output, known ? `${distance.toFixed(2)} m` : "–");
+    write(this.note, near ? `obstacle at ${obstacle.toFixed(2)} m` : "");
+    this.place.classList.toggle("near", near);
   }
 
   /** What was shown is no longer known. */
   forget() {
-    write(this.output, "–");
+    this.show({ limits: {}, braking: null, obstacle: null });
   }
 }

@@ -1,6 +1,7 @@
 /** The steering page: connects all inputs to the command sender, and shows the server's state. */
 
 import { Braking } from "./braking.js";
+import { Camera } from "./camera.js";
 import { Connection } from "./connection.js";
 import { Gamepads } from "./gamepad.js";
 import { Keys } from "./keys.js";
@@ -34,7 +35,8 @@ const limits = new Limits(
   (chosen) => connection.send({ type: "limits", ...chosen }),
 );
 const readout = new Readout(element("readout"));
-const braking = new Braking(element("braking").querySelector("output"));
+const braking = new Braking(element("braking"));
+const camera = new Camera(element("camera"));
 const view = new View(element("view"), stop);
 const map = new GroundMap(element("ground"), (tool, place) => tools.publish(tool, place));
 const panels = {
@@ -132,6 +134,7 @@ function receive(message) {
       input.show(share(command.linear, most.linear), share(command.angular, most.angular));
     }
     view.show(message.view);
+    camera.show(message);
     showDriver(message);
     showSlow(message.late || connection.overdue);
   }
