@@ -138,7 +138,7 @@ def test_echo_forms(ros_domain: int) -> None:
         wrong = onebot("topic", "echo", "--once", "/cmd_vel", "--field", "linar.x")
         assert wrong.returncode == 1 and 'did you mean "linear"' in wrong.stderr
         for words, code, part in (
-            (("--filter", "m.x > 1", "--field", "linear", "--timeout", "1"), 1, "no message that"),
+            (("--filter", "m.x > 1", "--field", "linear", "--timeout", "10"), 1, "no message that"),
             (("--filter", "m.speed"), 1, "--filter: AttributeError: 'Twist' object has no"),
             (("--filter", "m."), 2, "m. is no Python expression: invalid syntax"),
         ):

@@ -218,6 +218,8 @@ def test_a_lock_stops_the_robot_whoever_drives(peer: Peer, model: str) -> None:
         driver.stop()
         state = peer.hear(Bool, f"{NODE}/cmd_vel_locked", LATCHED)
         wait_for(lambda: state == [Bool(data=True)], "the state")
+        stopped = len(limited)
+        wait_for(lambda: len(limited) > stopped + 100, "the last command to be received")
         lock.publish(Bool(data=False))
         wait_for(lambda: state[-1] == Bool(data=False), "the state")
         settled = len(limited)
