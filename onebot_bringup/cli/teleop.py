@@ -133,15 +133,16 @@ class Driver:
             self._blocked = self._blocked and repeated
             interval = now - self._pressed
             self._key, self._pressed = key, now
-            self._until = now + (self._hold_after(interval) if repeated else self._hold)
+            short = repeated and not self._blocked
+            self._until = now + (self._hold_after(interval) if short else self._hold)
 
     def _hold_after(self, interval: float) -> float:
         """How long a repeat counts, s; the first one, after the long delay, like a press."""
         return min(self._hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * interval))
 
     def block(self) -> None:
-        """Ignore the key that is held until it is pressed anew."""
-        self._blocked = True
+        """Ignore the key that is held until it is pressed anew: a hitch of its repeats is not."""
+        self._blocked, self._until = True, self._pressed + self._hold
 
     def moving(self, now: float) -> bool:
         """Whether a key that moves the robot is held."""

@@ -21,6 +21,7 @@ ZEROS = 3  # zero commands after the last one, in case one gets lost
 @dataclass
 class _Page:
     holding: bool = False  # it holds a control: it drives, or has to release first
+    moved: bool = False  # it commanded a velocity other than zero since its last release
     late: bool = False  # its commands are too old, or come no more
 
 
@@ -36,6 +37,7 @@ class Arbiter:
         self.driver: str | None = None  # the page that drives
         self.timeouts = 0  # how often a driver timed out
         self.stops = 0  # how often the stop button was pressed
+        self.starts = 0  # how often a page that took control began to move the robot
         self.moving = False  # commands are published, even if their velocity is zero
         self._pages: dict[str, _Page] = {}
         self._velocity = Velocity()
@@ -86,6 +88,8 @@ class Arbiter:
                 self._halt()  # discard the last driver's command
             self._set_driver(page)
         if self.driver == page:
+            self.starts += not known.moved and velocity != Velocity()
+            known.moved |= velocity != Velocity()
             self._velocity, self._deadline, self.moving, self._zeros = (
                 velocity,
                 deadline,
@@ -168,7 +172,7 @@ class ThreadSafeArbiter:
             limits: of commands.
             publish: called with each command, from any thread, one call at a time.
             lock: called likewise, with True when a page stops the robot, and with False before the
-                first command of a page that starts to drive.
+                first velocity other than zero of a page that took control.
         """
         self._lock = threading.Lock()
         self._arbiter = Arbiter(limits)
@@ -251,12 +255,12 @@ class ThreadSafeArbiter:
         """Lock for a change; publish at once if it matters, and notify pages of a new state."""
         with self._lock:
             before, moving = self._state(), self._arbiter.moving
-            stops = self._arbiter.stops
+            stops, starts = self._arbiter.stops, self._arbiter.starts
             yield
             after = self._state()
             if stops != self._arbiter.stops:
                 self._lock_robot(True)
-            elif after.driver not in (None, before.driver):
+            elif starts != self._arbiter.starts:
                 self._lock_robot(False)
             if (before.driver, moving) != (after.driver, self._arbiter.moving) or (
                 stops != self._arbiter.stops

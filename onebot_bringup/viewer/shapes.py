@@ -1,8 +1,8 @@
 """Shapes as RViz shows them: loaded by yourdfpy, written as GLB, which every Rerun viewer reads.
 
-yourdfpy makes a trimesh scene of each shape. What RViz shows and yourdfpy leaves out is added here:
+yourdfpy makes a trimesh scene of each shape (see ``mesh_scene``). What RViz shows and yourdfpy
+leaves out is added here:
 
-- the <unit> of a Collada file (neither turns its axes by <up_axis>, as Rerun's own loader does)
 - capsules, and spheres and cylinders that are round at any size on the screen
 - round faces and sharp edges where a file has no normals
 - which files have colours of their own, and these in glTF's linear light
@@ -10,9 +10,7 @@ yourdfpy makes a trimesh scene of each shape. What RViz shows and yourdfpy leave
 
 import functools
 import re
-import xml.etree.ElementTree as ET
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +26,7 @@ from onebot_description.description.description import (
     Shape,
     Sphere,
 )
-from onebot_description.description.meshes import fault_of, without_materials
+from onebot_description.description.mesh_scene import geometry_scene, has_colors, mesh_scene
 from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72
@@ -82,47 +80,23 @@ def load_shape(shape: Shape) -> ShapeAsset:
 
 @functools.lru_cache(maxsize=256)
 def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
-    if file is None or not isinstance(shape, Mesh):
-        return _asset(_with_normals(_scene(shape, None)), colored=False)
+    if not isinstance(shape, Mesh):
+        return _asset(_with_normals(_scene(shape)), colored=False)
+    assert file is not None
     path, suffix = file.path, file.path.suffix.lower()
-    if fault := fault_of(path):
-        raise OneBotError(f"mesh {path} {fault}")
     try:
-        return _mesh_asset(shape, path, suffix)
-    except OneBotError:
-        raise
-    except Exception as error:  # trimesh and its parsers raise exceptions of all kinds
-        lines = str(error).strip().splitlines()
-        reason = lines[0] if lines else type(error).__name__
-        raise OneBotError(f"mesh {path}: {reason}") from error
-
-
-def _mesh_asset(mesh: Mesh, path: Path, suffix: str) -> ShapeAsset:
-    scene = _collada_scene(mesh, path) if suffix == ".dae" else _scene(mesh, path)
-    if not any(isinstance(part, trimesh.Trimesh) for part in scene.geometry.values()):
-        raise OneBotError(f"mesh {path}: it holds no triangles")
-    if suffix == ".glb" and mesh.scale == (1.0, 1.0, 1.0):
+        scene = mesh_scene(shape)
+    except OneBotError as error:
+        raise OneBotError(f"mesh {error}") from error
+    if shape.scale != (1.0, 1.0, 1.0):
+        scene = scene.scaled(np.array(shape.scale))
+    elif suffix == ".glb":
         # As it is: trimesh does not know all that a glTF may hold.
         return ShapeAsset(path.read_bytes(), np.asarray(scene.bounds, float), True)
-    colored = _has_colors(path, suffix, scene)
+    colored = has_colors(path, scene)
     if _lacks_normals(path, suffix):
         scene = _with_normals(scene)
-    if suffix == ".dae":
-        scene.apply_transform(np.diag([*[collada_unit(path)] * 3, 1.0]))
     return _asset(scene, colored, linear=suffix in (".glb", ".gltf"))
-
-
-def _collada_scene(mesh: Mesh, path: Path) -> trimesh.Scene:
-    """Return the scene of a Collada file; without colours where a broken one costs surfaces."""
-    scene = _scene(mesh, path)
-    drawn = len(scene.graph.nodes_geometry)
-    if drawn >= path.read_bytes().count(b"<instance_geometry"):
-        return scene
-    with NamedTemporaryFile(suffix=".dae") as file:
-        file.write(without_materials(path))
-        file.flush()
-        plain = _scene(mesh, Path(file.name))
-    return plain if len(plain.graph.nodes_geometry) > drawn else scene
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
@@ -137,15 +111,12 @@ def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> Shap
     return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
 
 
-def _scene(shape: Shape, path: Path | None) -> trimesh.Scene:
-    """Return what yourdfpy makes of ``shape``, whose file is ``path`` if it is a mesh."""
+def _scene(shape: Box | Capsule | Cylinder | Sphere) -> trimesh.Scene:
     if isinstance(shape, Capsule):
         # Centred, and its height counts without the ends, as in URDF.
         size = {"radius": shape.radius, "height": shape.length}
         return trimesh.Scene(trimesh.creation.capsule(**size, count=(48, 48)))
-    visual = yourdfpy.Visual(name="shape", geometry=_geometry(shape))
-    robot = yourdfpy.Robot("robot", links=[yourdfpy.Link("link", visuals=[visual])])
-    scene = yourdfpy.URDF(robot=robot, filename_handler=lambda fname: str(path)).scene
+    scene = geometry_scene(_geometry(shape))
     for name, part in scene.geometry.items():
         if isinstance(part, trimesh.primitives.Cylinder):
             part.primitive.sections = _CYLINDER_SECTIONS
@@ -156,23 +127,12 @@ def _scene(shape: Shape, path: Path | None) -> trimesh.Scene:
     return scene
 
 
-def _geometry(shape: Box | Cylinder | Sphere | Mesh) -> yourdfpy.Geometry:
+def _geometry(shape: Box | Cylinder | Sphere) -> yourdfpy.Geometry:
     if isinstance(shape, Box):
         return yourdfpy.Geometry(box=yourdfpy.Box(np.array(shape.size)))
     if isinstance(shape, Cylinder):
         return yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(shape.radius, shape.length))
-    if isinstance(shape, Sphere):
-        return yourdfpy.Geometry(sphere=yourdfpy.Sphere(max(shape.radius, _SMALLEST)))
-    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(shape.uri, np.array(shape.scale)))
-
-
-def _has_colors(path: Path, suffix: str, scene: trimesh.Scene) -> bool:
-    if suffix == ".stl":
-        return False
-    if suffix == ".obj":
-        return re.search(rb"^\s*usemtl\s", path.read_bytes(), re.MULTILINE) is not None
-    visuals = [part.visual for part in scene.geometry.values()]
-    return any(visual.kind is not None and visual.defined for visual in visuals)
+    return yourdfpy.Geometry(sphere=yourdfpy.Sphere(max(shape.radius, _SMALLEST)))
 
 
 def _with_normals(scene: trimesh.Scene) -> trimesh.Scene:
@@ -218,17 +178,6 @@ def _flat(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     elif mesh.visual.defined:
         flat.visual.vertex_colors = mesh.visual.vertex_colors[mesh.faces].reshape(-1, 4)
     return flat
-
-
-def collada_unit(path: Path) -> float:
-    """Return how many metres a Collada file's unit is (<unit meter="...">; 1 by default)."""
-    for _, element in ET.iterparse(path, events=("end",)):
-        tag = element.tag.rpartition("}")[2]
-        if tag == "unit":
-            return float(element.get("meter", "1"))
-        if tag == "asset":
-            break
-    return 1.0
 
 
 def _adjust_colors(tree: dict[str, Any]) -> None:

@@ -5,7 +5,6 @@ where those do.
 """
 
 import functools
-import re
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -23,7 +22,7 @@ from onebot_description.description.description import (
     Rgba,
     Sphere,
 )
-from onebot_description.description.meshes import mesh_parts
+from onebot_description.description.mesh_scene import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
 
 Floats = NDArray[np.float64]
@@ -32,7 +31,6 @@ Integers = NDArray[np.int32]
 
 _PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # of a visual without a colour
 _SECTIONS, _SUBDIVISIONS = 64, 3  # of the facets around cylinders and spheres
-_TEXTURE = re.compile(rb"^\s*usemtl\s", re.MULTILINE)  # in an OBJ that has colours of its own
 
 
 class Rounds(NamedTuple):
@@ -187,16 +185,11 @@ def _primitive(shape: Box | Cylinder | Sphere) -> _Part:
 @functools.lru_cache(maxsize=256)
 def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
     """The surfaces of a mesh file in a ``state``; as in RViz, its colours override the visual's."""
-    try:
-        surfaces = mesh_parts(mesh, materials=True)
-    except OneBotError:
-        surfaces = mesh_parts(mesh, materials=False)
-    path = mesh.path
-    assert path is not None
-    suffix = path.suffix.lower()
-    own = suffix != ".stl" and (suffix != ".obj" or bool(_TEXTURE.search(path.read_bytes())))
+    scene = mesh_scene(mesh)
+    assert mesh.path is not None
+    own = has_colors(mesh.path, scene)
     parts = []
-    for surface in surfaces:
+    for surface in surfaces(scene):
         corners = np.asarray(surface.vertices, float) * mesh.scale
         faces = np.asarray(surface.faces, np.intp)
         colors, texture = _look(surface.visual) if own else (None, None)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.description.description import Box, Cylinder, Mesh, Shape, Sphere
-from onebot_description.description.meshes import mesh_corners, read_mesh
+from onebot_description.description.mesh_scene import mesh_corners, read_mesh
 
 Floats = NDArray[np.float64]
 

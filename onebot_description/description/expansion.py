@@ -17,20 +17,16 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 from xml.dom import minidom
-from xml.dom.minicompat import NodeList
 
 import xacro
+from simpleeval import FunctionNotDefined, NameNotDefined
 from xacro import substitution_args
 
 from onebot_description.description import xml
 from onebot_description.description.bounded_process import Place
-from onebot_description.description.expressions import (
-    ExpressionError,
-    evaluate,
-    plain_type,
-)
-from onebot_description.description.packages import find_package
-from onebot_description.description.xacro import used_arguments
+from onebot_description.description.expressions import evaluate, global_symbols
+from onebot_description.description.packages import Resources
+from onebot_description.description.xacro import arguments_in, root_of
 from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import (
     DescriptionError,
@@ -42,6 +38,7 @@ from onebot_description.errors import (
 
 _MOST_BYTES = 50_000_000  # of the result, as of a file
 _MOST_PLACES = 4
+_UNKNOWN = (NameError, NameNotDefined, FunctionNotDefined)
 _DEEP = 50  # calls in calls; nobody means so many
 
 
@@ -60,6 +57,7 @@ def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
     run = _Run(place)
     run.replace_functions(str(path))
     found: dict[str, Any] = {"problems": []}
+    failure: Exception | None = None
     try:
         document = xacro.process_file(str(path), mappings=dict(request["arguments"]))
         found |= _result(document, path)
@@ -68,10 +66,13 @@ def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
     except DescriptionError as error:
         found["problems"] = list(error.problems)
     except Exception as error:
-        found["problems"] = [explain(error, path, run.declared)]
+        failure = error
+    declared, used = arguments_in((file, root_of(file)) for file in run.files)
+    if failure is not None:
+        found["problems"] = [explain(failure, path, declared)]
     included = [str(Path(name).absolute()) for name in xacro.all_includes]
     files = list(dict.fromkeys([*map(str, run.files), *included]))
-    arguments = sorted(run.declared | run.used)
+    arguments = sorted({*declared, *used})
     return {**found, "files": files, "warnings": run.warnings, "arguments": arguments}
 
 
@@ -106,33 +107,14 @@ class _CopyPlaces:
             self.call = ()  # that was the macro's whole body
 
 
-class _Children(NodeList[Any]):
-    """The children of an element, found from where the last was: else xacro takes their square."""
-
-    _last = 0
-
-    def index(self, node: Any, *_: Any) -> int:
-        """Return where ``node`` is."""
-        try:
-            self._last = super().index(node, max(self._last - 2, 0))
-        except ValueError:
-            self._last = super().index(node)
-        return self._last
-
-    def remove(self, node: Any) -> None:
-        """Take ``node`` out."""
-        del self[self.index(node)]
-
-
 class _Run:
     """One run of xacro: what it reads and warns of, and the functions of xacro that it replaces."""
 
     def __init__(self, place: Place) -> None:
         self.files: list[Path] = []
-        self.used: set[str] = set()
-        self.declared: set[str] = set()
         self.warnings: list[str] = []
         self._place = place
+        self._packages: dict[Path, Resources] = {}  # by the folder of the file that names them
         self._copy_places = _CopyPlaces()
         self._handle_macro_call = xacro.handle_macro_call
 
@@ -146,12 +128,9 @@ class _Run:
         substitution_args._eval_find = self.find
         substitution_args._eval = self.eval
         names = substitution_args._eval_dict
-        symbols = xacro.create_global_symbols()
-        python = symbols["python"]
-        python["type"] = plain_type
-        del python["vars"]
+        symbols = global_symbols()
         self._eval_names = {
-            **python,
+            **symbols["python"],
             **{name: value for name, value in names.items() if not name.startswith("_")},
             "find": self.find,
         }
@@ -175,12 +154,6 @@ class _Run:
         document = minidom.parseString(data)
         for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
             element.setUserData("places", (f"{shown}:{line}",), self._copy_places)
-            if element.tagName == "xacro:arg":
-                self.declared.add(element.getAttribute("name"))
-        root = document.documentElement
-        assert root is not None  # parsed documents have one
-        root.childNodes = _Children(root.childNodes)
-        self.used.update(used_arguments(data.decode("utf-8", "replace")))
         return document
 
     def open(self, filename: str) -> io.BytesIO:
@@ -230,7 +203,8 @@ class _Run:
 
     def find(self, package: str) -> str:
         """Replace ``$(find package)``: an installed package or one being worked on."""
-        return str(find_package(package, Path(xacro.filestack[-1]).absolute().parent))
+        folder = Path(xacro.filestack[-1]).absolute().parent
+        return str(self._packages.setdefault(folder, Resources(folder)).package(package))
 
 
 def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
@@ -265,13 +239,13 @@ def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]
     """The message without its place."""
     inner = chain[-1]
     expression = _expression(chain)
-    if isinstance(inner, OneBotError) and not isinstance(inner, ExpressionError):
+    if isinstance(inner, OneBotError):
         return str(inner)
     if isinstance(inner, RecursionError):
         return _recursing(frames)
     if isinstance(inner, FileNotFoundError) and inner.filename:
         return missing_file(Path(str(inner.filename)))
-    if isinstance(inner, NameError) and (name := re.search(r"name '(.+?)'", str(inner))):
+    if isinstance(inner, _UNKNOWN) and (name := re.search(r"'(.+?)'", str(inner))):
         hint = did_you_mean(name[1], _names(frames, "symbols"), "defined")
         where = f" in ${{{expression}}}" if expression else ""
         return f'unknown property "{name[1]}"{where}{hint}'

@@ -1,18 +1,15 @@
 """Mesh files: where they are, and whether they are whole.
 
 ``locate_mesh`` looks a file up, which is all that publishing a description needs. ``fault_of``
-opens it, as ``onebot check``, the viewer and the simulation do: it finds what the programs that
-read meshes explain badly or not at all. ``read_mesh`` returns its triangles.
+opens it, as ``onebot check`` and ``mesh_scene`` do: it finds what the programs that read meshes
+explain badly or not at all.
 """
 
 import json
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 from xml.parsers import expat
 
 from onebot_description.description.description import (
@@ -25,14 +22,9 @@ from onebot_description.description.packages import Resources
 from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import OneBotError
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 _MOST_BYTES = 100_000_000  # readers take ten times as much memory
 _MOST_HINTS = 20  # of one description; each compares the names of a folder
-_LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
 _STL_HEAD, _STL_TRIANGLE = 84, 50  # bytes
 
 
@@ -78,78 +70,6 @@ def fault_of(path: Path) -> str:
         return _FAULTS[path.suffix.lower()](path)
     except (OSError, ValueError) as error:
         return f"cannot be read: {getattr(error, 'strerror', None) or error}"
-
-
-def without_materials(path: Path) -> bytes:
-    """Return a Collada file with its surfaces only; readers drop those whose material is broken.
-
-    Raises:
-        OSError: it cannot be read.
-        ElementTree.ParseError: it is malformed.
-    """
-    root = ElementTree.parse(path).getroot()
-    for parent in list(root.iter()):
-        for child in list(parent):
-            if child.tag.rpartition("}")[2] in _LOOKS:
-                parent.remove(child)
-    return ElementTree.tostring(root)
-
-
-def mesh_corners(mesh: Mesh) -> "NDArray[np.float64]":
-    """Return the corners (N, 3) of all triangles of a mesh file, in metres, unscaled.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
-    return read_mesh(mesh)[0]
-
-
-def mesh_parts(mesh: Mesh, *, materials: bool) -> list[Any]:
-    """Return the surfaces of a mesh file as trimesh.Trimesh, in metres, unscaled.
-
-    Args:
-        mesh: names the file.
-        materials: read how they look, too; a broken material may cost surfaces.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
-    import trimesh  # slow to import, and not for who only publishes
-
-    path = mesh.path
-    if path is None:
-        raise OneBotError(mesh.problem)
-    if fault := fault_of(path):
-        raise OneBotError(f"{path} {fault}")
-    try:
-        if path.suffix.lower() == ".dae":
-            surfaces = str(path) if materials else BytesIO(without_materials(path))
-            scene = trimesh.load_scene(surfaces, file_type="dae", process=False)
-            scene = scene.convert_units("meters")
-        else:
-            scene = trimesh.load_scene(str(path), process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # trimesh and its parsers raise exceptions of many types
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise OneBotError(f"{path} cannot be read: {reason}") from error
-    if not any(len(part.faces) for part in parts):
-        raise OneBotError(f"{path} holds no triangles")
-    return parts
-
-
-def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
-    """Return the corners (N, 3) of a mesh file, m, unscaled, and its triangles (M, 3) of them.
-
-    Raises:
-        OneBotError: it cannot be read, or holds no triangles.
-    """
-    import numpy as np
-
-    parts = mesh_parts(mesh, materials=False)
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    corners = np.concatenate([np.asarray(part.vertices, float) for part in parts])
-    faces = [np.asarray(part.faces, np.intp) + at for part, at in zip(parts, starts, strict=False)]
-    return corners, np.concatenate(faces)
 
 
 def is_ascii_stl(path: Path) -> bool:

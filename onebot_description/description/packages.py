@@ -14,14 +14,10 @@ checkout itself, through a prefix of symbolic links, comes first, so an edit tak
 """
 
 import contextlib
-import math
 import os
 import re
 import sys
-import time
 import zlib
-from collections import deque
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -33,11 +29,8 @@ PACKAGE_PATH = "package_path"  # the argument of commands
 _VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
-# Bounds of a search below a folder, which may be anybody's home.
-_DEEPEST = 4
-_MOST_FOLDERS = 2000
-_MOST_PACKAGES = 100  # of one description; looking for one takes some milliseconds
-_FRESH = 1.0  # s that the result of one is kept; searching takes some 0.1 s
+_DEEPEST = 4  # below a folder that is searched, which may be anybody's home
+_MOST_PACKAGES = 100  # of one description; the message about a missing one takes milliseconds
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 
 
@@ -50,20 +43,14 @@ class Resource(NamedTuple):
     uri: str
 
 
-class Package(NamedTuple):
-    """Where a package lies."""
-
-    folder: Path
-    installed: bool  # in an ament index, where all ROS programs look
-
-
 class Resources:
-    """Resolves the URIs of one description; each package is looked for once."""
+    """Resolves the URIs of one description; each folder is searched for packages once."""
 
     def __init__(self, folder: Path | None) -> None:
         """Resolve what is named in a file in ``folder``; None: in a text that lies in no file."""
         self._folder = folder
-        self._packages: dict[str, Package | OneBotError] = {}
+        self._packages: dict[str, Path | str] = {}  # the folder, or why there is none
+        self._below: dict[Path, dict[str, Path]] = {}  # packages by name in and below a folder
         self.missing = 0  # files that were located and are not there, as counted by who looks
 
     def locate(self, uri: str) -> Resource:
@@ -99,25 +86,70 @@ class Resources:
         name, _, inner = uri.partition("://")[2].partition("/")
         if not name or not inner:
             raise OneBotError(f'"{uri}" must read package://<package>/<path>')
-        found = self._package(name)
-        path = found.folder / inner
-        return Resource(path, uri if found.installed else _file_uri(path))
+        folder = self.package(name)
+        path = folder / inner
+        return Resource(path, uri if folder == _in_index(name) else _file_uri(path))
 
-    def _package(self, name: str) -> Package:
-        found = self._packages.get(name)
-        if found is None:
+    def package(self, name: str) -> Path:
+        """Return the folder of a ROS package, installed or being worked on.
+
+        Raises:
+            OneBotError: there is no such package; the message says where it was looked for.
+        """
+        if name not in self._packages:
             if len(self._packages) >= _MOST_PACKAGES:
                 raise OneBotError(
                     f"more than {_MOST_PACKAGES} packages are named; no more are found"
                 )
-            try:
-                found = _find(name, self._folder)
-            except OneBotError as error:
-                found = error
-            self._packages[name] = found
-        if isinstance(found, OneBotError):
-            raise OneBotError(str(found))
+            self._packages[name] = self._find(name) or str(_missing(name, self._folder))
+        found = self._packages[name]
+        if isinstance(found, str):
+            raise OneBotError(found)
         return found
+
+    def _find(self, name: str) -> Path | None:
+        if not _VALID.fullmatch(name):
+            return None
+        found = self._on_ros_path(name) or _in_index(name) or _in_share(name)
+        return found or (None if self._folder is None else self._around(name, self._folder))
+
+    def _on_ros_path(self, name: str) -> Path | None:
+        """The package of that name, else a folder of that name: a package's, a top or in a top."""
+        tops = [Path(entry) for entry in _entries(_ROS_PATH)]
+        found = [below[name] for top in tops if name in (below := self._packages_below(top))]
+        folders = (each for top in tops for each in (top, top / name, *self._below[top].values()))
+        named = (each for each in folders if each.name == name and os.path.isdir(each))
+        first = next(iter(found), None) or next(named, None)
+        return first and first.resolve()
+
+    def _around(self, name: str, folder: Path) -> Path | None:
+        """The package in the source tree of a file in ``folder``: above, beside, or beside those.
+
+        What was copied without its package.xml is at least in a folder of that name.
+        """
+        above = (folder, *folder.parents)
+        for source in (source for parent in above for source in (parent, parent / name)):
+            if _package_name(source) == name:
+                return source
+        for parent in _source_tree(folder):  # the nearest first: a tree may hold several robots
+            if name in (below := self._packages_below(parent)):
+                return below[name]
+        named = [parent for parent in above if parent.name == name]
+        named += [folder / name, folder.parent / name]
+        return next((source for source in named if os.path.isdir(source)), None)
+
+    def _packages_below(self, top: Path) -> dict[str, Path]:
+        """The packages in and below ``top``; of one name, the nearest."""
+        if top not in self._below:
+            found: dict[str, Path] = {}
+            folders = [top]
+            for _ in range(_DEEPEST + 1):
+                for folder in folders:
+                    found.setdefault(_package_name(folder), folder)
+                folders = [child for folder in folders for child in _folders_in(folder)]
+            found.pop("", None)
+            self._below[top] = found
+        return self._below[top]
 
 
 def resolve(uri: str, folder: Path | None) -> Path:
@@ -168,7 +200,7 @@ def find_package(name: str, folder: Path | None = None) -> Path:
     Raises:
         OneBotError: there is no such package; the message says where it was looked for.
     """
-    return _find(name, folder).folder
+    return Resources(folder).package(name)
 
 
 def use_package_path(folders: str) -> None:
@@ -229,18 +261,6 @@ def _own_prefixes() -> list[str]:
     return [str(prefix) for prefix in prefixes if prefix is not None]
 
 
-def _find(name: str, folder: Path | None) -> Package:
-    if not _VALID.fullmatch(name):
-        raise _missing(name, folder)
-    installed = _in_index(name)
-    found = _on_ros_path(name) or installed or _in_share(name)
-    if found is None and folder is not None:
-        found = _around(name, folder)
-    if found is None:
-        raise _missing(name, folder)
-    return Package(found, found == installed)
-
-
 def _in_index(name: str) -> Path | None:
     """The share folder of a package in an ament index."""
     use_environment_prefix()
@@ -254,95 +274,20 @@ def _in_index(name: str) -> Path | None:
 def _in_share(name: str) -> Path | None:
     """The share folder of a package that is in no ament index, as catkin installs it."""
     shares = (Path(prefix) / "share" / name for prefix in _entries(_AMENT_PATH))
-    return next((share.resolve() for share in shares if _is_package(share, name)), None)
+    return next((share.resolve() for share in shares if _package_name(share) == name), None)
 
 
-def _on_ros_path(name: str) -> Path | None:
-    tops = [Path(entry) for entry in _entries(_ROS_PATH)]
-    for search in (_below, _named_below):
-        for top in tops:
-            found = search(name, top)
-            if found is not None:
-                return found.resolve()
-    return None
-
-
-def _below(name: str, top: Path) -> Path | None:
-    """The package in ``top``, or in a folder below it."""
-    found = _index(top).get(name)
-    if found is not None and not _is_package(found, name):
-        del _indexes[top]  # it has been moved
-        found = _index(top).get(name)
-    return found
-
-
-# When it was made, and the packages by name.
-_indexes: dict[Path, tuple[float, dict[str, Path]]] = {}
-
-
-def _index(top: Path) -> dict[str, Path]:
-    """The packages below ``top`` by name; $(find pkg) may stand at every mesh of a large robot."""
-    made, found = _indexes.get(top, (-math.inf, {}))
-    if time.monotonic() - made > _FRESH:
-        found = dict(reversed(list(_packages_below(top))))  # of one name, the nearest
-        _indexes[top] = time.monotonic(), found
-    return found
-
-
-def _named_below(name: str, top: Path) -> Path | None:
-    """The folder called ``name``: a package of another name, ``top``, or a folder in it."""
-    folders = (top, top / name, *_index(top).values())
-    return next((each for each in folders if each.name == name and os.path.isdir(each)), None)
-
-
-def _around(name: str, folder: Path) -> Path | None:
-    """The package in the source tree of a file in ``folder``: above, beside, or beside those."""
-    above = (folder, *folder.parents)
-    for parent in above:
-        for source in (parent, parent / name):
-            if _is_package(source, name):
-                return source
-    top = _source_tree(folder)
-    for parent in above if top is not None else ():
-        found = _below(name, parent)  # the nearest first: a tree may hold several robots
-        if found is not None:
-            return found
-        if parent == top:
-            break
-    # What was copied without its package.xml is at least in a folder of that name.
-    named = (
-        *(parent for parent in above if parent.name == name),
-        folder / name,
-        folder.parent / name,
-    )
-    return next((source for source in named if os.path.isdir(source)), None)
-
-
-def _source_tree(folder: Path) -> Path | None:
-    """The outermost folder above that holds sources: a repository, a src, or a package's parent."""
-    above = (folder, *folder.parents)[:-1]
+def _source_tree(folder: Path) -> list[Path]:
+    """The folders from ``folder`` up to the outermost repository, src or parent of a package."""
+    above = [folder, *folder.parents]
     tops = [
-        parent
-        for child, parent in zip((folder, *above), above, strict=False)
+        at
+        for at, parent in enumerate(above[:-1])
         if parent.name == "src"
         or os.path.exists(parent / ".git")
-        or os.path.isfile(child / "package.xml")
+        or (at and os.path.isfile(above[at - 1] / "package.xml"))
     ]
-    return tops[-1] if tops else None
-
-
-def _packages_below(top: Path) -> Iterator[tuple[str, Path]]:
-    """Yield name and folder of the packages in and below ``top``, the nearest first."""
-    waiting = deque([(top, 0)])
-    for _ in range(_MOST_FOLDERS):
-        if not waiting:
-            return
-        folder, depth = waiting.popleft()
-        name = _package_name(folder)
-        if name:
-            yield name, folder
-        if depth < _DEEPEST:
-            waiting.extend((child, depth + 1) for child in _folders_in(folder))
+    return above[: tops[-1] + 1] if tops else []
 
 
 def _folders_in(folder: Path) -> list[Path]:
@@ -358,10 +303,6 @@ def _folders_in(folder: Path) -> list[Path]:
             )
     except OSError:
         return []
-
-
-def _is_package(folder: Path, name: str) -> bool:
-    return _package_name(folder) == name
 
 
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)

@@ -2,15 +2,16 @@
 
 import os
 import re
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from onebot_description.description import xml
 from onebot_description.description.bounded_process import BoundMet, Bounds, run_bounded
-from onebot_description.description.packages import find_package, resolve
+from onebot_description.description.packages import Resources, resolve
 from onebot_description.errors import DescriptionError, OneBotError, did_you_mean
 
 _EXPAND = "onebot_description.description.expansion:expand_file"
@@ -94,21 +95,29 @@ def xacro_arguments(source: str) -> XacroArguments:
     A file that cannot be read, or an include whose name is only known when it is expanded, adds
     nothing: loading the description is what reports it.
     """
+    files = list(_files(_path_of(source)))
+    declared, used = arguments_in(files)
+    complete = all(None not in _includes(file, root, {}) for file, root in files)
+    return XacroArguments(tuple({**used, **declared}.values()), complete)
+
+
+def arguments_in(
+    files: Iterable[tuple[Path, Element]],
+) -> tuple[dict[str, XacroArgument], dict[str, XacroArgument]]:
+    """Return, by name, the arguments that files declare and those that they use."""
     declared: dict[str, XacroArgument] = {}
     used: dict[str, XacroArgument] = {}
-    complete = True
-    for file, root in _files(_path_of(source)):
+    for file, root in files:
         for element in root.iter():
-            kind = _xacro_kind(element)
-            if kind == "arg" and element.get("name"):
-                argument = _argument(element, file)
-                declared.setdefault(argument.name, argument)
-            elif kind == "include" and _included(element.get("filename", ""), file) is None:
-                complete = False
-            for text in (element.text or "", *element.attrib.values()):
-                for name in used_arguments(text):
+            name, default = element.get("name"), element.get("default")
+            if name and _xacro_kind(element) == "arg":
+                required = "" if default is not None else ", required"
+                argument = XacroArgument(name, default or "", f"declared in {file.name}{required}")
+                declared.setdefault(name, argument)
+            for text in (element.text or "", element.tail or "", *element.attrib.values()):
+                for name in map("".join, _USED.findall(text)):
                     used.setdefault(name, XacroArgument(name, "", f"used in {file.name}, required"))
-    return XacroArguments(tuple({**used, **declared}.values()), complete)
+    return declared, used
 
 
 def included_files(source: str) -> tuple[Path, ...]:
@@ -116,10 +125,14 @@ def included_files(source: str) -> tuple[Path, ...]:
     return tuple(path for path, _ in _files(_path_of(source).absolute()))
 
 
-def used_arguments(text: str) -> Iterator[str]:
-    """Yield the arguments that ``text`` uses, as ``$(arg name)`` or ``xacro.arg('name')``."""
-    for name, in_expression in _USED.findall(text):
-        yield name or in_expression
+def root_of(file: Path) -> Element:
+    """Return the root of an XML file, an empty element if it cannot be read."""
+    try:
+        data = xml.read_bytes(file)
+        xml.scan(data, str(file))
+        return ElementTree.fromstring(data)
+    except (OneBotError, ElementTree.ParseError, ValueError):
+        return Element("unreadable")
 
 
 def _path_of(source: str) -> Path:
@@ -132,49 +145,41 @@ def _path_of(source: str) -> Path:
         return Path(source)
 
 
-def _files(file: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
-    """Yield a file and those it includes, each once; the root of an unreadable one is empty."""
+def _files(file: Path) -> Iterator[tuple[Path, Element]]:
+    """Yield a file and those it includes, each once."""
     waiting, found = [file], set()
+    packages: dict[Path, Resources] = {}
     while waiting:
         file = waiting.pop(0)
         try:
-            if (real := os.path.realpath(file)) in found:
-                continue
+            real = os.path.realpath(file)
+        except ValueError:
+            real = str(file)
+        if real not in found:
             found.add(real)
-            data = xml.read_bytes(file)
-            xml.scan(data, str(file))
-            root = ElementTree.fromstring(data)
-        except (OneBotError, ElementTree.ParseError, ValueError):
-            root = ElementTree.Element("unreadable")
-        yield file, root
-        for element in root.iter():
-            if _xacro_kind(element) == "include":
-                included = _included(element.get("filename", ""), file)
-                if included is not None:
-                    waiting.append(included)
+            root = root_of(file)
+            yield file, root
+            waiting += filter(None, _includes(file, root, packages))
 
 
-def _xacro_kind(element: ElementTree.Element) -> str:
+def _includes(file: Path, root: Element, packages: dict[Path, Resources]) -> list[Path | None]:
+    """The files that ``file`` includes; None for one whose name is known when it is expanded."""
+    names = (each.get("filename", "") for each in root.iter() if _xacro_kind(each) == "include")
+    folder = file.absolute().parent
+    return [_included(name, file, packages.setdefault(folder, Resources(folder))) for name in names]
+
+
+def _xacro_kind(element: Element) -> str:
     """Return ``arg`` for ``<xacro:arg>``, and "" for an element that is not xacro's."""
-    if not isinstance(element.tag, str):  # a comment
-        return ""
     namespace, _, name = element.tag.rpartition("}")
     return name if "xacro" in namespace else ""
 
 
-def _argument(element: ElementTree.Element, file: Path) -> XacroArgument:
-    default = element.get("default")
-    required = "" if default is not None else ", required"
-    description = f"declared in {file.name}{required}"
-    return XacroArgument(element.get("name", ""), default or "", description)
-
-
-def _included(name: str, file: Path) -> Path | None:
-    """Return the file an include of ``name`` in ``file`` means, if that is plain."""
+def _included(name: str, file: Path, packages: Resources) -> Path | None:
     if name.startswith("$(find ") and ")" in name:
         package, _, rest = name.removeprefix("$(find ").partition(")")
         try:
-            name = f"{find_package(package.strip(), file.absolute().parent)}{rest}"
+            name = f"{packages.package(package.strip())}{rest}"
         except OneBotError:
             return None
     return None if "$" in name or not name else file.parent / name

@@ -272,6 +272,15 @@ def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
     return found
 
 
+def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
+    """Return a warning if the files have sections, but none for ``node``."""
+    sections = parameters.sections
+    if not sections or any(section_matches(section, node) for section in sections):
+        return None
+    names = ", ".join(map(str, files))
+    return f"{names} has no section for {node}, only for {listing(sections)}"
+
+
 def refuse_other_sections(file: Path, nodes: Sequence[str]) -> None:
     """Refuse a file with sections that are for none of ``nodes``: they would do nothing.
 
@@ -308,15 +317,6 @@ def read_text(file: Path) -> str:
 
 # They name files, so that setting them while the node runs is to read others.
 _SOURCES = ("config_file", "robot_description")
-
-
-def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str | None:
-    """Return a warning if the files have sections, but none for ``node``."""
-    sections = parameters.sections
-    if not sections or any(section_matches(section, node) for section in sections):
-        return None
-    names = ", ".join(map(str, files))
-    return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
 class LiveParameters:

@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import NANO, Floats, nanoseconds
+from onebot_description.wire.remembered import Remembered, size_of_names
 from onebot_description.wire.schema import Message, Schema
 from onebot_description.wire.tf_message import TFMessage
 
@@ -102,13 +103,20 @@ def _schema(name: str) -> Schema:
 
 
 def tf_arrays(data: bytes) -> TfArrays:
-    """Read a serialized tf2_msgs/msg/TFMessage."""
+    """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same lists."""
     transforms = _schema("tf2_msgs/TFMessage").read(data).transforms
     header = transforms.header
     values = transforms.transform.array()
     stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
-    parents, children = header.frame_id, transforms.child_frame_id
+    parents, children = _names((tuple(header.frame_id), tuple(transforms.child_frame_id)))
     return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
+
+
+def _lists(names: tuple[tuple[str, ...], tuple[str, ...]]) -> tuple[list[str], list[str]]:
+    return list(names[0]), list(names[1])
+
+
+_names = Remembered(_lists, lambda names: sum(map(size_of_names, names)))
 
 
 def one_joint_state(data: bytes) -> JointStateArrays:

@@ -267,6 +267,12 @@ EQUIVALENT = (
         "@functools.cache",
         "the same schema is made again",
     ),
+    Equivalent(
+        "onebot_description/parameters/values.py",
+        "",
+        "LARGEST = 1e+60",
+        "the same number: one more or less is not to be seen in it",
+    ),
 )
 
 

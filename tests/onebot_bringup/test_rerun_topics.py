@@ -157,7 +157,7 @@ def test_undecodable_messages_are_survived(ros_domain, tmp_path):
         commands = peer.publisher(Twist, "wheels/cmd_vel")
         garbage = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
         for topic, publisher in (("odom", driver._odom), ("cmd_vel", commands)):
-            said = f"ignored a message of /wheels/{topic}: it is no"
+            said = f"ignored a message of /wheels/{topic}: no "
             # Again and again: such a warning comes once in some seconds only.
             wait_for(lambda: publisher.publish(garbage) or said in node.output, "a warning")  # noqa: B023
         wait_for(driver.step, "the drive")

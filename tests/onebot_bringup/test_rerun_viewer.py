@@ -311,7 +311,7 @@ def test_bytes_that_are_no_message_are_warned_of_by_topic(shown):
         for publisher in (robot._tf, robot._joints):
             publisher.publish(garbage)
         robot.move(0.5)
-        said = "ignored a message of {}: it is no"
+        said = "ignored a message of {}: no "
         return all(said.format(topic) in shown.node.output for topic in ("/tf", "/joint_states"))
 
     wait_for(warned, "the warnings")

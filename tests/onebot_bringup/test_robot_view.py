@@ -115,7 +115,7 @@ def test_bad_messages_are_reported_with_their_topic_and_cost_no_good_one(tmp_pat
     topics = [topic for topic, _ in shown.bad]
     assert topics == ["robot_description"] * 2 + ["/tf"] * 3 + ["joint_states"] * 2 + ["odom"]
     assert "malformed XML" in shown.bad[1][1]
-    assert all("it is no" in said for topic, said in shown.bad[2:])
+    assert all("truncated" in said or "CDR" in said for _, said in shown.bad[2:])
     assert _times(shown.file, "/tf") == [1000 * SECOND, 1001 * SECOND]
     assert column(shown.file, "/joints/position/0", "Scalars:scalars") == [[1.0], [2.0]]
 

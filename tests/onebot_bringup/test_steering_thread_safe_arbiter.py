@@ -111,6 +111,16 @@ def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> N
     assert steered.locks == [False, True, True, False]
 
 
+def test_a_control_held_at_zero_does_not_unlock(steered: Steered) -> None:
+    """Whoever presses 0 wants a robot that stands, which another node may drive; a push unlocks."""
+    steered.arbiter.handle("b", Stop())
+    steered.drive("a", ZERO)
+    assert steered.locks == [True] and steered.arbiter.state.driver == "a"
+    for velocity in (FORWARD, ZERO, FORWARD):
+        steered.drive("a", velocity)
+    assert steered.locks == [True, False]
+
+
 def test_a_silent_driver_is_stopped_at_once(steered: Steered) -> None:
     """After the time of the dead man's switch, not at it; its next word drives on."""
     steered.drive("a")

@@ -110,6 +110,19 @@ def test_a_blocked_key_has_to_be_pressed_anew() -> None:
     assert driver.moving(3.0)
 
 
+def test_a_hitch_of_the_repeats_does_not_press_a_blocked_key_anew() -> None:
+    """Over a network they arrive in bursts; who wants to drive lets go for longer."""
+    driver = Driver(0.5, 1.0, 0.7)
+    for moment in (0.0, 0.5, 0.53):
+        driver.press("i", moment)
+    driver.block()
+    for moment in (1.1, 1.13, 1.7):
+        driver.press("i", moment)
+        assert not driver.moving(moment)
+    driver.press("i", 2.5)
+    assert driver.moving(2.5)
+
+
 def test_keys_of_a_terminal() -> None:
     """Arrows are words, other function keys nothing, Esc alone itself."""
     assert split_keys("iq") == ["i", "q"]

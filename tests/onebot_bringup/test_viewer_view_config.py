@@ -126,7 +126,6 @@ def test_the_view_of_mrm_is_valid():
         ("covariance: {a: {topic: b, sigma: -1}}", "covariance.a.sigma: -1 is below 0"),
         ("covariance: {a: {}}", "covariance.a: has no topic"),
         ("joint_plot: {limits: 1}", "joint_plot.limits: 1 is a number; write true or false"),
-        ("trails: {1: {topic: b}}", ':1: a name must be a string; write "1" in quotes'),
         ("speeds: {a: {topic: b}}", "speeds.a.topic: no such parameter (known: lines, window)"),
         (
             "speeds: {lines: {a: {topic: b, type: twist}}}",

@@ -17,6 +17,7 @@ from onebot_description.description import (
     load_description,
     parse_description,
 )
+from onebot_description.description.bounded_process import Bounds
 from onebot_description.description.description import (
     Box,
     Cylinder,
@@ -330,6 +331,23 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
             "3:3: malformed XML: mismatched tag: <xacro:b> of line 2 is not",
         ),
         (
+            ['<xacro:macro name="m" params="side"><a/></xacro:macro>', "<xacro:m/>"],
+            '3: xacro: macro "m": Undefined parameters [side]',
+        ),
+        (
+            ['<xacro:include filename="robot.xacr"/>'],
+            'robot.xacr: no such file (did you mean "robot.xacro"?',
+        ),
+        (['<xacro:include filename="robot.xacro"/>'], "include each other without end"),
+        (['<xacro:arg name="side"/>'], "2: <xacro:arg> has no attribute 'default'"),
+        (['<xacro:if value="maybe"/>'], '2: xacro: Xacro conditional "maybe"'),
+        (['<link name="$(find onebot_descripton)"/>'], '2: no ROS package "onebot_descripton"'),
+        (
+            ['<xacro:macro name="m"><link name="base"/></xacro:macro>', "<xacro:m/>"],
+            '4: link "base": there is a link of that name already, at 2 (called at 3); rename',
+        ),
+        (['<link name="${9**9**9}"/>'], "2: expanding it was stopped here: it takes more than 1 s"),
+        (
             ['<xacro:macro name="m"><xacro:m/></xacro:macro>', "<xacro:m/>"],
             'macro "m" calls itself without end',
         ),
@@ -342,8 +360,11 @@ def _xacro_problem(folder: Path, *lines: str) -> str:
         ),
     ],
 )
-def test_what_xacro_raises_is_explained(tmp_path: Path, lines: list[str], found: str) -> None:
+def test_what_xacro_raises_is_explained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str], found: str
+) -> None:
     """The line of the fault, the calls that led there, what it is, and what was meant."""
+    monkeypatch.setattr("onebot_description.description.xacro._BOUNDS", Bounds(processor=1))
     problem = _xacro_problem(tmp_path, *lines)
     if found[0].isdigit():
         assert problem.startswith(found)

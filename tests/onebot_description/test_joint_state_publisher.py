@@ -208,8 +208,7 @@ def test_a_saved_file_moves_the_robot(
         (good.replace(JOINT, "elbow"), 'motions.elbow: the robot has no joint "elbow" (joints'),
         (good.replace("rate: 50", "rate: 5e3"), f"{file}:3: rate: 5000 is above 1000"),
         (good.replace("rate", "rates"), f'{file}:3: rates: no such parameter (did you mean "rate"'),
-        ("a: " + "[" * 20_000, f"{file}:3: maps and lists are nested more than 64 deep"),
-        ("a: " + "{a: " * 3000, f"{file}:3: maps and lists are nested more than 64 deep"),
+        ("a: " + "[" * 20_000, f"{file}:3: invalid YAML: maps and lists are nested more than 64"),
         (
             good.replace("position: 0.3", "amplitude: 1.0e+308, frequency: 1.0e+308"),
             f"{file}:5: motions.{JOINT}.amplitude: 1e+308 is beyond 1e+60",

@@ -1,17 +1,14 @@
 """What a description costs grows with its size, not with the square of it."""
 
-import os
 import time
 import tracemalloc
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from onebot_description.description import (
     DescriptionError,
     describe,
-    load_description,
     parse_description,
 )
 from onebot_description.joints.config import Dependent
@@ -83,25 +80,6 @@ def test_what_is_too_much_is_refused_before_it_is_kept(many: str) -> None:
     """A large robot has a fifth of that."""
     with pytest.raises(DescriptionError, match="more than 1000000 elements and attributes"):
         parse_description(f'<robot name="r">{many}</robot>')
-
-
-def test_xacro_takes_no_square(tmp_path: Path) -> None:
-    """Of the calls of a macro in one file."""
-    assert_time_grows_with_size(lambda count: expanded(tmp_path, count), COUNT)
-
-
-def expanded(folder: Path, count: int) -> float:
-    """The processor time to expand so many calls of a macro."""
-    calls = "".join(f'<!-- {n} --><xacro:part n="{n}"/>' for n in range(count))
-    (folder / "robot.xacro").write_text(
-        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-        '<xacro:macro name="part" params="n"><link name="l${n}"/></xacro:macro>'
-        f"{calls}</robot>"
-    )
-    start = os.times()
-    assert len(load_description(folder / "robot.xacro").links) == count
-    end = os.times()
-    return end.user + end.children_user - start.user - start.children_user
 
 
 @pytest.mark.parametrize("order", [1, -1])

@@ -169,6 +169,13 @@ def _tf_bytes(names, number=0.0, sec=1):
     return serialize_message(TFMessage(transforms=[_stamped((sec, 7), edge) for edge in edges]))
 
 
+def test_names_that_repeat_are_the_same_lists():
+    """The viewer finds what it made of them at once; also of several publishers in turn."""
+    first, other, second = (tf_arrays(_tf_bytes(n)) for n in (["a", "b"], ["r", "s"], ["a", "b"]))
+    assert second.children is first.children and second.parents is first.parents
+    assert other.children == ["rx", "sx"]
+
+
 @pytest.mark.parametrize("text", [b"a\0b\0", b"abc", b"ab\0\0", b"\0a", b"\0", b"", b"a\xff"])
 def test_strings_end_as_with_rclpy(text):
     """By the first NUL, or without any."""

@@ -303,17 +303,6 @@ def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
         find_package(name, tmp_path)
 
 
-def test_the_search_is_bounded(tmp_path, monkeypatch):
-    """The folder above the robot's may be anybody's home."""
-    monkeypatch.setattr("onebot_description.description.packages._MOST_FOLDERS", 50)
-    folder = _package(tmp_path / "robot", "robot")
-    for number in range(100):
-        _package(tmp_path / f"dir{number:03}", f"p{number}")
-    assert find_package("p40", folder) == tmp_path / "dir040"
-    with pytest.raises(OneBotError):
-        find_package("p90", folder)
-
-
 def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
     """What somebody publishes decides how many are looked for, but not without bound."""
     looked = []
@@ -325,7 +314,7 @@ def test_a_description_of_endless_packages_is_soon_read(monkeypatch):
     for number in range(200):
         with contextlib.suppress(OneBotError):
             resources.locate(f"package://p{number}/a.stl")
-    assert len(looked) == 100
+    assert len(set(looked)) == 100
     with pytest.raises(OneBotError, match="more than 100 packages"):
         resources.locate("package://p200/a.stl")
     assert resources.locate("package://p7/a.stl").path == Path("/x/a.stl")
