@@ -33,7 +33,6 @@ _MODULES = {
     "onebot": "onebot_bringup.cli.main",
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
     "mrm_bringup": "mrm_description.launch.mrm_bringup",
-    "sensing": "tests.sensing",
 }
 
 
@@ -78,29 +77,28 @@ def make_mrm(picture: Path, folder: Path) -> None:
 
 
 def make_gallery(picture: Path, folder: Path) -> None:
-    """OneBot with what sensors in a maze measure, as the viewer shows it by itself.
-
-    The maze itself is not drawn: it would hide what is measured of it.
-    """
+    """OneBot driven through the maze, with what it senses there, as the viewer shows it."""
     rrd = folder / "gallery.rrd"
-    with running("onebot_bringup", "viewer:=none", f"save:={rrd}", ready="driving robot"):
-        with (
-            running("sensing", "maze", ready="sensing"),
-            running("onebot", *driving(0.15, 0.05), ready="#1"),
-        ):
-            time.sleep(5.0)
-    camera = ("--camera", "-0.9,-1.1,1.5:1.0,0.45,-0.1")
+    maze = ("world:=maze", "sensors_enabled:=true", "viewer:=none", f"save:={rrd}")
+    with running("onebot_bringup", *maze, ready="showing"), ExitStack() as drivers:
+        for linear, angular, seconds in ((0.25, 0.0, 4.0), (0.2, 0.4, 3.0)):
+            before = drivers.pop_all()
+            drivers.enter_context(running("onebot", *driving(linear, angular), ready="#1"))
+            before.close()
+            time.sleep(seconds)
+    camera = ("--camera", "-0.3,-1.3,1.6:1.2,0.35,0.0")
     run("onebot", "snapshot", str(picture), str(rrd), "--dashboard", *camera)
 
 
 def make_steering(picture: Path, folder: Path) -> None:
-    """The steering page in a browser, while its joystick drives OneBot."""
+    """The steering page in a browser, while its joystick drives OneBot through the maze."""
     sys.path.insert(0, str(CHECKOUT))
     from tests.steering_browser_support import Page
     from tests.support import wait_for
     from tests.support_browser import browser
 
-    words = ("steer:=true", "port:=0", "viewer:=web")
+    maze = ("world:=maze", "sensors_enabled:=true")
+    words = (*maze, "steer:=true", "port:=0", "viewer:=web")
     address = re.compile(r"\[steering_page\].* open (http\S+)")
     with (
         running("onebot_bringup", *words, ready=address.search) as output,

@@ -13,14 +13,14 @@ import psutil
 import pytest
 import rerun as rr
 import rerun.chunk as rc
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from nbclient import NotebookClient
 
 from onebot_bringup.viewer.notebook import NotebookRobot
 from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
 from tests.readme import CHECKOUT
-from tests.ros_support import Peer
+from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, wait_for
 
 NOTEBOOKS = sorted((CHECKOUT / "onebot_bringup/notebooks").glob("*.ipynb"))
@@ -150,6 +150,20 @@ def test_ros_drives_a_running_robot_round_a_circle(ros_domain, tmp_path):
     for x, y in results["truth"]:
         assert math.hypot(x, y - 0.5) == pytest.approx(0.5, abs=0.01)
     assert min(x for x, _ in results["truth"]) < -0.49
+    assert results["code"] == 0
+    assert _pictures(notebook) == 1
+
+
+@pytest.mark.slow
+def test_mapping_drives_out_of_the_maze_with_its_map(ros_domain, tmp_path):
+    """The map is published, and nearly all of it is as the maze is."""
+    with Peer(ros_domain) as peer:
+        received = peer.hear(OccupancyGrid, "/map", LATCHED)
+        results, notebook = _executed(
+            "mapping", tmp_path, "{'share': share, 'seen': int(seen.sum()), 'code': code}"
+        )
+        assert received and received[-1].header.frame_id == "world"
+    assert results["share"] > 0.97 and results["seen"] > 3000
     assert results["code"] == 0
     assert _pictures(notebook) == 1
 
