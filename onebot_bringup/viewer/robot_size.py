@@ -72,8 +72,14 @@ def diagonal(bounds: Floats) -> float:
 
 
 def robot_size(description: Description) -> float:
-    """Return the diagonal of the box around a robot whose joints are at 0, metres; 0: no shapes."""
-    model = RobotModel.from_description(description)
+    """Return the diagonal of the box around a robot whose joints are at 0, metres.
+
+    It is 0 without shapes, and where the links are no tree, whose places only TF knows.
+    """
+    try:
+        model = RobotModel.from_description(description)
+    except OneBotError:
+        return 0.0
     found = model.link_poses(np.zeros(len(model.joints)))
     poses = np.tile(np.eye(4), (len(found), 1, 1))
     poses[:, :3, 3], poses[:, :3, :3] = found[:, :3], to_matrix(found[:, 3:])
