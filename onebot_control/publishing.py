@@ -197,21 +197,22 @@ class Publishers:
             self._limited.publish(self._limited_message)
         due = self._due.due()
         if due or sensed:
-            self._publish_transforms(snapshot)
-        if due:
-            self._publish_odometry(snapshot)
+            pose = _transform_values(snapshot.odometry)
+            self._publish_transforms(snapshot, pose)
+            if due:
+                self._publish_odometry(snapshot, pose)
         if not self._among and robot.odom_in_world != self._origin:
             self._publish_origin(stamp_ns)
 
-    def _publish_transforms(self, snapshot: Snapshot) -> None:
+    def _publish_transforms(self, snapshot: Snapshot, pose: Sequence[float]) -> None:
         if self._robot.config.enable_odom_tf:
-            _fill_transform(self._transform.transform, _transform_values(snapshot.odometry))
+            _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
         if self._among:
             self._publish_true_origin(snapshot)
 
-    def _publish_odometry(self, snapshot: Snapshot) -> None:
-        _fill_pose(self._odom_message.pose.pose, _transform_values(snapshot.odometry))
+    def _publish_odometry(self, snapshot: Snapshot, pose: Sequence[float]) -> None:
+        _fill_pose(self._odom_message.pose.pose, pose)
         if not self._constant:
             _fill_covariance(self._odom_message.pose.covariance, snapshot.covariance)
         _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
