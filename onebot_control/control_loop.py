@@ -111,7 +111,6 @@ class SystemStamps:
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
         system_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        """Compare the two clocks, both in ns."""
         self._monotonic, self._system = monotonic_ns, system_ns
         comparisons = [self._compare() for _ in range(_COMPARISONS)]
         self._offset, _ = min(comparisons, key=itemgetter(1))
@@ -145,7 +144,6 @@ class Divider:
     """Picks so many of the cycles a second, evenly, and never more than there are."""
 
     def __init__(self, rate: float, cycles: float) -> None:
-        """Pick ``rate`` of ``cycles`` a second; the first one is picked."""
         self._share = min(rate / cycles, 1.0)
         self._phase = 1.0
 

@@ -47,7 +47,6 @@ class DiffDriveController:
     """
 
     def __init__(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
-        """Stand still at zero."""
         window = config.velocity_rolling_window_size
         self.odometry = Odometry(kinematics, window)
         self._cycles, self._durations = RollingMean(window), RollingMean(window)

@@ -31,7 +31,6 @@ class DriftCheck:
     """
 
     def __init__(self, *, skids: bool) -> None:
-        """Begin with the next poses; ``skids`` says that wheels slide sideways in a turn."""
         self.warning = ""
         self._most_turn = _MOST_SKIDDING if skids else _MOST
         self.restart()

@@ -157,7 +157,6 @@ class Side:
     def __init__(
         self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
     ) -> None:
-        """Find the wheels called ``names`` in ``joints``; see ``Wheels.directions``."""
         self._directions = [(name, directions[name]) for name in names]
         self._rows = [(joints.index(name), directions[name]) for name in names]
 

@@ -217,7 +217,6 @@ class NodeLog(logging.Handler):
     """Passes what the simulation logs, which knows no ROS, to a node's logger."""
 
     def __init__(self, node: Node) -> None:
-        """Log by ``node``."""
         super().__init__(logging.WARNING)
         self._logger = node.get_logger()
 

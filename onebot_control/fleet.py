@@ -45,7 +45,6 @@ class Fleet:
     """
 
     def __init__(self, robots: Sequence[DrivenRobot], world: World) -> None:
-        """Drive ``robots``, whose plants are in ``world``."""
         self.robots, self.world = list(robots), world
 
     @classmethod

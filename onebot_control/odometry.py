@@ -74,7 +74,6 @@ class RollingMean:
     """The mean of the last few values; of those there are, while they are fewer."""
 
     def __init__(self, size: int) -> None:
-        """Average over ``size`` values, at least 1."""
         self._values: deque[float] = deque(maxlen=size)
 
     def add(self, value: float) -> float:
@@ -103,7 +102,6 @@ class PoseUncertainty:
     """
 
     def __init__(self) -> None:
-        """Begin with a pose that is known exactly."""
         self._heading = 0.0  # variance, rad^2
         self._lever = (0.0, 0.0)  # x and y, m/rad
         self._rest = (0.0, 0.0, 0.0)  # covariance xx, xy, yy of the rest of the position, m^2

@@ -117,7 +117,6 @@ class Publishers:
     """Turns a robot's snapshots into messages. Used by the control thread only."""
 
     def __init__(self, node: Node, *, clock: bool) -> None:
-        """Announce the topics; with ``clock`` /clock, too."""
         self._node, self._namespace = node, node.get_namespace()
         self._joint_states = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._odom = node.create_publisher(Odometry, "~/odom", _DEPTH)

@@ -108,7 +108,6 @@ class VelocityController(Node):
     """See the module's docstring for what it publishes, subscribes and takes."""
 
     def __init__(self, arguments: Sequence[str] | None = None) -> None:
-        """Make the node; ``arguments`` are ROS arguments of its own."""
         super().__init__("velocity_controller", cli_args=ros_args(arguments))
         self.driving: Driving | None = None
 

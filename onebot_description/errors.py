@@ -113,7 +113,6 @@ class OneBotError(Exception):
     """A user's mistake; ``str(error)`` is the whole message, commands exit with code 1."""
 
     def __init__(self, message: str = "") -> None:
-        """Take the ``message``; characters that a terminal would obey are escaped in it."""
         super().__init__("\n".join(map(printable, message.split("\n"))))
 
 
@@ -128,7 +127,6 @@ class DescriptionError(OneBotError):
     """
 
     def __init__(self, problems: Iterable[str], warnings: Iterable[str] = ()) -> None:
-        """Join ``problems`` and ``warnings`` into one message, a line each."""
         self.problems = condensed(list(map(printable, problems)))
         self.warnings = condensed(list(map(printable, warnings)))
         super().__init__("\n".join((*self.problems, *map("warning: {}".format, self.warnings))))

@@ -405,7 +405,6 @@ class JointStatesOut:
     """The topic joint_states, published at a rate once there is a robot."""
 
     def __init__(self, node: Node) -> None:
-        """Announce it."""
         self._node = node
         self._publisher = node.create_publisher(JointState, "joint_states", 10)
         self._message = JointState()
@@ -453,7 +452,6 @@ class JointStatesIn:
     """The topics whose values count more than all motions."""
 
     def __init__(self, node: Node, received: Callable[[str, JointState], None]) -> None:
-        """Subscribe to none so far; ``received`` gets each topic and message."""
         self._node, self._received = node, received
         self._subscriptions: dict[str, Subscription] = {}
 

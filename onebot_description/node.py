@@ -149,7 +149,6 @@ class MissedMessages:
     """
 
     def __init__(self, node: Node) -> None:
-        """Look after each new subscription of ``node`` once, when it has been there for a while."""
         self._node = node
         self._new: set[Subscription] = set()
         self._done: set[Subscription] = set()
@@ -437,7 +436,6 @@ class DiscoveryServerCheck:
     """Warns when no other node is discovered by the discovery server, and logs when one is."""
 
     def __init__(self, own: Sequence[Node]) -> None:
-        """Watch, if there is a discovery server; ``own`` are all nodes of this process."""
         self._node, self._own, self._warned = own[0], len(own), False
         if server():
             steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
@@ -513,7 +511,6 @@ class Lasting:
     """Reports what has lasted for some time, once."""
 
     def __init__(self, patience: float) -> None:
-        """Begin with nothing; ``patience`` is in seconds."""
         self._patience = patience
         self._what: Sequence[str] = ()
         self._since = 0.0

@@ -25,7 +25,6 @@ class KeyboardInterrupts:
     """A context in which each of ``stop_signals`` raises KeyboardInterrupt in the main thread."""
 
     def __init__(self) -> None:
-        """Nothing is changed until it is entered, in the main thread."""
         self._arrived = False
 
     def __enter__(self) -> "KeyboardInterrupts":
@@ -55,7 +54,6 @@ class StopSignals:
     """
 
     def __init__(self, on_stop: Callable[[], None]) -> None:
-        """Nothing is changed until it is entered, in the main thread."""
         self._on_stop = on_stop
         self._arrived = self._interrupting = False
         self._read, self._write = socket.socketpair()

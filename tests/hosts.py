@@ -31,7 +31,6 @@ class Namespaces:
     """The namespaces of network, mounts and name of one process, which holds them."""
 
     def __init__(self, name: str) -> None:
-        """Make them; ``name`` is the host's."""
         words = ["unshare", "--net", "--mount", "--uts", "sh", "-c", f"hostname {name} && {_HOLD}"]
         # It ends with its standard input: when this process does.
         self._holder = subprocess.Popen(
@@ -81,7 +80,6 @@ class Host:
     """A host with the interface eth0 at ``address``."""
 
     def __init__(self, spaces: Namespaces, switch: Namespaces, number: int) -> None:
-        """Connect to the switch by cable ``number``, from 1 on."""
         self.spaces, self._switch = spaces, switch
         self.address = f"10.77.0.{number}"
         self.hardware_address = f"02:00:0a:4d:00:{number:02x}"

@@ -194,7 +194,6 @@ class Keys:
     """Reads the keys that are typed."""
 
     def __init__(self, fd: int) -> None:
-        """Read from a file descriptor."""
         self._fd = fd
 
     def read(self, timeout: float) -> list[str] | None:

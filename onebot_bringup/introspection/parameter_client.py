@@ -29,7 +29,6 @@ class ParameterClient:
     """
 
     def __init__(self, session: SpinningNode, node: str) -> None:
-        """Call the node of this full name, as a client of ``session``."""
         self._session, self._node = session, node
 
     def _call(self, service: str, **fields: Any) -> Any:

@@ -20,7 +20,6 @@ class Window:
     """The last samples of a measurement."""
 
     def __init__(self, size: int | None) -> None:
-        """Keep ``size`` samples; None for all."""
         self._samples: deque[float] = deque(maxlen=size)
         self._new = False
 
@@ -48,7 +47,6 @@ class Intervals:
     """The time between messages, for ``topic hz``."""
 
     def __init__(self, size: int | None) -> None:
-        """Measure over ``size`` intervals at most."""
         self._window = Window(size)
         self._last: float | None = None
 
@@ -73,7 +71,6 @@ class Bandwidth:
     """Bytes received per second, for ``topic bw``."""
 
     def __init__(self, size: int | None) -> None:
-        """Measure over ``size`` messages at most."""
         self._sizes = Window(size)
         self._times: deque[float] = deque(maxlen=size)
 

@@ -35,7 +35,6 @@ class History:
     """The transforms of one frame in its parent, of the last ten seconds."""
 
     def __init__(self, parent: str, static: bool) -> None:
-        """Begin without transforms."""
         self.parent, self.static = parent, static
         self._stamps: deque[int] = deque()
         self._transforms: deque[Transform] = deque()
@@ -84,7 +83,6 @@ class TransformBuffer:
     """
 
     def __init__(self) -> None:
-        """Begin without frames."""
         self.frames: dict[str, History] = {}
 
     def add(self, transforms: TfArrays, *, static: bool) -> list[str]:

@@ -28,7 +28,6 @@ class Guard:
     """
 
     def __init__(self) -> None:
-        """Start it; without it (no memory, no processes left) the launcher works all the same."""
         # Both ends stay open and nothing waits: writing does no harm when the guard has died.
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)

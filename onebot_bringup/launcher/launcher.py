@@ -42,7 +42,6 @@ class Restarts:
     """Counts the restarts of a node that keeps ending."""
 
     def __init__(self, policy: Restart) -> None:
-        """There was none yet."""
         self._policy = policy
         self.count = 0  # restarts in a row, the one planned last included
 

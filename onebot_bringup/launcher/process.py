@@ -95,7 +95,6 @@ class Lines:
     """Cuts output into lines, which wait until there is somebody to take them."""
 
     def __init__(self) -> None:
-        """Nothing has come yet."""
         self._sink: Callable[[bytes], object] | None = None
         self._data = b""
 
@@ -129,7 +128,6 @@ class RunningProcess(asyncio.SubprocessProtocol):
     """
 
     def __init__(self) -> None:
-        """It is being started by the event loop; see ``spawn``."""
         self.ended: asyncio.Future[int] = asyncio.get_running_loop().create_future()
         self._output_ended = asyncio.Event()
         self._output = {1: Lines(), 2: Lines()}

@@ -40,7 +40,6 @@ class Connections:
     """The connections of one server."""
 
     def __init__(self, app: web.Application) -> None:
-        """Follow the requests of ``app``, which does not run yet."""
         # By connection: the request in progress, and the transport, which aiohttp forgets when it
         # closes it; but it stays while the other end does not read.
         self._requests: dict[Any, web.Request] = {}

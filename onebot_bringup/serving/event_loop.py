@@ -12,7 +12,6 @@ class LoopThread:
     """Runs ``serve``, of a class derived from this one, until it is stopped."""
 
     def __init__(self, name: str) -> None:
-        """Start the thread, called ``name``, and wait until its event loop runs."""
         self._end = asyncio.Event()
         self._running = threading.Event()
         self._thread = threading.Thread(

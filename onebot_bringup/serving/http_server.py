@@ -27,7 +27,6 @@ class ServerThread(LoopThread):
     """Serves an application on a socket, in a thread, until it is stopped."""
 
     def __init__(self, app: web.Application, listener: socket.socket, name: str) -> None:
-        """Start the thread, called ``name``, and wait until its event loop runs."""
         self._app, self._listener = app, listener
         super().__init__(name)
 

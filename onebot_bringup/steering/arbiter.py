@@ -32,7 +32,6 @@ class Arbiter:
     """
 
     def __init__(self, limits: Limits) -> None:
-        """Start without pages."""
         self.limits = limits  # of commands
         self.driver: str | None = None  # the page that drives
         self.timeouts = 0  # how often a driver timed out

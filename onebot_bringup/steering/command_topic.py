@@ -170,7 +170,6 @@ class CommandTopic:
     """
 
     def __init__(self, node: Node, topic: str, locked: Callable[[bool], None]) -> None:
-        """Start with ``topic``, a full name; ``locked`` is ``changed`` of the robot's lock."""
         self._node, self._locked = node, locked
         self._lock = threading.Lock()
         self._publisher: Any = None

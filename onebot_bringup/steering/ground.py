@@ -68,7 +68,6 @@ class Ground:
     """Subscribes to the transforms and the map while pages look; all in the node's thread."""
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
-        """Start without subscriptions; ``odometry`` is the robot's."""
         self._node, self._odometry = node, odometry
         self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
         self._transforms = TransformBuffer()

@@ -49,7 +49,6 @@ class OdometryTopic:
     """Subscribes to the robot's odometry."""
 
     def __init__(self, node: Node, fixed: str) -> None:
-        """Subscribe to ``fixed``, a full name, or else ("") to what ``update`` finds."""
         self._node, self._fixed = node, fixed
         self._subscription: TopicSubscription | None = None
         self._data: tuple[bytes, float] | None = None

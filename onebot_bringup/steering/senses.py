@@ -141,7 +141,6 @@ class Senses:
     """
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
-        """Start without subscriptions; ``odometry`` is the robot's."""
         self._node, self._odometry = node, odometry
         self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
         self._used = -math.inf  # when a picture was requested

@@ -89,7 +89,6 @@ class SteeringServer:
     """The aiohttp application."""
 
     def __init__(self, context: ServerContext) -> None:
-        """Make the application, ``app``."""
         self._context = context
         self._pages: dict[web.WebSocketResponse, _Page] = {}
         self._closing: set[asyncio.Future[bool]] = set()  # of pages that gave way

@@ -47,7 +47,6 @@ class OtherThread:
     """A node as a ``SpinningNode`` for threads that do not spin it."""
 
     def __init__(self, node: Node) -> None:
-        """Call ``node``."""
         self._node = node
         self._closed = threading.Event()
 
@@ -137,7 +136,6 @@ class ToolRequests:
     """The routes below /tools/."""
 
     def __init__(self, thread: OtherThread, node: ToolNode) -> None:
-        """Have ``node`` do what is requested, in the thread that spins it."""
         self._thread, self._node = thread, node
         self._free = asyncio.Semaphore(_AT_ONCE)
 

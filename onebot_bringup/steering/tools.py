@@ -87,7 +87,6 @@ class ToolPublishers:
     """Publishes clicks to one robot."""
 
     def __init__(self, node: Node) -> None:
-        """Start without publishers; ``prepare`` makes them."""
         self._node = node
         self._publishers: dict[str, Any] = {}  # by full name
 

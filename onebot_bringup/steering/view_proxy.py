@@ -61,7 +61,6 @@ class ViewProxy:
     """The routes of the robot's view."""
 
     def __init__(self) -> None:
-        """Start without a viewer."""
         self.view: View | None = None  # the viewer, if there is one
 
     def add_to(self, app: web.Application) -> None:

@@ -33,7 +33,6 @@ class TopicSelection:
     """Chooses of the topics that there are those that are shown."""
 
     def __init__(self, resolve: Callable[[str], str]) -> None:
-        """Begin with none; ``resolve`` returns the full name of a topic that a view names."""
         self.offered: tuple[OfferedTopic, ...] = ()
         self.crowded: tuple[str, ...] = ()  # topics for which there is no room
         self._resolve = resolve
@@ -101,7 +100,6 @@ class LoadLimit:
     """
 
     def __init__(self) -> None:
-        """Begin with some time saved up."""
         self._left = _SAVED  # seconds
         self._seconds = self._messages = 0.0  # that were spent on how many, of late
         self._at: float | None = None

@@ -24,7 +24,6 @@ class ReadyColumn(rr.ComponentColumn):
     """A column whose Arrow array is made, and can be sent many times."""
 
     def __init__(self, descriptor: Any, array: pa.Array) -> None:
-        """Keep an array of the kind of ``descriptor``, a list a row."""
         self._descriptor = descriptor
         self._array = array
 
@@ -46,7 +45,6 @@ class ColumnMaker:
     """Makes columns of numbers of one component."""
 
     def __init__(self, sample: rr.ComponentColumnList) -> None:
-        """Take the kind of a column that Rerun has made, alone in its list."""
         [column] = ready(sample)
         self._descriptor = column.component_descriptor()
         self._rows = column.as_arrow_array().type
@@ -98,7 +96,6 @@ class BytesMaker:
     """Makes columns of a component that is bytes; they are not copied."""
 
     def __init__(self, sample: rr.ComponentColumnList) -> None:
-        """Take the kind of a column that Rerun has made, alone in its list."""
         [column] = ready(sample)
         self._descriptor = column.component_descriptor()
         self._rows = column.as_arrow_array().type
@@ -165,7 +162,6 @@ class StampColumn:
     """A column of times (``rr.TimeColumn`` is another)."""
 
     def __init__(self, timeline: str, stamps_ns: NDArray[np.int64]) -> None:
-        """Keep nanoseconds since 1970."""
         self._timeline = timeline
         self._array = _array(_STAMPS, stamps_ns, np.dtype(np.int64))
 

@@ -99,7 +99,6 @@ class FrameTree:
     """Every frame received so far, by name."""
 
     def __init__(self) -> None:
-        """Begin with no frame."""
         self.version = 0  # another number after every change of a frame's parent
         self._places: dict[str, tuple[_Block, int]] = {}
         # By the identity of the lists that were given, which are kept for that.
@@ -286,7 +285,6 @@ class FrameResolution:
     """In which frame a robot is shown, and which of its links have no transform to it."""
 
     def __init__(self, frames: FrameTree, frame_of: Callable[[str], str]) -> None:
-        """Look in ``frames``, where a link has the name that ``frame_of`` gives it."""
         self._frames = frames
         self._frame_of = frame_of
         self._missing: list[str] = []

@@ -664,7 +664,6 @@ class Stamps:
     """
 
     def __init__(self) -> None:
-        """Begin without a shift."""
         self.warnings: dict[str, str] = {}  # of a wrong clock, by topic
         self._shift = 0  # ns, from the receive time to the time of the stamps
         self._has_tf = False
@@ -706,7 +705,6 @@ class WarningFilter:
     """Passes each warning once per description; warns now and then while there is none."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        """Count from now, in the seconds of ``clock``."""
         self._clock = clock
         self._started = clock()
         self._passed: set[str] = set()

@@ -38,7 +38,6 @@ class Scene:
     """Keeps a recording's static part equal to the robot's description."""
 
     def __init__(self, recording: rr.RecordingStream, frame_prefix: str = "") -> None:
-        """Draw into ``recording`` the links in the frames of their names with ``frame_prefix``."""
         self._recording = recording
         self._prefix = frame_prefix
         self._drawn: dict[str, object] = {}  # entity to what lies on it, to log only changes

@@ -49,7 +49,6 @@ class TopicSubscriptions:
     """Keeps a node subscribed to the topics wanted, each once, and passes raw messages on."""
 
     def __init__(self, node: Node, take: Take) -> None:
-        """Subscribe on ``node``; ``take`` gets the messages."""
         self._node = node
         self._take = take
         self._wanted: Mapping[str, WantedTopic] = {}

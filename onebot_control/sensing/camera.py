@@ -56,7 +56,6 @@ class Painter:
     """Colours what rays hit."""
 
     def __init__(self, still: Surface) -> None:
-        """Light ``still``, which stands still, once."""
         self._still, self._lit = still, _lit(still, np.eye(3))
 
     def picture(

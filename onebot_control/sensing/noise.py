@@ -20,7 +20,6 @@ class NoiseSource:
     """
 
     def __init__(self, name: str) -> None:
-        """Take the seed from the full ``name`` of the sensor."""
         self._key = zlib.crc32(name.encode())
 
     def at(self, tick: int) -> np.random.Generator:

@@ -216,7 +216,6 @@ class Surface:
     """A solid that rays are cast at."""
 
     def __init__(self, solid: Solid) -> None:
-        """Prepare to cast rays at ``solid``."""
         self.solid = solid
         self._rounds = solid.rounds if HAS_EMBREE else Rounds.of([])
         # A miss is face -1, the last one.

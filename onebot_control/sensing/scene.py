@@ -55,7 +55,6 @@ class Scene:
     """
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
-        """Build the surfaces, once."""
         self._made: dict[tuple[Geometry, ...], Surface] = {}
         firsts = link_poses(world) if world else {}
         boxes = [joint.child for joint in world.joints if joint.kind == "floating"] if world else []

@@ -28,7 +28,6 @@ class WorldRobot:
     body: RobotBody
 
     def __init__(self, world: "World", row: int) -> None:
-        """Refer to the robot of ``row`` in ``world``."""
         self._world, self._row = world, row
         self.body = world.bodies[row]
         self.joints, self.driven = self.body.joints, self.body.driven

@@ -36,7 +36,6 @@ class Tyres:
     """The round shapes of a robot's links, by the joint that turns them."""
 
     def __init__(self, description: Description) -> None:
-        """Sort the links by the rigid body they belong to; meshes are read when asked for."""
         self._joints = {joint.name: joint for joint in description.joints}
         self._bodies: dict[str, list[tuple[Geometry, Floats, int]]] = {}
         self._known: dict[str, Tyre | None] = {}

@@ -40,7 +40,6 @@ class BoundMet(Exception):
     """The function was stopped; the text says by which bound."""
 
     def __init__(self, bound: str, place: str) -> None:
-        """Keep ``place``, the last that the function has noted, "" if none."""
         super().__init__(bound)
         self.place = place
 
@@ -49,7 +48,6 @@ class Place:
     """What the function works on at the moment; it outlives the function's process."""
 
     def __init__(self, file: int | None = None) -> None:
-        """Map ``file``, or a new one."""
         self.file = os.memfd_create("place") if file is None else file
         os.truncate(self.file, _PAGE)
         self._page = mmap.mmap(self.file, _PAGE)

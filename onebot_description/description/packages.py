@@ -47,7 +47,6 @@ class Resources:
     """Resolves the URIs of one description; each folder is searched for packages once."""
 
     def __init__(self, folder: Path | None) -> None:
-        """Resolve what is named in a file in ``folder``; None: in a text that lies in no file."""
         self._folder = folder
         self._packages: dict[str, Path | str] = {}  # the folder, or why there is none
         self._below: dict[Path, dict[str, Path]] = {}  # packages by name in and below a folder

@@ -68,7 +68,6 @@ class Findings:
     """
 
     def __init__(self, document: Document) -> None:
-        """Start with nothing found in ``document``."""
         self.document = document
         self.found: list[Finding] = []
         self.resources = Resources(document.folder)

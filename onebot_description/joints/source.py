@@ -270,7 +270,6 @@ class ReceivedJointStates:
     """The latest state of each of N joints as other nodes publish it; NaN until one is received."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """Start with no state of the joints ``names`` received."""
         self._index = {name: number for number, name in enumerate(names)}
         self.position = np.full(len(names), math.nan)  # (N,) rad or m
         self.velocity = np.full(len(names), math.nan)  # (N,) rad/s or m/s

@@ -89,7 +89,6 @@ class JointArrays:
         sine: Floats,
         slide: Floats,
     ) -> None:
-        """Store the arrays; see the class."""
         self.parents, self.children = tuple(parents), tuple(children)
         arrays = (half_turns, constant, sine, slide)
         contiguous = [np.ascontiguousarray(array, float) for array in arrays]

@@ -83,7 +83,6 @@ class ConfigError(OneBotError):
     def __init__(
         self, problems: Iterable[Problem], places: Mapping[str, str] | None = None
     ) -> None:
-        """Join ``problems`` into one message, a line each; ``places`` as in Problem.message."""
         self.problems = tuple(problems)
         lines = [problem.message(places) for problem in self.problems[:_MOST_LISTED]]
         rest = len(self.problems) - len(lines)

@@ -65,7 +65,6 @@ class Writer:
     """
 
     def __init__(self) -> None:
-        """Write the encapsulation."""
         self.data, self.mask = bytearray(), bytearray()
         self._put(ENCAPSULATION)
 

@@ -19,7 +19,6 @@ class Remembered(Generic[K, V]):
     """
 
     def __init__(self, make: Callable[[K], V], size: Callable[[K], int]) -> None:
-        """Remember what ``make`` returns; ``size`` is that of an argument, bytes."""
         self._make, self._size = make, size
         self._kept: dict[K, tuple[V, int]] = {}
         self._bytes = 0

@@ -168,7 +168,6 @@ class _Group:
     """A struct: a field of one, or all of it."""
 
     def __init__(self, name: str, leaves: Iterable[tuple[tuple[str, ...], _Leaf, int]]) -> None:
-        """Take path, leaf and offset of what is in it."""
         self.name, self.leaves = name, list(leaves)
         self.fields: dict[str, tuple[_Leaf | _Group, int]] = {}
         for field, found in itertools.groupby(self.leaves, lambda leaf: leaf[0][0]):
@@ -492,7 +491,6 @@ class Sequences(Sequence[Any]):
     """A sequence from each row of a table: an array, a table or a list of strings each."""
 
     def __init__(self, leaf: _Leaf, rows: _Rows, offset: int) -> None:
-        """Show what ``leaf`` reads at that place in ``rows``."""
         self._leaf, self._rows, self._offset = leaf, rows, offset
 
     def __len__(self) -> int:
@@ -515,7 +513,6 @@ class Schema:
     """Reads the messages of one type."""
 
     def __init__(self, name: str, definition: str) -> None:
-        """Compile a definition; ``Schema.of`` keeps what is compiled."""
         name = short_name(name)
         compiler = _Compiler(files(name, definition))
         self._program = compiler.compile(name)

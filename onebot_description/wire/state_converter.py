@@ -118,7 +118,6 @@ class JointStatePlan:
     """
 
     def __init__(self, model: RobotModel, names: Sequence[str], frame_prefix: str) -> None:
-        """Resolve ``names`` against ``model``; ``frame_prefix`` is prepended to every frame."""
         first = {name: column for column, name in reversed(list(enumerate(names)))}
         followers = [
             (row, follower)
@@ -164,7 +163,6 @@ class PublishedTimes:
     """
 
     def __init__(self, joints: int, interval_ns: int = 0, ignore_timestamp: bool = False) -> None:
-        """Start with ``joints`` joints never published."""
         self.interval_ns = min(max(interval_ns, 0), _FOREVER_NS)
         self.ignore_timestamp = ignore_timestamp
         self.stamps: NDArray[np.int64] = np.zeros(joints, np.int64)
@@ -267,7 +265,6 @@ class _CompiledCall:
     """Makes the builtin and the layouts that it recognises."""
 
     def __init__(self, times: PublishedTimes) -> None:
-        """Begin without layouts; ``times`` are shared with the way through ordinary messages."""
         self._times = times
         self._state = _State(
             times.interval_ns,

@@ -89,7 +89,6 @@ class TFMessage(metaclass=Metaclass_TFMessage):
     SLOT_TYPES = (UnboundedSequence(NamespacedType(["geometry_msgs", "msg"], "TransformStamped")),)
 
     def __init__(self, **kwargs: Any) -> None:
-        """Take the fields' values, as keyword arguments; a field left out is empty."""
         self._check_fields = kwargs.get("check_fields", _CHECK_FIELDS)
         if self._check_fields:
             unknown = [key for key in kwargs if f"_{key}" not in self.__slots__]

@@ -42,7 +42,6 @@ class AnswerChecker:
     """
 
     def __init__(self, chain: Chain, positions: Floats) -> None:
-        """Work out what is expected for ``positions``, (B, N)."""
         self._expected = chain.transforms(positions)
         self._frames = list(zip(chain.links[:-1], chain.links[1:], strict=True))
         self._layouts: dict[int, _Layout] = {}

@@ -25,7 +25,6 @@ class Chain:
     """
 
     def __init__(self, count: int) -> None:
-        """Draw a chain of ``count`` joints."""
         draw = np.random.default_rng(count)
         self.joints = tuple(f"joint_{number}" for number in range(count))
         self.links = tuple(f"link_{number}" for number in range(count + 1))

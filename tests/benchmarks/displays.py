@@ -250,7 +250,6 @@ class Messages:
     """Messages of a case, over and over the same but for their stamps."""
 
     def __init__(self, case: Case) -> None:
-        """Make those that differ."""
         samples = [case.sample(number) for number in range(_VARIANTS)]
         self.arrays = [arrays for _, arrays in samples]
         self._raw = [bytearray(serialize_message(message)) for message, _ in samples]
@@ -275,7 +274,6 @@ class Viewer:
     """Receives raw messages and logs them as the viewer's node does."""
 
     def __init__(self, case: Case, messages: Messages, file: Path) -> None:
-        """Show the topic and a robot, in a recording that is written to ``file``."""
         self._case, self._messages = case, messages
         self._per_tick = max(1, round(case.hertz / _TICKS))
         self.recording: Recording = open_recording(save=file)
@@ -306,7 +304,6 @@ class Bare:
     """Logs the same by nothing but Rerun's own calls."""
 
     def __init__(self, case: Case, messages: Messages, file: Path) -> None:
-        """Open a recording that Rerun itself writes to ``file``."""
         self._case, self._messages = case, messages
         self.recording = bare_recording(file)
 

@@ -29,7 +29,6 @@ class Commander:
     """A node that commands all robots."""
 
     def __init__(self, names: list[str]) -> None:
-        """Find the robots."""
         self._node, self._names = rclpy.create_node("commander"), names
         topics = {name: f"/{name}/velocity_controller" for name in names}
         create = self._node.create_publisher

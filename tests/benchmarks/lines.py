@@ -17,7 +17,6 @@ class Lines:
     """Lines of JSON that a process prints."""
 
     def __init__(self, source: Running) -> None:
-        """Read what ``source`` prints from now on."""
         assert source.process.stdout is not None
         self._lines: SimpleQueue[str] = SimpleQueue()
         self._source = source

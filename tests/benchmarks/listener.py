@@ -35,7 +35,6 @@ class Listener:
     """Prints the first message of each topic."""
 
     def __init__(self, node: Node, topics: list[str]) -> None:
-        """Subscribe to ``topics``, each TOPIC:TYPE."""
         self._told: set[tuple[str, str]] = set()
         self.subscriptions = [
             node.create_subscription(

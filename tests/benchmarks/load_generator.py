@@ -69,7 +69,6 @@ class LoadGenerator(Node):
     """Sends and receives; see the module's docstring."""
 
     def __init__(self, joints: int, constant: bytes | None) -> None:
-        """Serialize the joint states of a chain of ``joints``."""
         super().__init__("load_generator")
         chain = Chain(joints)
         positions = chain.positions(_VARIANTS)

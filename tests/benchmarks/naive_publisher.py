@@ -22,7 +22,6 @@ class NaivePublisher(Node):
     """Publishes a TransformStamped for each joint of each JointState."""
 
     def __init__(self, file: str) -> None:
-        """Read the URDF ``file``."""
         super().__init__("naive_publisher")
         robot = yourdfpy.URDF.load(file, build_scene_graph=False, load_meshes=False).robot
         self._joints = {joint.name: (joint, *_origin(joint)) for joint in robot.joints}

@@ -18,7 +18,6 @@ class Relay(Node):
     """Publishes the same bytes for each message, with robot_state_publisher's QoS."""
 
     def __init__(self, answer: bytes) -> None:
-        """Answer ``answer``."""
         super().__init__("relay")
         self._answer = answer
         self._tf = self.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))

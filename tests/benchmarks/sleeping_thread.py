@@ -22,7 +22,6 @@ class Sleeper(Node):
     """A node whose thread wakes up a hundred times a second."""
 
     def __init__(self, topic: str, watch: Watch) -> None:
-        """Subscribe, and start the thread."""
         super().__init__("sleeper")
         self._watch = watch
         self._ended = False

@@ -55,7 +55,6 @@ class Subject:
     """A node under load: its process, and its load generator's."""
 
     def __init__(self, node: Running, generator: Running) -> None:
-        """Take two processes that were just started."""
         self.node = node
         self._generator = generator
 

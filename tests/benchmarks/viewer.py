@@ -113,7 +113,6 @@ class Viewer:
     """Receives raw messages and logs them as the viewer's node does."""
 
     def __init__(self, states: States, file: Path) -> None:
-        """Show the chain, in a recording that is written to ``file``."""
         self._states = states
         self.recording: Recording = open_recording(save=file)
         self._view = RobotView(self.recording.stream, report=refuse)
@@ -168,7 +167,6 @@ class Bare:
     """Logs the same by nothing but Rerun's own calls."""
 
     def __init__(self, states: States, file: Path) -> None:
-        """Open a recording that Rerun itself writes to ``file``."""
         self._states = states
         self.recording = bare_recording(file)
         self._parents = list(states.chain.links[:-1]) * _PER_CALL
@@ -221,7 +219,6 @@ class Logger:
     """Times one of the two."""
 
     def __init__(self, what: Any) -> None:
-        """Begin with the first state or message; ``what`` has prepare, log and recording."""
         self.what = what
         self.logged = 0
 

@@ -18,7 +18,6 @@ class Watch:
     """
 
     def __init__(self) -> None:
-        """Start with nothing."""
         self._lock = threading.Lock()
         self._command = 0.0
         self._speed = 0.0

@@ -33,7 +33,6 @@ class Copies:
     """Copies of the checkout, one for each worker, in which the tests of a mutant run."""
 
     def __init__(self, folder: Path, count: int) -> None:
-        """Copy the checkout ``count`` times into ``folder``."""
         self._free: queue.SimpleQueue[Path] = queue.SimpleQueue()
         self._limits: dict[tuple[str, ...], float] = {}  # s, a run of these tests may take
         self._running: set[subprocess.Popen[bytes]] = set()

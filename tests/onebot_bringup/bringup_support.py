@@ -22,7 +22,6 @@ class Transforms:
     """What a program of the user's own hears on /tf and /tf_static."""
 
     def __init__(self, domain: int) -> None:
-        """Listen in ROS domain ``domain``."""
         use_environment_prefix()
         self.latest: dict[str, tuple[float, float]] = {}
         self._context = rclpy.Context()

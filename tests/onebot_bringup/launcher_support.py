@@ -37,7 +37,6 @@ class RunningCommand:
     def __init__(
         self, folder: Path, command: list[str], environment: dict[str, str] | None = None
     ) -> None:
-        """Run ``command`` in ``folder``."""
         self._out, self._err = folder / "stdout", folder / "stderr"
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
@@ -89,7 +88,6 @@ class RunningLauncher(RunningCommand):
     """A launcher in a process of its own."""
 
     def __init__(self, folder: Path, nodes: str, grace: str = PATIENT) -> None:
-        """Run ``command_of`` them in ``folder``."""
         super().__init__(folder, command_of(nodes, grace))
 
 

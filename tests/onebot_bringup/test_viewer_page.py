@@ -193,7 +193,6 @@ class ShownView:
     """
 
     def __init__(self, page: Chrome) -> None:
-        """Begin to count the frames of a page that is open."""
         self._page = page
         page.execute_script(self._COUNT)
 
@@ -225,7 +224,6 @@ class DrivingRobot:
     _STATES_PER_TICK = 3
 
     def __init__(self, recording: rr.RecordingStream, start_ns: int) -> None:
-        """Show it where it starts."""
         share = package_share("onebot_description")
         description = load_description(share / "urdf" / "onebot.urdf.xacro")
         self._view = RobotView(recording, load_view(share / "config" / "view.yaml"), live=True)

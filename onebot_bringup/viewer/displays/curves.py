@@ -62,7 +62,6 @@ class FieldPath:
     """A number in messages of some type."""
 
     def __init__(self, path: str) -> None:
-        """Take where it is, such as ``pose.covariance[0]``."""
         self.path = path
         self._steps = [
             name or int(index) for name, index in (match.groups() for match in _STEP.finditer(path))
@@ -116,7 +115,6 @@ class CurvesDisplay(ItemsDisplay[CurvesSettings, "Curve"]):
     period_ns = SELDOM
 
     def __init__(self, context: Context) -> None:
-        """Draw nothing yet."""
         super().__init__(context)
         self._published: Mapping[str, str] = {}
         self._unreadable: dict[str, str] = {}

@@ -338,7 +338,6 @@ class Display(ABC, Generic[S]):
     plots: ClassVar[bool] = False  # it draws curves, and nothing in the robots' own view
 
     def __init__(self, context: Context) -> None:
-        """Draw nothing yet: ``apply`` follows, and ``set_robot`` once there is one."""
         self.context = context
 
     @abstractmethod
@@ -407,7 +406,6 @@ class ItemsDisplay(Display[S], Generic[S, I]):
     optional: ClassVar[bool] = False  # as of ``WantedTopic``
 
     def __init__(self, context: Context) -> None:
-        """Draw nothing yet."""
         super().__init__(context)
         self.items: dict[str, I] = {}
         self._made_of: dict[str, tuple[Any, Color]] = {}

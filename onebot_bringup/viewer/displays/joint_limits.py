@@ -42,7 +42,6 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
     Settings = JointRangesSettings
 
     def __init__(self, context: Context) -> None:
-        """Draw nothing yet."""
         super().__init__(context)
         self._settings = JointRangesSettings()
         self._ranges: tuple[Joint, ...] = ()
@@ -82,7 +81,6 @@ class RangeMarks:
     """Keeps the marks in a recording equal to the joints' ranges."""
 
     def __init__(self, recording: rr.RecordingStream, frame_of: Callable[[str], str]) -> None:
-        """Draw into ``recording``; ``frame_of`` names the TF frame of a link."""
         self._recording = recording
         self._frame_of = frame_of
         self._drawn: dict[str, object] = {}

@@ -61,7 +61,6 @@ class JointPlotDisplay(Display[JointPlotSettings]):
     period_ns = SELDOM
 
     def __init__(self, context: Context) -> None:
-        """Plot nothing yet."""
         super().__init__(context)
         self._settings = JointPlotSettings()
         self._limits: Limits = {}  # of the robot's joints
@@ -177,7 +176,6 @@ class JointStream:
     """Logs joint positions and velocities as curves, named after the joints."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
-        """Log into ``recording``."""
         self._recording = recording
         self._limits: dict[str, tuple[float, float]] = {}
         self._count = 0

@@ -154,7 +154,6 @@ class Layer:
     """Markers of one type and namespace, on one entity."""
 
     def __init__(self, context: Context, entity: str, key: LayerKey, kind: Kind) -> None:
-        """Draw nothing yet."""
         self._context, self.entity, self._kind = context, entity, kind
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
         if isinstance(key.variant, MeshVariant):
@@ -254,7 +253,6 @@ class MarkerDrawing(Drawing[MarkerLook]):
     stamped = False
 
     def __init__(self, context: Context, entity: str, look: MarkerLook, color: Color) -> None:
-        """Draw nothing yet."""
         super().__init__(context, entity, look, color)
         self.in_arrays = False  # its messages are of many markers
         self.problems: dict[str, str] = {}  # the first of each kind, which are few

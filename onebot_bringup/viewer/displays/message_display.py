@@ -92,7 +92,6 @@ class MessageDisplay(ItemsDisplay[Any, "Drawing[Any]"], Generic[L]):
             cls.noun = cls.key.replace("_", " ")
 
     def __init__(self, *contexts: Context) -> None:
-        """Draw nothing yet."""
         super().__init__(contexts[0])
         self._offered: Mapping[str, str] = {}
 

@@ -31,7 +31,6 @@ class OdometryDrawing(PosesDrawing[OdometryLook]):
     """The last poses of one topic."""
 
     def __init__(self, *arguments: Any) -> None:
-        """Keep no pose yet."""
         super().__init__(*arguments)
         self._kept: deque[Floats] = deque(maxlen=min(self.look.keep or _MOST_KEPT, _MOST_KEPT))
         self._kept_in = ""  # the frame

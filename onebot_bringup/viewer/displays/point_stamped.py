@@ -31,7 +31,6 @@ class PointStampedDrawing(Drawing[PointStampedLook]):
     repeated = True
 
     def __init__(self, *arguments: Any) -> None:
-        """Keep no point yet."""
         super().__init__(*arguments)
         self._kept: deque[Any] = deque(maxlen=self.look.history_length)
         self._kept_in = ""  # the frame

@@ -64,7 +64,6 @@ class TfDisplay(Display[AxesSettings]):
     of_all = True
 
     def __init__(self, context: Context, *others: Context) -> None:
-        """Draw no axes yet; ``others`` are those of further robots."""
         super().__init__(context)
         self._contexts = (context, *others)
         self._settings = AxesSettings()
@@ -201,7 +200,6 @@ class NameColumns:
     """Keeps columns for messages whose lists of names are the same objects as before."""
 
     def __init__(self) -> None:
-        """Keep none yet."""
         self._made: dict[tuple[object, ...], tuple[object, Sequence[ReadyColumn]]] = {}
 
     def columns(
@@ -271,7 +269,6 @@ class TransformStream:
     """Logs transforms, many at a time, and keeps the latest of each frame in ``frames``."""
 
     def __init__(self, recording: rr.RecordingStream, frames: FrameTree) -> None:
-        """Log into ``recording``, update ``frames``."""
         self.recording = recording
         self._frames = frames
         self._pending: list[tuple[int, Transforms]] = []

@@ -78,7 +78,6 @@ class TrajectoryDrawing(Drawing[TrajectoryLook]):
     stamped = False
 
     def __init__(self, robots: Sequence[Context], *arguments: Any) -> None:
-        """Draw nothing yet; ``robots`` may have the joints."""
         super().__init__(*arguments)
         self._robots = robots
         self._model: tuple[Description, RobotModel] | None = None  # the last one used
@@ -283,7 +282,6 @@ class TrajectoryDisplay(MessageDisplay[TrajectoryLook]):
     live = False
 
     def __init__(self, *contexts: Context) -> None:
-        """Draw nothing yet."""
         super().__init__(*contexts)
         self._robots = contexts[1:]
 
