@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -56,7 +57,8 @@ class Restarts:
         if self.count >= self._policy.limit:
             return None
         self.count += 1
-        return self._policy.wait(self.count - 1)
+        policy = self._policy
+        return float(min(policy.first_wait * 2.0 ** (self.count - 1), policy.longest_wait))
 
 
 class Launcher:
@@ -119,7 +121,7 @@ class Launcher:
             raise ValueError("two nodes have the same name")
         for folder in temporary:
             self._guard.remove_later(folder)
-        self._console = Console(sys.stdout, sys.stderr, names, self._stop)
+        self._console = Console(sys.stdout, sys.stderr, names, self._on_reader_left)
         self._loop.run_until_complete(self._run(nodes, started_message))
         return 1 if self._failed else 0
 
@@ -163,27 +165,19 @@ class Launcher:
         if self._failed:
             nodes = ", ".join(f"{name} ({how})" for name, how in self._failed.items())
             self._warn(f"failed: {nodes}")
-        await self._console.flush(timeout=0.3)
+        self._console.close(timeout=0.2)
 
     # One node
 
     async def _start(self, node: NodeProcess) -> RunningProcess | None:
+        console = self._console
+        out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
         try:
-            process = await spawn(
-                node.command,
-                {**os.environ, **node.environment},
-                self._guard,
-                hold_interrupt=node.hold_interrupt,
-            )
+            process = await spawn(node, self._guard, out, err)
         except OSError as error:
             self._warn(f"{node.name} cannot be started: {error}")
             return None
         self._running[process] = node
-        console = self._console
-        out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
-        process.connect(out, err)
-        if node.nice:
-            process.set_nice(node.nice)
         if self._stopping.is_set():
             process.interrupt()
         return process
@@ -280,6 +274,11 @@ class Launcher:
             os.close(file)
         self._info("what has started it is gone: stopping")
         self._stop()
+
+    def _on_reader_left(self) -> None:
+        """Stop; the console's thread calls it."""
+        with suppress(RuntimeError):  # the event loop is closed: everything has stopped
+            self._loop.call_soon_threadsafe(self._stop)
 
     def _stop(self) -> None:
         """Ask all nodes to stop, unless that was done."""
