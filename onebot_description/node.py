@@ -246,7 +246,7 @@ def run_described_node(
     name: str,
     explanation: str | None,
     make_node: Callable[[str | None, RosArguments], Node | Sequence[Node]],
-    check_files: Callable[[Sequence[Path]], object],
+    check_files: Callable[[Sequence[Path]], object] | None,
     args: Sequence[str] | None,
     *,
     default_file: Callable[[], Path] | None = None,
@@ -259,7 +259,7 @@ def run_described_node(
         explanation: its help; the module's docstring.
         make_node: called with FILE, or None, and the command line's parameter files and names.
         check_files: called with the parameter files before rcl sees them. rcl would refuse a
-            broken one too, but without saying where or what to write.
+            broken one too, but without saying where or what to write. None to leave it to rcl.
         args: arguments as in sys.argv; None for sys.argv itself.
         default_file: gives the parameter file to use where the command line names none.
         events: as ``run_node``'s.
@@ -275,7 +275,8 @@ def run_described_node(
             file = ["--ros-args", "--params-file", str(default_file()), "--"]
             arguments = [*arguments[:1], *file, *arguments[1:]]
         ros = ros_arguments(arguments)
-        check_files(ros.files)
+        if check_files is not None:
+            check_files(ros.files)
     except OneBotError as error:
         return _fail(str(error))
     return run_node(lambda: make_node(chosen.description, ros), arguments, events=events)
