@@ -239,11 +239,7 @@ PACKAGES = Argument(
     PACKAGE_PATH, "", "folders in which ROS packages lie, joined by :; they are searched first"
 )
 
-# Topics and services have up to 247 characters (rmw), those of our nodes 48 behind the namespace.
-_MAX_NAMESPACE = 150
-_NAMESPACE = re.compile(
-    rf"(?=.{{0,{_MAX_NAMESPACE}}}$)(/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?)"
-)
+_NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _MAX_FREQUENCY = 1000  # Hz
@@ -275,19 +271,10 @@ def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
 
 def ros_settings() -> list[Argument]:
     """Return the arguments about names and discovery."""
-    words = (
-        "words of letters, digits and _ that do not start with a digit, joined by /, "
-        f"{_MAX_NAMESPACE} characters at most"
-    )
-    return [
-        Argument(
-            "namespace",
-            "",
-            "the namespace of all nodes",
-            type=ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}")),
-        ),
-        *discovery_settings(),
-    ]
+    words = "words of letters, digits and _ that do not start with a digit, joined by /"
+    name = ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}"))
+    namespace = Argument("namespace", "", "the namespace of all nodes", type=name)
+    return [namespace, *discovery_settings()]
 
 
 def discovery_settings() -> list[Argument]:
