@@ -16,7 +16,7 @@ from pathlib import PurePath
 from typing import Any, NoReturn
 
 from onebot_bringup.cli import main
-from onebot_bringup.cli.options import Parser
+from onebot_bringup.cli.options import Parser, positional
 from onebot_bringup.cli.run import EXECUTABLES
 from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import listed
@@ -35,12 +35,10 @@ def run(argv: Sequence[str]) -> int:
     Raises:
         OneBotError: argcomplete is not installed.
     """
-    parser = Parser("onebot completion", "print the tab completion of a shell")
-    parser.add_argument(
-        "shell", choices=_SHELLS, metavar="SHELL",
-        help='bash, zsh: eval "$(onebot completion bash)"; fish: onebot completion fish | source',
-    )  # fmt: skip
-    args = parser.parse(argv)
+    text = 'bash, zsh: eval "$(onebot completion bash)"; fish: onebot completion fish | source'
+    shell = positional("SHELL", text, choices=_SHELLS)
+    summary = "print the tab completion of a shell"
+    args = Parser("onebot completion", summary, [shell]).parse(argv)
     try:
         from argcomplete.shell_integration import shellcode
     except ImportError:
@@ -73,15 +71,16 @@ def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
     """Complete with a verb that follows the ``position``-th word of the line."""
     if not verb:
         _choose(main.VERBS, position)
-    elif verb in main.GROUPS and not rest:
-        commands = import_module(f"{main.PACKAGE}.{verb}").COMMANDS
-        _choose({name: command.summary for name, command in commands.items()}, position + 1)
-    elif verb == "run" and not rest:
-        _choose(dict.fromkeys(EXECUTABLES, ""), position + 1)
-    elif verb == "run" and len(rest) == 1:
-        _choose(dict.fromkeys(EXECUTABLES.get(rest[0], ()), ""), position + 2)
+    if verb not in main.VERBS:
+        return
+    commands = {name: entry.summary for name, entry in main.subcommands(verb).items()}
+    if commands and not rest:
+        _choose(commands, position + 1)
     elif verb != "run":
-        _complete_command(main.run_verb, [verb, *rest], position + 1 + (verb in main.GROUPS))
+        _complete_command(main.run_verb, [verb, *rest], position + 1 + bool(commands))
+    elif len(rest) < 2:
+        names = EXECUTABLES.get(rest[0], ()) if rest else EXECUTABLES
+        _choose(dict.fromkeys(names, ""), position + 1 + len(rest))
 
 
 def _complete_command(
