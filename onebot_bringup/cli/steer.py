@@ -14,11 +14,11 @@ from onebot_bringup.launch.arguments import (
     complete,
     number,
     port,
-    refuse_positional,
     ros_settings,
     split,
     switch,
     table,
+    with_positional,
 )
 from onebot_bringup.launch.bringup import environment
 from onebot_bringup.launch.nodes import AWAIT_VIEW, STEERING_PAGE, VIEWER, RosNodes
@@ -73,14 +73,10 @@ def run(argv: Sequence[str]) -> int:
         OneBotError: a file or a name is wrong.
     """
     arguments = split(argv)
-    refuse_positional(arguments.positional[1:])
-    if arguments.positional and "topic" in arguments.given:
-        raise UsageError("write the topic or topic:=, not both, for onebot steer")
+    given = with_positional(arguments, "topic", "topic", "onebot steer")
     if arguments.help or arguments.show:
         print(_HELP if arguments.help else table(_ARGUMENTS))
         return 0
-    topic = dict(zip(["topic"], arguments.positional, strict=False))
-    given = {**topic, **arguments.given}
     values = complete(_ARGUMENTS, given)
     _check(values)
     bind_address = choose_bind_address(values["host"], int(values["port"]), values["token"])

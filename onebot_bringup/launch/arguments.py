@@ -182,6 +182,24 @@ def refuse_positional(words: Sequence[str]) -> None:
         raise UsageError(f'unexpected "{words[0]}"; arguments are written {meant}')
 
 
+def with_positional(arguments: Arguments, name: str, what: str, program: str) -> dict[str, str]:
+    """Return the arguments given, the one word without ``:=`` as the argument ``name``.
+
+    Args:
+        arguments: of the command line.
+        name: of an argument.
+        what: it is, such as "file".
+        program: the command.
+
+    Raises:
+        UsageError: there are several words, or one and the argument.
+    """
+    refuse_positional(arguments.positional[1:])
+    if arguments.positional and name in arguments.given:
+        raise UsageError(f"write the {what} or {name}:=, not both, for {program}")
+    return {**dict(zip([name], arguments.positional, strict=False)), **arguments.given}
+
+
 def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each declared argument: the given one, or its default.
 

@@ -21,6 +21,7 @@ from onebot_bringup.launch.arguments import (
     table,
     take_package_path,
     unknown,
+    with_positional,
 )
 from onebot_bringup.launch.nodes import Launch, output_path
 from onebot_bringup.launcher.console import wants_colour
@@ -148,13 +149,10 @@ def _placed(robots: str, description: "Description") -> list["PlacedRobot"]:
 
 def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
     """Return the arguments given, the command's file among them as ``model``."""
-    if not command.takes_file:
-        refuse_positional(arguments.positional)
-        return dict(arguments.given)
-    refuse_positional(arguments.positional[1:])
-    if arguments.positional and "model" in arguments.given:
-        raise UsageError(f"write the file or model:=, not both, for {command.program}")
-    return {**dict(zip(["model"], arguments.positional, strict=False)), **arguments.given}
+    if command.takes_file:
+        return with_positional(arguments, "model", "file", command.program)
+    refuse_positional(arguments.positional)
+    return dict(arguments.given)
 
 
 def _divide(
