@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from onebot_bringup.bags.writer import Qos
 
 _NANO = 1_000_000_000
-_DEPTH = 1000  # of a publisher: what is kept for late subscribers of a latched topic
+_DEPTH = 1000  # messages that a publisher keeps for late subscribers of a latched topic
 _CLOCK = "/clock"
 _CLOCK_RATE = 40.0  # Hz, ros2 bag play's
 _LEAST_ROUND = 0.1  # s of a loop
@@ -57,7 +57,7 @@ def info(args: Namespace) -> None:
 def _open(args: Namespace) -> "Bag":
     from onebot_bringup.bags.reader import Bag
 
-    with KeyboardInterrupts():  # or temporary files would be left
+    with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
         bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
     _warn_of(bag)
     return bag
@@ -134,13 +134,13 @@ def record(args: Namespace) -> int:
         "compression": args.compression_format,
         "use_sim_time": args.use_sim_time,
     }
-    given = [
+    words = [
         word
         for name, value in parameters.items()
         if value
-        for word in ("-p", f"{name}:={json.dumps(value)}")  # which is YAML, too
+        for word in ("-p", f"{name}:={json.dumps(value)}")  # JSON is YAML
     ]
-    return bag_recorder.main(["onebot", *(args.ros_args or ["--ros-args"]), *given])
+    return bag_recorder.main(["onebot", *(args.ros_args or ["--ros-args"]), *words])
 
 
 _RECORD = (
@@ -158,11 +158,7 @@ _RECORD = (
 
 
 def play(args: Namespace) -> None:
-    """Publish the messages of a recording.
-
-    Raises:
-        OneBotError: it cannot be read, or has no such topic.
-    """
+    """Publish the messages of a recording."""
     bag = _open(args)
     ros_args = args.ros_args or ["--ros-args"]
     for rule in args.remap:
@@ -222,11 +218,7 @@ class _Player:
         self._next_tick = self._begin
 
     def run(self) -> None:
-        """Play it once, or with ``--loop`` until Ctrl-C.
-
-        Raises:
-            OneBotError: there is nothing to play.
-        """
+        """Play it once, or with ``--loop`` until Ctrl-C."""
         self._advertise()
         self._session.discover()  # those who are there already get the first message
         seconds = max(0, self._end - self._begin) / _NANO
@@ -259,12 +251,12 @@ class _Player:
             self._clock = self._session.node.create_publisher(Clock, _CLOCK, 10)
 
     def _chosen(self) -> list[str]:
-        args, known = self._args, self._bag.topics
+        args, topics = self._args, self._bag.topics
         for name in (*args.topics, *args.exclude_topics):
-            if name not in known:
-                hint = did_you_mean(name, known, "topics")
+            if name not in topics:
+                hint = did_you_mean(name, topics, "topics")
                 raise OneBotError(f"{self._bag.source} has no topic {name}{hint}")
-        return [topic for topic in known if self._is_chosen(topic)]
+        return [topic for topic in topics if self._is_chosen(topic)]
 
     def _is_chosen(self, topic: str) -> bool:
         args = self._args
@@ -357,8 +349,8 @@ def played_qos(offered: Sequence["Qos"]) -> Any:
     from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
     def duration(values: Iterable[int | None]) -> Duration:
-        known = set(values)
-        limit = known.pop() if len(known) == 1 else None
+        limits = set(values)
+        limit = limits.pop() if len(limits) == 1 else None
         return Infinite if limit is None else Duration(nanoseconds=limit)
 
     reliable = not offered or any(qos.reliability == "reliable" for qos in offered)

@@ -30,11 +30,7 @@ _SCRIPTS = {
 
 
 def run(argv: Sequence[str]) -> int:
-    """Print what the shell evaluates to complete our commands; return the exit code.
-
-    Raises:
-        OneBotError: argcomplete is not installed.
-    """
+    """Print what the shell evaluates to complete our commands; return the exit code."""
     text = 'bash, zsh: eval "$(onebot completion bash)"; fish: onebot completion fish | source'
     shell = positional("SHELL", text, choices=_SHELLS)
     summary = "print the tab completion of a shell"
@@ -54,16 +50,16 @@ def complete() -> NoReturn:
     from argcomplete.lexers import split_line
 
     _, _, _, words, _ = split_line(os.environ["COMP_LINE"], int(os.environ["COMP_POINT"]))
-    program, *given = words
+    program, *arguments = words
     script = _SCRIPTS.get(PurePath(program).name)
     with suppress(OneBotError), redirect_stdout(io.StringIO()):  # there is no such command
         if script:
             from onebot_bringup.launch.bringup import bring_up
 
-            _complete_command(partial(bring_up, import_module(script).command()), given, 1)
+            _complete_command(partial(bring_up, import_module(script).command()), arguments, 1)
         else:
-            command = main.take_settings(list(given))
-            _complete_verb(1 + len(given) - len(command), *command)
+            command = main.take_settings(list(arguments))
+            _complete_verb(1 + len(arguments) - len(command), *command)
     os._exit(1)
 
 
@@ -123,7 +119,7 @@ def _launch_words(prefix: str, **_: object) -> dict[str, str]:
     """Return each ``name:=`` that a command has listed, with its choices; and files."""
     from argcomplete.completers import FilesCompleter
 
-    words = {f"{each.name}:={value}": each.help for each in listed for value in each.suggested}
+    words = {f"{a.name}:={value}": a.help for a in listed for value in a.suggested}
     name, assigned, value = prefix.rpartition(":=")
     if not assigned or not any(word.startswith(prefix) and word != prefix for word in words):
         words.update({f"{name}{assigned}{file}": "" for file in FilesCompleter()(value)})

@@ -23,11 +23,11 @@ OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 _RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 _MOST_DOMAIN = 232
-_EPHEMERAL_DOMAINS = range(102, 216)  # whose ports Linux hands out to anyone
+_EPHEMERAL_DOMAINS = range(102, 216)  # Linux hands their ports out to anyone
 _MULTICAST = "239.255.0.1", 7400  # DDS's group; any port does to try it
 _LEAST_MEMORY = 16 * 2**20  # bytes free in /dev/shm for a bringup
 _NAME = "onebot-robots"
-_REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # without a marker, of an extra or of a platform
+_REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a marker names an extra or a platform
 _PROJECT = "pyproject.toml"
 _TEXT = "onebot doctor"
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
@@ -38,15 +38,11 @@ class Verdict(NamedTuple):
 
     level: str  # OK; NOTE: works, but something could be better; PROBLEM: something is broken
     text: str
-    remedy: str = ""  # what to do
+    remedy: str = ""  # the command or change that helps
 
 
 def run(argv: Sequence[str]) -> int:
-    """Print the report; return 1 if something is broken.
-
-    Raises:
-        UsageError: the command line is wrong.
-    """
+    """Print the report; return 1 if something is broken."""
     options = (
         flag("--clean", "remove shared memory that killed processes left"),
         option("--timeout", "S", "for a message between two processes (20 s)", positive, 20.0),
@@ -99,8 +95,8 @@ def dependencies(required: Iterable[str]) -> Verdict:
         return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
     done = _python("-m", "pip", "check")
     problems = done.stdout.splitlines() if done.returncode else []
-    if own := [line for line in problems if line.startswith(f"{_NAME} ")]:
-        return Verdict(PROBLEM, "; ".join(own), f"pip install --upgrade {_NAME}")
+    if lines := [line for line in problems if line.startswith(f"{_NAME} ")]:
+        return Verdict(PROBLEM, "; ".join(lines), f"pip install --upgrade {_NAME}")
     if problems:
         return Verdict(NOTE, f"pip check: {'; '.join(problems)}")
     if done.returncode:
@@ -150,8 +146,8 @@ def domain(environment: Mapping[str, str]) -> Verdict:
     text = environment.get("ROS_DOMAIN_ID", "") or "0"
     scope = (environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET").upper()
     if not text.isdecimal() or int(text) > _MOST_DOMAIN:
-        wanted = f"a number from 0 to {_MOST_DOMAIN}"
-        return Verdict(PROBLEM, f"ROS_DOMAIN_ID={text} is not {wanted}", "export ROS_DOMAIN_ID=0")
+        problem = f"ROS_DOMAIN_ID={text} is not a number from 0 to {_MOST_DOMAIN}"
+        return Verdict(PROBLEM, problem, "export ROS_DOMAIN_ID=0")
     if scope not in _RANGES:
         hint = did_you_mean(scope, _RANGES, "ranges").strip()
         return Verdict(PROBLEM, f"ROS_AUTOMATIC_DISCOVERY_RANGE={scope} is none {hint}")

@@ -12,7 +12,7 @@ _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
 
 
-def types(args: Namespace) -> None:
+def list_types(args: Namespace) -> None:
     """List the types."""
     for title, kind in _TITLES:
         if not (args.msg or args.srv) or getattr(args, kind, False):
@@ -32,8 +32,8 @@ def _find(name: str) -> str:
             return full_name(name, kind)
         except OneBotError:
             continue
-    known = [full for _, kind in _TITLES for full in installed(kind)]
-    raise OneBotError(f'no type "{name}"{did_you_mean(name, known, "installed")}')
+    types = [full for _, kind in _TITLES for full in installed(kind)]
+    raise OneBotError(f'no type "{name}"{did_you_mean(name, types, "installed")}')
 
 
 def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Iterator[str]:
@@ -76,7 +76,7 @@ COMMANDS = {
     ),
     "list": Subcommand(
         "list the installed types",
-        types,
+        list_types,
         flag("-m --only-msgs", "messages only", dest="msg"),
         flag("-s --only-srvs", "services only", dest="srv"),
     ),

@@ -13,14 +13,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 from onebot_description.errors import DescriptionError, OneBotError, UsageError, did_you_mean
 
-TYPE_CHECKING = False  # as in typing, which is slow to import
+TYPE_CHECKING = False  # that of typing, which is slow to import
 if TYPE_CHECKING:
     from onebot_bringup.cli.options import Subcommand
     from onebot_bringup.launch.bringup import Bringup
 
 USAGE = 2
-INTERRUPTED = 128 + 2  # as shells report SIGINT
-PIPE_CLOSED = 128 + 13  # as shells report SIGPIPE
+# Shells report SIGINT and SIGPIPE so.
+INTERRUPTED = 128 + 2
+PIPE_CLOSED = 128 + 13
 
 
 # The verbs, with one line each for ``onebot --help``. Each is a module of this package, imported
@@ -164,12 +165,7 @@ def subcommands(verb: str) -> "Mapping[str, Subcommand]":
 
 
 def run_verb(words: list[str]) -> int:
-    """Run ``onebot`` with these words and return its exit code.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: the command fails for a reason that the user can fix.
-    """
+    """Run ``onebot`` with these words and return its exit code."""
     words = take_settings(words)
     if not words:
         print(usage(), file=sys.stderr)
@@ -201,9 +197,9 @@ def take_settings(words: list[str]) -> list[str]:
         from onebot_bringup.launch.arguments import complete, discovery_settings, split
         from onebot_description.discovery import discovery_variables
 
-        given = split(words[:count]).given
-        values = complete(discovery_settings(), given)
-        os.environ.update(discovery_variables(values, forced="discovery" in given))
+        settings = split(words[:count]).given
+        values = complete(discovery_settings(), settings)
+        os.environ.update(discovery_variables(values, forced="discovery" in settings))
     return words[count:]
 
 

@@ -14,8 +14,8 @@ class Named:
     """Topics, or services."""
 
     word: str  # "topic" or "service"
-    interface: str  # of their types, "msg" or "srv"
-    example: str  # of a type
+    interface: str  # the kind of their types, "msg" or "srv"
+    example: str  # a type
     # Returns names and types; with True, the hidden ones, too.
     discovered: Callable[[Session, bool], list[tuple[str, list[str]]]]
 

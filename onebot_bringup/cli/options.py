@@ -14,8 +14,8 @@ from onebot_description.errors import UsageError, did_you_mean
 class Option:
     """An option or a positional argument of a command."""
 
-    names: str  # such as "-r --rate"; of a positional argument its attribute
-    settings: Mapping[str, Any]  # of argparse's add_argument
+    names: str  # such as "-r --rate"; a positional argument has its attribute here
+    settings: Mapping[str, Any]  # keyword arguments for argparse's add_argument
 
     def add_to(self, parser: Any) -> None:
         """Add it to a parser, or to a group of one."""
@@ -67,8 +67,8 @@ def option(
     **settings: Any,
 ) -> Option:
     """Return an option with a value; ``type`` parses it."""
-    own = {"metavar": metavar, "help": help, "type": type, "default": default}
-    return Option(names, {**own, **settings})
+    common = {"metavar": metavar, "help": help, "type": type, "default": default}
+    return Option(names, {**common, **settings})
 
 
 def positional(metavar: str, help: str | None = None, **settings: Any) -> Option:
@@ -91,27 +91,12 @@ class Subcommand:
         run: Callable[[argparse.Namespace], int | None],
         *options: Option | Exclusive | Titled,
     ) -> None:
-        """Declare it.
-
-        Args:
-            summary: one line for ``--help``.
-            run: gets the parsed options; returns the exit code, None for 0.
-            options: its options.
-        """
+        """Declare it: ``summary`` is one line for ``--help``; ``run`` may return the exit code."""
         self.summary, self.run, self.options = summary, run, options
 
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
-    """Run the subcommand ``argv[0]``.
-
-    Args:
-        group: the first word of the command, such as ``topic``.
-        table: the subcommands by name.
-        argv: the subcommand and its arguments.
-
-    Raises:
-        UsageError: the subcommand is missing or unknown.
-    """
+    """Run the subcommand ``argv[0]`` of a group such as ``topic``; return the exit code."""
     if argv and argv[0] in ("-h", "--help", "help"):
         print(_usage(group, table))
         return 0
@@ -139,13 +124,7 @@ class Parser(argparse.ArgumentParser):
     """argparse's parser, whose errors are ``UsageError``."""
 
     def __init__(self, program: str, summary: str, options: Options = ()) -> None:
-        """Make a parser.
-
-        Args:
-            program: the command, such as ``onebot topic pub``.
-            summary: one line for ``--help``.
-            options: of the command.
-        """
+        """Make the parser of a command such as ``onebot topic pub``."""
         super().__init__(
             prog=program,
             description=f"{summary[:1].upper()}{summary[1:]}.",
@@ -160,11 +139,7 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog}: {message}")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Return the parsed options, with everything from ``--ros-args`` on as ``ros_args``.
-
-        Raises:
-            UsageError: the command line is wrong.
-        """
+        """Return the parsed options, with everything from ``--ros-args`` on as ``ros_args``."""
         words = list(argv)
         start = words.index("--ros-args") if "--ros-args" in words else len(words)
         parsed = self.parse_args(words[:start])

@@ -47,17 +47,12 @@ ARGUMENTS = (
     Argument("open_browser", "true", "open the page, if there is a display", ("true", "false")),
 )
 _RRD = ".rrd"
-_ALL = "100%"  # of the memory: everything must be there for a page that is opened later
+_ALL = "100%"  # memory limit: everything must be there for a page that is opened later
 _WATCH_EVERY = 0.1  # s
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: the recording cannot be read, or not be shown.
-    """
+    """Run the command and return its exit code."""
     arguments = split(argv)
     if arguments.help or arguments.show:
         print(f"{HELP}\n" * arguments.help + table(ARGUMENTS))
@@ -70,7 +65,7 @@ def run(argv: Sequence[str]) -> int:
     source = Path(arguments.positional[0]).expanduser()
     if not os.path.exists(source):  # also where it may not be looked for
         raise OneBotError(f"there is no recording {source}")
-    use_environment_prefix()  # where meshes and views are found
+    use_environment_prefix()  # meshes and views are found there
     with KeyboardInterrupts() as interrupts:
         _replay(source, values, interrupts)
     return 0
@@ -97,7 +92,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
                 interrupts.check()
                 _Log().info(text)
 
-            shown = log_bag(
+            replayed = log_bag(
                 bag,
                 server.stream,
                 view=view,
@@ -107,8 +102,8 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
                 progress=progress,
                 warn=_Log().warning,
             )
-            robot = f' of "{shown.robot}"' if shown.robot else ""
-            _Log().info(f"showing {shown.seconds:.1f} s{robot}: {shown.messages} messages")
+            robot = f' of "{replayed.robot}"' if replayed.robot else ""
+            _Log().info(f"showing {replayed.seconds:.1f} s{robot}: {replayed.messages} messages")
         while values["viewer"] != "none":
             interrupts.check()
             server.watch()

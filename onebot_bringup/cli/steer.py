@@ -66,12 +66,7 @@ Arguments and their defaults:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: a file or a name is wrong.
-    """
+    """Run the command and return its exit code."""
     arguments = split(argv)
     given = with_positional(arguments, "topic", "topic", "onebot steer")
     if arguments.help or arguments.show:
@@ -174,12 +169,7 @@ def _answers(address: str) -> bool:
 
 
 def _check(values: Mapping[str, str]) -> None:
-    """Check values that depend on each other or on files.
-
-    Raises:
-        UsageError: two values contradict each other.
-        OneBotError: the view's file does not exist.
-    """
+    """Check values that depend on each other or on files."""
     if values["view"] not in ("", "none") and not Path(values["view"]).is_file():
         raise OneBotError(f"view:={values['view']}: no such file")
     if values["view"] and values["viewer"] == "none":

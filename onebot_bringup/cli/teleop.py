@@ -97,9 +97,9 @@ class TeleopTwist:
     """The velocity to publish."""
 
     x: float = 0.0  # forward, m/s
-    y: float = 0.0  # to the left, m/s
+    y: float = 0.0  # left, m/s
     z: float = 0.0  # up, m/s
-    turn: float = 0.0  # to the left, rad/s
+    turn: float = 0.0  # counterclockwise, rad/s
 
 
 class Driver:
@@ -174,7 +174,7 @@ def single_keys() -> Iterator["Keys"]:
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
-    before = termios.tcgetattr(fd)
+    old_mode = termios.tcgetattr(fd)
     mode = termios.tcgetattr(fd)
     mode[3] &= ~(termios.ICANON | termios.ECHO)
     # Ctrl-S would block the output, and with it the loop that publishes.
@@ -187,7 +187,7 @@ def single_keys() -> Iterator["Keys"]:
         yield Keys(fd)
     finally:
         with contextlib.suppress(termios.error):  # the terminal's window is closed
-            termios.tcsetattr(fd, termios.TCSADRAIN, before)
+            termios.tcsetattr(fd, termios.TCSADRAIN, old_mode)
 
 
 class Keys:
@@ -227,12 +227,7 @@ def split_keys(text: str) -> list[str]:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: stdin is not a terminal, the command line is wrong, or it is not clear which of
-            several robots is meant.
-    """
+    """Run the command and return its exit code."""
     args = _parse(argv)
     with single_keys() as keys, Session(args.ros_args, "teleop") as session:
         teleop = _Teleop(session, args)
@@ -360,8 +355,8 @@ class _Teleop:
     def _subscriber_note(self) -> str:
         if self._publisher.get_subscription_count():
             return ""
-        found = self._session.node.get_subscriptions_info_by_topic(self._topic)
-        types = sorted({info.topic_type for info in found})
+        ends = self._session.node.get_subscriptions_info_by_topic(self._topic)
+        types = sorted({end.topic_type for end in ends})
         if any(name.endswith("/TwistStamped") for name in types) and not self._args.stamped:
             return "\t(the robot subscribes to TwistStamped: use --stamped)"
         if any(name.endswith("/Twist") for name in types) and self._args.stamped:

@@ -230,11 +230,7 @@ class _Transforms:
         return int(self._session.node.get_clock().now().nanoseconds)
 
     def await_first(self) -> None:
-        """Wait for the first transform.
-
-        Raises:
-            OneBotError: nobody publishes one.
-        """
+        """Wait for the first transform."""
         if not self._session.look_for(lambda: self.buffer.frames, "transforms"):
             found = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
             named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in found)

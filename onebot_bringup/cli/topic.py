@@ -76,11 +76,7 @@ def _await_class(
 
 @in_session
 def echo(session: Session, args: Namespace) -> None:
-    """Print the messages of a topic.
-
-    Raises:
-        OneBotError: the type is not installed, or the field does not exist.
-    """
+    """Print the messages of a topic."""
     _Echo(session, args).run()
 
 
@@ -175,7 +171,7 @@ class _Echo:
             if self._passes(part):
                 self._print(part)
                 self._received = True
-        except OneBotError as error:  # to be raised outside of the callback
+        except OneBotError as error:  # it is raised outside of the callback
             self._error = error
 
     def _passes(self, part: Any) -> bool:
@@ -324,11 +320,7 @@ def _all_named(node: Any, topic: str) -> bool:
 
 
 def pub(args: Namespace) -> None:
-    """Publish messages given as YAML.
-
-    Raises:
-        OneBotError: the type is not installed, or a value is wrong.
-    """
+    """Publish messages given as YAML."""
     from onebot_bringup.introspection.message_text import fill
 
     kind = message_class(args.type)

@@ -52,7 +52,7 @@ class Bringup(NamedTuple):
     """A bringup command, and its defaults."""
 
     program: str  # the command's name
-    summary: str  # what it does, for --help
+    summary: str  # one sentence for --help
     model: str = ""  # URDF or xacro file of the robot
     joints: str = ""  # parameters of joint_state_publisher; empty: joints swing within their limits
     view: str = ""  # the viewer's settings; empty: the viewer's own
@@ -74,10 +74,10 @@ class Bringup(NamedTuple):
         from onebot_description.description.xacro import xacro_arguments
 
         take_package_path(given)  # the model's includes may need it
-        found = xacro_arguments(given.get("model", self.model))
-        own = {argument.name for argument in self.arguments()}
-        visible = [Argument(*each) for each in found.arguments if each.name not in own]
-        return ModelArguments(visible, found.complete)
+        declared = xacro_arguments(given.get("model", self.model))
+        names = {argument.name for argument in self.arguments()}
+        visible = [Argument(*entry) for entry in declared.arguments if entry.name not in names]
+        return ModelArguments(visible, declared.complete)
 
 
 def bring_up(command: Bringup, argv: Sequence[str]) -> int:
@@ -87,10 +87,6 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
 
     Returns:
         The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
-
-    Raises:
-        UsageError: the command line is wrong.
-        OneBotError: a file is.
     """
     from onebot_description.description import load_description
     from onebot_description.description.places import PLACES, keep_places
@@ -122,7 +118,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
-        KeyboardInterrupts(),  # which leave no folder and no process behind
+        KeyboardInterrupts(),  # they leave no folder and no process behind
         tempfile.TemporaryDirectory(prefix="onebot-") as folder,
         Launcher(command.program) as launcher,
     ):
@@ -211,14 +207,7 @@ def with_params_file(values: Mapping[str, str], given: Mapping[str, str]) -> dic
     """Return the launch arguments, with what the controller's ``params_file`` has for all nodes.
 
     They name the robot's frames alike, and take the time from the same clock. What the file has of
-    these counts unless the command line gives it.
-
-    Args:
-        values: of the launch arguments.
-        given: those on the command line.
-
-    Raises:
-        OneBotError: the file is wrong.
+    these counts unless it is among the arguments ``given`` on the command line.
     """
     values = dict(values)
     if values.get("sim") != "true":
@@ -251,9 +240,6 @@ def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
     Args:
         values: of the launch arguments.
         forced: ``discovery`` was given, and so overrides the environment's setting.
-
-    Raises:
-        OneBotError: ``discovery`` names a host or a port that does not exist.
     """
     variables = discovery_variables(values, forced=forced)
     if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
@@ -261,7 +247,7 @@ def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
         name = "[{name}] " if values.get("robots") else ""
         variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = f"[{{severity}}] {name}{{message}}"
     if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
-        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # to the nodes, the pipe is no terminal
+        variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # the nodes see a pipe, no terminal
     return variables
 
 

@@ -33,12 +33,12 @@ Parameters = dict[str, object]
 class Launch:
     """What the nodes of a bringup are made from."""
 
-    folder: Path  # where the nodes' parameter files are written
-    values: Mapping[str, str]  # of the launch arguments
-    description: Description  # of the robot
-    ros_args: Sequence[str]  # for every node, after its own
-    source: Source  # what the description was read from
-    robots: Sequence[PlacedRobot] = ()  # in one world; none for a single one
+    folder: Path  # the nodes' parameter files are written here
+    values: Mapping[str, str]  # the launch arguments
+    description: Description  # the robot
+    ros_args: Sequence[str]  # every node gets them, after its own
+    source: Source  # the files of the description
+    robots: Sequence[PlacedRobot] = ()  # several in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them that the node is for
 
     @property
@@ -90,7 +90,7 @@ class Launch:
             **{name: repr(getattr(robot, name)) for name in ("x", "y", "yaw")},
             "namespace": namespace,
             "frame_prefix": f"{namespace}/",
-            "log_level": "",  # of the process
+            "log_level": "",  # the process has one
         }
         return replace(
             self, folder=folder, values=values, description=robot.description, robot=robot
@@ -107,7 +107,7 @@ class NodeRow(NamedTuple):
     on_exit: OnExit = "shutdown"
     nice: int = 0
     words: Callable[[Launch], list[str]] = lambda _: []  # before its ROS arguments
-    each_robot: bool = False  # of several robots, each has such a node
+    each_robot: bool = False  # each of several robots has such a node
     params_files: bool = False  # it reads the files of params_file:=
 
 
@@ -137,11 +137,7 @@ def _controller_parameters(launch: Launch) -> Parameters:
 
 
 def _world_frame(launch: Launch) -> str:
-    """Return the frame that all robots of a world have in common, world unless a file names one.
-
-    Raises:
-        OneBotError: a file is wrong.
-    """
+    """Return the frame that all robots of a world have in common, world unless a file names one."""
     from onebot_control.parameters import read_control_files
 
     node = f"/{launch.values['namespace']}", "velocity_controller"
@@ -184,11 +180,7 @@ def _viewer_parameters(launch: Launch) -> Parameters:
 
 
 def _page_parameters(launch: Launch) -> Parameters:
-    """Return them with port and token, so that open pages find the page again after a crash.
-
-    Raises:
-        OneBotError: the page cannot be served where it should be.
-    """
+    """Return them with port and token, so that open pages find the page again after a crash."""
     from onebot_bringup.steering.access import choose_bind_address  # few need it
 
     values = launch.values
@@ -239,7 +231,7 @@ NODES = (
         _viewer_parameters,
         starts=lambda launch: launch.values["viewer"] != "none" or bool(launch.values["save"]),
         on_exit="ignore",
-        nice=5,  # where processors are short, the robot comes before what shows it (see nice(2))
+        nice=5,  # the robot comes before its view if processors are short (see nice(2))
     ),
     STEERING_PAGE := NodeRow(
         "steering_page",
@@ -260,9 +252,9 @@ def output_path(text: str) -> Path:
 class RosNodes:
     """What the nodes of one launch share."""
 
-    folder: Path  # where the nodes' parameter files are written
-    namespace: str  # of all nodes; outer slashes do not matter
-    ros_args: Sequence[str] = ()  # for every node, after its own
+    folder: Path  # the nodes' parameter files are written here
+    namespace: str  # the nodes'; outer slashes do not matter
+    ros_args: Sequence[str] = ()  # every node gets them, after its own
     log_level: str = ""  # the least severe messages shown; empty for the node's default
 
     def process(
@@ -272,13 +264,9 @@ class RosNodes:
         words: Sequence[str] = (),
         files: Sequence[Path] = (),
     ) -> NodeProcess:
-        """Return a node to start, and write its parameters.
+        """Return a node to start, and write its parameters, which override those of ``files``.
 
-        Args:
-            row: the node.
-            parameters: as for ``write_parameters``.
-            words: before its ROS arguments.
-            files: further parameter files; ``parameters`` override them.
+        ``words`` come before its ROS arguments.
         """
         rename = [] if row.module.endswith(f".{row.name}") else ["-r", f"__node:={row.name}"]
         ros_arguments = [*rename, *self.arguments(row.name, parameters, files)]
@@ -316,9 +304,9 @@ def write_parameters(
 
     Args:
         folder: an existing folder.
-        node: name of the node.
+        node: its name.
         parameters: names to values (bool, int, float, str, list of str), or to nested maps of such.
-        namespace: of the node, without outer slashes.
+        namespace: without outer slashes.
     """
     full_name = f"/{namespace}/{node}" if namespace else f"/{node}"
     path = folder / f"{node}.yaml"

@@ -55,9 +55,9 @@ class Console:
         """Start the thread that writes to ``out`` and ``err``.
 
         Args:
-            out: standard output.
-            err: standard error.
-            names: of the nodes; each gets its own colour.
+            out: standard output; None if it is closed.
+            err: standard error, likewise.
+            names: the nodes'; each gets its own colour.
             reader_left: called in that thread when nobody reads ``out`` any more.
         """
         self.out, self.err = OutputStream.of(out), OutputStream.of(err)

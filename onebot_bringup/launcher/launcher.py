@@ -47,10 +47,9 @@ class Restarts:
         self.count = 0  # restarts in a row, the one planned last included
 
     def next_wait(self, lived: float) -> float | None:
-        """Return the seconds until the next restart; None if the limit is reached.
+        """Return the seconds until the next restart of a node that ``lived`` so long, s.
 
-        Args:
-            lived: seconds that the node ran.
+        None if the limit is reached.
         """
         if lived > self._policy.healthy_after:
             self.count = 0
@@ -112,9 +111,6 @@ class Launcher:
             when a node failed: it could not be started, ended with an error, also while stopping,
             had to be killed to stop in time, or ended at all although the others need it. Which one
             is the last line printed.
-
-        Raises:
-            ValueError: two nodes have the same name.
         """
         names = [node.name for node in nodes]
         if len(set(names)) < len(names):
@@ -211,7 +207,7 @@ class Launcher:
                 self._warn(f"{node.name} stopped with an error: {describe_exit(code)}")
                 self._failed[node.name] = describe_exit(code)
         else:
-            process.signal_all(signal.SIGKILL)  # what it started has no owner any more
+            process.signal_all(signal.SIGKILL)  # its children have no owner any more
             await self._forget(process)
             self._warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
         return lived, code

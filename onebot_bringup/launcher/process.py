@@ -165,11 +165,7 @@ class RunningProcess(asyncio.SubprocessProtocol):
 
 
 async def spawn(node: NodeProcess, guard: Guard, out: Sink, err: Sink) -> RunningProcess:
-    """Start a node, which ``guard`` ends if the launcher is killed.
-
-    Raises:
-        OSError: the program cannot be run.
-    """
+    """Start a node, which ``guard`` ends if the launcher is killed."""
     _, process = await asyncio.get_running_loop().subprocess_exec(
         partial(RunningProcess, out, err),
         *node.command,
