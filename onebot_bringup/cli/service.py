@@ -77,9 +77,8 @@ def _offered(session: Session, name: str) -> set[str]:
 
 def _response(session: Session, client: Any, name: str, request: Any) -> Any:
     future = client.call_async(request)
-    if not session.spin(future.done, _SLOW):
-        print(f"note: {name} has not answered yet", file=sys.stderr)
-        session.spin(future.done)
+    notice = f"note: {name} has not answered yet"
+    session.await_or_report(future.done, lambda: notice, patience=_SLOW)
     return future.result()
 
 

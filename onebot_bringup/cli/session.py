@@ -203,15 +203,17 @@ class Session:
         condition: Callable[[], Any],
         notice: Callable[[], str],
         timeout: float | None = None,
+        patience: float = PATIENCE,
     ) -> Any:
-        """Wait for a condition, print ``notice()`` if it takes long; return its last value.
+        """Wait for a condition; return its last value.
 
         Args:
             condition: returns what is waited for, or what is false.
-            notice: returns what to print.
+            notice: returns what to print after ``patience`` seconds.
             timeout: seconds; None for no end.
+            patience: seconds.
         """
-        first = PATIENCE if timeout is None else min(PATIENCE, timeout)
+        first = patience if timeout is None else min(patience, timeout)
         value = self.spin(condition, first)
         if not value and first != timeout:
             print(f"{notice()}{self._hint()}", file=sys.stderr)

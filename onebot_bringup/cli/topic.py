@@ -4,6 +4,7 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NoReturn
 
 from onebot_bringup.cli import qos
@@ -135,24 +136,17 @@ class _Echo:
         )
         # What it took to find the topic counts, too.
         left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
-        first = _NO_MESSAGE if left is None else min(_NO_MESSAGE, left)
-        if not self._session.spin(self._first, first):
-            if left is None or left > _NO_MESSAGE:
-                _report_no_message(self._session, topic, self._message)
-            left = None if left is None else left - first
-            if not self._session.spin(self._first, left):
-                raise OneBotError(f"no {self._message} on {topic} within {args.timeout:g} s")
-        if not args.once:
-            self._session.spin(lambda: self._check() and False)
+        notice = partial(_no_message, self._session, topic, self._message)
+        if not self._session.await_or_report(self._first, notice, left, _NO_MESSAGE):
+            raise OneBotError(f"no {self._message} on {topic} within {args.timeout:g} s")
+        while not args.once:
+            self._session.spin(lambda: self._error is not None)
+            self._first()
 
     def _first(self) -> bool:
-        self._check()
-        return self._received
-
-    def _check(self) -> bool:
         if self._error is not None:
             raise self._error
-        return True
+        return self._received
 
     def _events(self) -> Any:
         from rclpy.event_handler import SubscriptionEventCallbacks
@@ -202,10 +196,10 @@ def _on_lost(status: Any) -> None:
     )
 
 
-def _report_no_message(session: Session, topic: str, message: str = "message") -> None:
+def _no_message(session: Session, topic: str, message: str = "message") -> str:
     publishers = session.node.count_publishers(topic)
     who = f"{publishers} publisher(s)" if publishers else "no publisher"
-    print(f"note: no {message} on {topic} yet; {who}", file=sys.stderr)
+    return f"note: no {message} on {topic} yet; {who}"
 
 
 @in_session
@@ -272,7 +266,7 @@ def _measure(
         if text is not None:
             print(text)
         elif rounds == _SILENT_REPORTS and not received:
-            _report_no_message(session, topic)
+            print(_no_message(session, topic), file=sys.stderr)
 
 
 @in_session
