@@ -115,7 +115,7 @@ def test_never_beyond_the_limits(commands: list[float], speed: float, accelerati
 def test_limits_have_a_sign(name: str) -> None:
     """The error names the limit and the remedy; 0 is right for all."""
     sign = -1.0 if name in NEGATIVE else 1.0
-    with pytest.raises(ConfigError, match=f"{name}: {-sign:g} is .* 0; .* 0, or .nan for no"):
+    with pytest.raises(ConfigError, match=f"{name}: {-sign:g} is .* 0; .* 0, or .nan for"):
         SpeedLimiter(SpeedLimits(**{name: -sign}))
     SpeedLimiter(SpeedLimits(**{name: 0.0}))
 
