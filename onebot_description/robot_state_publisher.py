@@ -4,9 +4,9 @@
 Run it alone with ``python -m onebot_description.robot_state_publisher [FILE] --ros-args ...``;
 FILE is a URDF or xacro file, in place of the parameter robot_description; edits of it, and of what
 it includes, are published as they are saved. One that cannot be used is reported, and the last good
-description stays. Nodes of several robots share a process so: ``... --robot -r __ns:=/robot1 --robot
--r __ns:=/robot2 --ros-args ...``; what follows --robot are ROS arguments of one node. Their files
-are not followed.
+description stays. Nodes of several robots share a process so: ``... --robot -r __ns:=/robot1
+--robot -r __ns:=/robot2 --ros-args ...``; what follows --robot are ROS arguments of one node. Their
+files are not followed.
 
 Publishes:
     robot_description (std_msgs/msg/String, reliable, transient local, depth 1): the URDF.
