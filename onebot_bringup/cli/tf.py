@@ -273,9 +273,7 @@ class _Transforms:
 
     def publishers(self, topic: str) -> list[str]:
         """The names of the nodes that publish a topic, of each publisher one."""
-        from onebot_bringup.introspection.publishers import publishers
-
-        return list(publishers(self._session.node, topic).values())
+        return self._session.publishers(topic)
 
 
 COMMANDS = {

@@ -61,7 +61,7 @@ from onebot_bringup.viewer.display_server import DisplayServer
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import MOST_PLOTTED, RobotToShow
-from onebot_bringup.viewer.topics import TopicSubscriptions, published_topics
+from onebot_bringup.viewer.topics import ViewFeed
 from onebot_control.poses import prefixed
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
@@ -201,8 +201,8 @@ class RerunViewer(Node):
         self._published_page = ""
         self._displays_publisher = self.create_publisher(String, "~/displays", LATCHED)
         self._published_displays = ""
-        self._topics = TopicSubscriptions(self, self._view.take)
-        self._topics.set_topics(self._view.topics)
+        self._feed = ViewFeed(self, self._view)
+        self._update_feed()
         # Not ROS time: it may stop or run fast.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_PERIOD, self._tick, clock=steady)
@@ -210,7 +210,7 @@ class RerunViewer(Node):
         warn_of_two_robots(self, own=False)
 
     def _tick(self) -> None:
-        for warning in self._view.tick(int(self.get_clock().now().nanoseconds)):
+        for warning in self._feed.tick():
             self.get_logger().warning(warning)
         robots = self._view.robots
         new: dict[int, list[str]] = {}  # namespaces by description: those of a fleet share one
@@ -229,13 +229,17 @@ class RerunViewer(Node):
     def _apply_view(self) -> None:
         for problem in self._view.set_view(self._live_view.source.view):
             self.get_logger().warning(problem)
-        self._update_topics()
+        self._update_feed()
 
-    def _update_topics(self) -> None:
-        try:
-            self._topics.set_topics(self._view.topics)
-        except OneBotError as error:
-            self._warn("topics", str(error), every=10.0)
+    def _update_feed(self) -> None:
+        """Show what others publish now, and publish what of it is shown."""
+        for problem in self._feed.update():
+            self._warn(problem, problem, every=60.0)
+        offered = [topic._asdict() for topic in self._view.offered]
+        displays = json.dumps({"shown": offered})
+        if displays != self._published_displays:
+            self._published_displays = displays
+            self._displays_publisher.publish(String(data=displays))
 
     @ends_node
     def _poll(self) -> None:
@@ -245,21 +249,8 @@ class RerunViewer(Node):
         if address != self._published_page:
             self._published_page = address
             self._page_publisher.publish(String(data=address))
-        self._offer_topics()
-        self._update_topics()
+        self._update_feed()
         self._live_view.poll()
-
-    def _offer_topics(self) -> None:
-        """Show what others publish now, and publish what of it is shown."""
-        # What was published stays: the last of it is shown.
-        known = {each.topic for each in self._view.offered}
-        for problem in self._view.offer(published_topics(self, known)):
-            self._warn(problem, problem, every=60.0)
-        offered = [each._asdict() for each in self._view.offered]
-        displays = json.dumps({"shown": offered})
-        if displays != self._published_displays:
-            self._published_displays = displays
-            self._displays_publisher.publish(String(data=displays))
 
     def _report(self, topic: str, error: Exception) -> None:
         """A bad message must not end the viewer."""

@@ -1,7 +1,5 @@
 """Where a view comes from: a file, what its user edits in it, and what is switched meanwhile."""
 
-import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ from onebot_bringup.viewer.view_config import (
     view_for,
     view_text,
 )
+from onebot_bringup.viewer.whole_file import write_whole
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import Changes, FileWatch
 from onebot_description.parameters.reader import replaced
@@ -133,7 +132,10 @@ class ViewSource:
         target = target.expanduser().absolute()
         if target.suffix not in (".yaml", ".yml"):
             raise OneBotError(f"view {target}: the name of a view file must end in .yaml")
-        _write(target, view_text(self.view))
+        try:
+            write_whole(target, view_text(self.view).encode())
+        except OSError as error:
+            raise OneBotError(f"view {target}: cannot be written: {error.strerror}") from error
         if target == self.file:
             self._base = self.view
         return target
@@ -150,18 +152,3 @@ def check_blueprint_file(path: Path) -> None:
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
             raise OneBotError(f"view:={path}: this is no layout saved in the viewer")
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file whole or not at all; a link stays one."""
-    path = path.resolve()
-    try:
-        mode = path.stat().st_mode & 0o777 if path.exists() else 0o644
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}-", delete=False
-        ) as new:
-            new.write(text)
-        os.chmod(new.name, mode)
-        os.replace(new.name, path)
-    except OSError as error:
-        raise OneBotError(f"view {path}: cannot be written: {error.strerror}") from error
