@@ -6,12 +6,11 @@ import time
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, Subcommand, dispatch, natural, positive
 from onebot_bringup.cli.session import PATIENCE, Session
-from onebot_bringup.introspection.rates import Window
+from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
@@ -183,24 +182,6 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
     )
 
 
-@dataclass
-class _Arrivals:
-    """When messages with a frame were received."""
-
-    intervals: Window = field(default_factory=lambda: Window(_WINDOW))  # s
-    last: float | None = None
-
-    def add(self, now: float) -> None:
-        if self.last is not None:
-            self.intervals.add(now - self.last)
-        self.last = now
-
-    def rate(self) -> float:
-        """Hz; 0 if that is not known, or nothing came since the last call."""
-        found = self.intervals.statistics()
-        return 1.0 / found.mean if found is not None and found.mean > 0.0 else 0.0
-
-
 class _Transforms:
     """What a session receives on /tf and /tf_static.
 
@@ -216,7 +197,7 @@ class _Transforms:
         from onebot_description.wire.tf_message import TFMessage
 
         self.frames = FrameTree()
-        self.arrivals: dict[str, _Arrivals] = {}
+        self.arrivals: dict[str, Intervals] = {}
         self._session = session
         self._warned: set[str] = set()
         for topic, durability in zip(
@@ -243,7 +224,8 @@ class _Transforms:
                 self.warn(sentence)
             now = time.monotonic()
             for child in message.children:
-                self.arrivals.setdefault(child.removeprefix("/"), _Arrivals()).add(now)
+                name = child.removeprefix("/")
+                self.arrivals.setdefault(name, Intervals(_WINDOW)).arrived(now)
 
         return received
 
