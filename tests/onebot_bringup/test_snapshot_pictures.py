@@ -16,7 +16,7 @@ from PIL import Image
 from onebot_bringup.cli.scenes import record_pose
 from onebot_bringup.viewer import pictures
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import NO_RENDERER, headless_viewer, still
+from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.view_config import load_view
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
@@ -136,13 +136,3 @@ def test_the_end_of_a_recording(arm, tmp_path):
     done = snapshot(arm / "b.png", rrd)
     assert done.returncode == 1, done.stderr
     assert f"{rrd} cannot be shown: " in done.stderr
-
-
-def test_nothing_to_draw_with_is_said_with_the_package(arm, tmp_path):
-    """Where there is no Vulkan driver, the message names the Debian package."""
-    (tmp_path / "none.json").write_text("{}")
-    none = str(tmp_path / "none.json")
-    done = snapshot(arm / "a.png", *_arm(arm), VK_ICD_FILENAMES=none, VK_DRIVER_FILES=none)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == f"error: {NO_RENDERER}"
-    assert not (arm / "a.png").exists()
