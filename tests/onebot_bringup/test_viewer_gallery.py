@@ -9,6 +9,7 @@ from tests.onebot_bringup.test_viewer_camera_info import camera
 from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.test_viewer_imu import imu
 from tests.onebot_bringup.test_viewer_laser_scan import scan
+from tests.onebot_bringup.test_viewer_map import grid
 from tests.onebot_bringup.test_viewer_marker import marker
 from tests.onebot_bringup.test_viewer_paths import path
 from tests.onebot_bringup.test_viewer_point_cloud2 import cloud, packed, xyz
@@ -42,7 +43,7 @@ def test_the_picture_has_all_of_them(tmp_path):
     # Looks along x, to the right of the robot.
     place, turn = np.array([[0.0, -1.5, 0.3]]), np.array([[-0.5, 0.5, -0.5, 0.5]])
     lens = TfArrays(["base"], ["lens"], np.array([START_NS]), place, turn)
-    grid = np.stack(np.meshgrid(np.linspace(-2, -1, 9), np.linspace(1, 2, 9), [0.0]), -1)
+    places = np.stack(np.meshgrid(np.linspace(-2, -1, 9), np.linspace(1, 2, 9), [0.0]), -1)
     calibration, picture = camera(), image("rgb8", np.full((30, 40, 3), CYAN, np.uint8))
     calibration.header.frame_id = "lens"
     file, said = show(
@@ -52,7 +53,7 @@ def test_the_picture_has_all_of_them(tmp_path):
         ("/cam/camera_info", calibration),
         ("/cam/image_raw", picture),
         ("/scan", scan((2.5, 2.5, 2.0), frame="base")),
-        ("/cloud", cloud(packed("x", "y", "z"), frame="base", **xyz(grid.reshape(-1, 3)))),
+        ("/cloud", cloud(packed("x", "y", "z"), frame="base", **xyz(places.reshape(-1, 3)))),
         ("/sonar", echo(2.0)),
         ("/imu", imu(frame="base")),
         ("/plan", path([(1.5, -2.5, 0.0), (1.5, -1.5, 0.0)])),
