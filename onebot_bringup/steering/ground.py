@@ -16,7 +16,7 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
 
-from onebot_bringup.introspection.transforms import TransformBuffer, TransformError
+from onebot_bringup.introspection.transforms import FrameTree, TransformError
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
 from onebot_description.topic_subscription import (
@@ -70,7 +70,7 @@ class Ground:
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
         self._subscriptions: dict[str, tuple[str, TopicSubscription]] = {}  # with their types
-        self._transforms = TransformBuffer()
+        self._transforms = FrameTree()
         self._used = self._since = -math.inf  # the last request, and the first one of its row
         self.grid: PublishedMap | None = None
 
@@ -119,7 +119,7 @@ class Ground:
     def _close(self) -> None:
         for _, subscription in self._subscriptions.values():
             subscription.close()
-        self._transforms, self.grid = TransformBuffer(), None
+        self._transforms, self.grid = FrameTree(), None
 
     def _on_grid(self, _: str, message: OccupancyGrid) -> None:
         grid = PublishedMap(message)

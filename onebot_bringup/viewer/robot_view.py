@@ -10,6 +10,7 @@ import rerun as rr
 from std_msgs.msg import String
 
 from onebot_bringup.introspection.interfaces import full_definition
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.automatic import (
     MESSAGE_DISPLAYS,
     LoadLimit,
@@ -30,7 +31,7 @@ from onebot_bringup.viewer.displays.display import (
 )
 from onebot_bringup.viewer.displays.message_display import MessageDisplay
 from onebot_bringup.viewer.displays.tf import TF, TransformStream
-from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.robot_size import robot_size
 from onebot_bringup.viewer.shown_robot import RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
@@ -281,7 +282,7 @@ class RobotView:
             self._lay_out(complete=False)
         wanted = self._view.fixed_frame
         if wanted not in ("", fixed) and self._clock() - self._changed >= WARN_AFTER:
-            late.append(self.frames.unknown(wanted, fixed))
+            late.append(unknown_frame(self.frames, wanted, fixed))
         nothing = self._live and not self._frame_without_robot
         hints = self._warnings.waiting() if nothing else []
         return self._warnings.once(dict.fromkeys(late)) + hints

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import rerun.chunk as rc
 
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays import tf
 from onebot_bringup.viewer.displays.joint_plot import JointStream
 from onebot_bringup.viewer.displays.tf import TransformStream
-from onebot_bringup.viewer.frames import FrameTree
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 

@@ -18,6 +18,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from onebot_bringup.introspection.interfaces import full_definition
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import (
     TIMELINE,
     ReadyColumn,
@@ -26,7 +27,6 @@ from onebot_bringup.viewer.columns import (
     one_row,
     time_column,
 )
-from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.settings import Color
 from onebot_description.description import Description
 from onebot_description.wire.cdr import nanoseconds
