@@ -113,8 +113,6 @@ class Launcher:
             is the last line printed.
         """
         names = [node.name for node in nodes]
-        if len(set(names)) < len(names):
-            raise ValueError("two nodes have the same name")
         for folder in temporary:
             self._guard.remove_later(folder)
         self._console = Console(sys.stdout, sys.stderr, names, self._on_reader_left)

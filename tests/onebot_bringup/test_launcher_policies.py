@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.launcher.launcher import Launcher, Restarts
-from onebot_bringup.launcher.process import NodeProcess, Restart, describe_exit
+from onebot_bringup.launcher.launcher import Restarts
+from onebot_bringup.launcher.process import Restart, describe_exit
 from tests.onebot_bringup.launcher_support import IDLE, Start, alive, launchers, number_in
 from tests.support import wait_for
 
@@ -141,12 +141,6 @@ def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
     assert launcher.wait() == 1
     assert "ghost cannot be started" in launcher.err and "Traceback" not in launcher.err
     assert launcher.err.splitlines()[-1] == "[test] failed: ghost (not started)"
-
-
-def test_two_nodes_of_one_name_are_refused() -> None:
-    """Their output could not be distinguished."""
-    with Launcher("test") as launcher, pytest.raises(ValueError, match="same name"):
-        launcher.run([NodeProcess("a", ("true",)), NodeProcess("a", ("true",))])
 
 
 @pytest.mark.parametrize(
