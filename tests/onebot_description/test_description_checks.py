@@ -534,6 +534,12 @@ def test_geometry_of_one_shape(tag):
     assert problem.startswith(f'3: link "a" <{tag}> <geometry> <bx>: unknown shape')
 
 
+def test_quaternions_are_refused():
+    """MuJoCo's, with which the robot would be turned wrongly."""
+    found = problems(joint(f'<origin quat_xyzw="0 0 0 1"/>{LIMIT}'))
+    assert found == ['4: joint "j" <origin>: quat_xyzw is not supported; write rpy in radians']
+
+
 def test_every_origin_is_checked():
     """Of inertial, visual, collision and joint: xyz and rpy, each once."""
     wrong = '<origin xyz="0 0" rpy="0"/>'
@@ -625,6 +631,13 @@ def test_materials_used_by_two_visuals(shared, first, second, text):
         (warning,) = found
         assert text in warning
         assert warning.startswith("4:" if "elsewhere" in text else "1:")
+
+
+def test_a_material_is_found_wherever_it_is_defined():
+    """A name given a colour in another visual, or later, still means that colour."""
+    uses = _visual('<material name="m"/>') + _visual(f'<material name="m">{RED}</material>')
+    [read] = parse_description(link(uses)).links
+    assert [visual.color for visual in read.visuals] == [(1.0, 0.0, 0.0, 1.0)] * 2
 
 
 def test_materials_of_the_robot_are_defined_once():
@@ -812,7 +825,7 @@ def _links(names):
         (["ab", "bc", "ca"], ['4: joint "j1": the links c -> a -> b -> c form a loop; remove']),
         (["ab"], ['2: link "c": the robot falls into 2 parts, whose roots are a, c; connect each']),
         ([], ['2: link "b": the robot falls into 3 parts, whose roots are a, b, c; connect each']),
-        (["ab", "bx"], ['4: joint "j1" <child>: there is no link "x"']),
+        (["ab", "bx"], ['4: joint "j1" <child>: there is no link "x" (links: a, b, c)']),
         (["ab", "xc"], ['4: joint "j1" <parent>: there is no link "x"']),
     ],
 )
