@@ -11,7 +11,6 @@ import pytest
 from onebot_description.description import (
     DescriptionError,
     Joint,
-    Mimic,
     load_description,
     parse_description,
 )
@@ -126,14 +125,6 @@ def test_what_reads_descriptions_is_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_mimic_chain_is_read() -> None:
-    """A joint may follow one that follows another; multiplier 1 and offset 0 are the defaults."""
-    found = joints("good_mimic_chain.urdf")
-    assert found["a"].mimic is None
-    assert found["b"].mimic == Mimic("a", 2.0, 0.1)
-    assert found["c"].mimic == Mimic("b", -0.5, 0.0)
-
-
 def test_axis_becomes_a_unit_vector_in_the_text_too() -> None:
     """Readers of the URDF text see the same unit axis as the Joint has."""
     description = load_description(ROBOTS / "warn_long_axis.urdf")
@@ -215,14 +206,6 @@ def test_extensions_of_other_programs_stay() -> None:
     urdf = load_description(ROBOTS / "good_extensions.urdf").urdf
     for part in ("<transmission ", "<ros2_control ", "<text>${kept}</text>", "/dev/ttyUSB0"):
         assert part in urdf
-
-
-def test_parsed_text_names_itself() -> None:
-    """Text has the name given as its source, and no files to watch."""
-    text = '<robot name="a"><link name="base"/></robot>'
-    description = parse_description(text, "parameter robot_description")
-    assert (description.source, description.files) == ("parameter robot_description", ())
-    assert (description.robot_name, description.root_link) == ("a", "base")
 
 
 def _xacro_problem(folder: Path, *lines: str) -> str:

@@ -83,11 +83,6 @@ def test_percent_signs_of_a_file_uri_are_decoded(tmp_path: Path) -> None:
     assert "%20" in path.as_uri()
 
 
-def test_package_leads_to_its_share_folder() -> None:
-    """package:// is found through the ament index."""
-    assert resolve("package://onebot_description/package.xml", None).is_file()
-
-
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
