@@ -7,7 +7,7 @@ import contextlib
 import io
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -134,7 +134,7 @@ def jpeg(message: ImageMessage) -> bytes | None:
 
 
 class Senses:
-    """Follows the topics of the robot that is steered; all but ``draw`` in the node's thread.
+    """Follows the topics of the robot that is steered; all but ``picture`` in the node's thread.
 
     Attributes:
         camera: the topic of its pictures, "" for none.
@@ -219,12 +219,9 @@ class Senses:
             clearance = self._body.clearance(points, float(now.linear[0]), float(now.angular[2]))
         self._seen = clearance, time.monotonic()
 
-    def picture(self) -> Callable[[], bytes | None]:
-        """Request pictures for a while; return what draws the newest, in any thread."""
+    def picture(self) -> bytes | None:
+        """Return the newest picture as JPEG, in any thread; the camera is followed for a while."""
         self._used = time.monotonic()
-        return self._draw
-
-    def _draw(self) -> bytes | None:
         data, drawn = self._picture, self._drawn
         if data is not None and data is not drawn[0]:
             self._drawn = drawn = data, jpeg(deserialize_message(data, ImageMessage))

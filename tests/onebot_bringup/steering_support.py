@@ -101,11 +101,6 @@ class PageClient:
         self.silence()
         self.send("release")
 
-    @property
-    def close_code(self) -> int | None:
-        """What the server closed it with."""
-        return self._socket.close_code
-
     def cut(self) -> None:
         """Lose the connection without a word, as a browser that is killed."""
         self.silence()
@@ -192,10 +187,10 @@ class SlowWay:
         self._loop.call_soon_threadsafe(self._loop.stop)
 
 
-def raw_page(address: str, source: str = "127.0.0.1") -> socket.socket:
+def raw_page(address: str) -> socket.socket:
     """A WebSocket that never says or answers anything, as of a computer that hangs."""
     port = urlsplit(address).port
-    found = socket.create_connection(("127.0.0.1", port), PATIENCE, (source, 0))
+    found = socket.create_connection(("127.0.0.1", port), PATIENCE)
     request = (
         f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"

@@ -381,27 +381,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(peer: Peer, page: Page)
         wait_to_stop(page, heard)
 
 
-def test_a_page_that_gave_way_to_others_waits_for_its_user(peer: Peer, page: Page) -> None:
-    """It would close another page if it connected again by itself."""
-    with steering(**LIMITS) as node:
-        page.open(node.address)
-        page.driver.execute_script(CROWD)
-        wait_for(lambda: page.body("connection") == "down", "the page to give way")
-        assert "gave way" in page.text("#message")
-        page.driver.execute_script("for (const other of crowd.splice(1)) other.close()")
-        page.wait_for_states(20)
-        assert page.body("connection") == "down"
-        page.find("#view").click()
-        wait_for(lambda: page.connected, "the page to connect again")
-
-
 # As many connections as one computer may have.
-CROWD = """
-const address = location.href.replace("http", "ws") + "ws";
-window.crowd = Array.from({ length: 32 }, () => new WebSocket(address));
-"""
-
-
 def test_arrows_and_letters_drive_while_they_are_down(peer: Peer, page: Page) -> None:
     """Together too, at half speed with Shift; not what is typed into a field."""
     heard = peer.hear(Twist, TOPIC, 1000)
