@@ -19,7 +19,7 @@ from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
     PageClient,
-    SlowWay,
+    Way,
     address_of,
     raw_page,
     steered,
@@ -80,7 +80,7 @@ def test_a_slow_way_to_the_server_stops_the_robot(peer, slow):
     """At once, not after the delay; it drives again when the way is fast. A late stop counts."""
     with (
         steering() as node,
-        SlowWay(address_of(node)) as way,
+        Way(address_of(node)) as way,
         PageClient(way.address) as page,
         PageClient(address_of(node)) as other,
     ):
