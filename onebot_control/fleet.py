@@ -45,10 +45,7 @@ class Fleet:
     ) -> "Fleet":
         """Return robots in a world of their own.
 
-        Args:
-            members: the robots.
-            settings: of the simulation; their rate is fitted to the robots' update_rate.
-            scene: what stands around them; see ``World``.
+        The rate of ``settings`` is fitted to the robots' update_rate.
 
         Raises:
             OneBotError: config and description of a robot do not suit each other, it cannot be
