@@ -303,15 +303,20 @@ class RobotDriving:
         All robots must be described.
 
         Raises:
-            ConfigError: two frames have one name.
+            ConfigError: two frames have one name, or the frame of a scene would change.
         """
         others = {
             _full_name(robot._node): robot._frames()
             for robot in self._driving.robots
             if robot is not self
         }
-        frames = self._frames(config, description)
-        if problems := [*frames.problems(others, self._driving.scene)]:
+        frames, world = self._frames(config, description), self._frames().world
+        problems = [*frames.problems(others, self._driving.scene)]
+        if self._driving.scene is not None and frames.world != world:
+            # The frames of the scene are published once.
+            text = f'the frames of the world are in "{world}"; restart the node to change it'
+            problems.append(Problem("world_frame_id", text))
+        if problems:
             raise ConfigError(problems)
 
     def _frames(
@@ -443,20 +448,12 @@ class RobotDriving:
             if loop is not None:
                 robot = loop.fleet.robots[self._row]
                 robot.fitted(config)
-                self._check_world_frame(config)
                 if config.sensors and config.sensors != self._settings.config.sensors:
                     load_sensors(config.sensors, robot.description.link_names)
                 self.check_frames(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-    def _check_world_frame(self, config: ControlConfig) -> None:
-        """Raise ConfigError if the frames of a scene, which are published once, would change."""
-        before = self._settings.config.world_frame(in_scene=True)
-        if self._driving.scene is not None and config.world_frame(in_scene=True) != before:
-            text = f'the frames of the world are in "{before}"; restart the node to change it'
-            raise ConfigError([Problem("world_frame_id", text)])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         before, warned = self._settings.config, self._settings.warnings
