@@ -244,7 +244,7 @@ class Robot:
             )
 
     def record_efforts(self) -> None:
-        """Record the efforts of the motors after a physics step; ``read`` adds those of the last."""
+        """Record the motors' efforts after a physics step; ``read`` adds those of the last one."""
         # Floats only: whole states of 100 robots would not fit into the processor's caches.
         for state in self._read_motors():
             self._recorded.append(state[_EFFORT])
