@@ -114,11 +114,11 @@ class Dependent:
 
     parent: str = parameter(
         REQUIRED,
-        "the joint it follows: parent * factor + offset, in place of a mimic tag",
+        "the joint it follows, in place of its mimic tag",
         not_empty=True,
     )
     factor: float = parameter(1.0, "of the position of its parent")
-    offset: float = parameter(0.0, "added to that, rad or m")
+    offset: float = parameter(0.0, "added to parent * factor, rad or m")
 
 
 @dataclass(frozen=True)
