@@ -277,6 +277,7 @@ class JointFiles:
         self._reading: Future[Parameters] | None = None
         self._watch = FileWatch(())
         self._description: DescriptionFiles | None = None
+        self._polled_ns = time.time_ns()  # what is written later is an edit
 
     def watch(self) -> None:
         """Watch the files as they are now."""
@@ -316,9 +317,11 @@ class JointFiles:
             return
         if self._description is None or self._description.model != path:
             files = tuple(map(str, state.description.files))
-            self._description = DescriptionFiles(Source(path, {}, files, time.time_ns()))
+            self._description = DescriptionFiles(Source(path, {}, files, self._polled_ns))
+        self._polled_ns = time.time_ns()
         try:
-            if (description := self._description.poll()) is not None:
+            description = self._description.poll()
+            if description is not None and description.urdf != state.description.urdf:
                 self._replace(description)
         except DescriptionError as error:
             self._log.error(f"{path} not applied, {_GOES_ON}:\n{error}")

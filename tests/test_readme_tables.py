@@ -233,7 +233,7 @@ def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
         _check_parameters(_parameter_rows(node), _parameters(peer, node.name))
 
 
-@pytest.mark.parametrize(("path", "text"), readme_tables.readmes())
+@pytest.mark.parametrize(("path", "text"), [*readme_tables.readmes()])
 def test_declarations(path: str, text: str) -> None:
     """Parameters and arguments: python -m tests.readme_tables writes them."""
     for name in re.findall(r"<!-- ((?:parameters|arguments)\b.*?) -->", text):
