@@ -28,6 +28,7 @@ _MOST = 2.0  # s of discovery
 _LOOKUP = 3.5  # s to discover a name: all participants announce themselves every 3 s
 PATIENCE = 1.0  # s until a waiting command prints what it waits for
 _POLL = 0.02  # s
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # as rcl has it
 
 
 class Session:
@@ -175,6 +176,17 @@ class Session:
         return sorted(
             name for name in names if hidden or not name.rpartition("/")[2].startswith("_")
         )
+
+    def publishers(self, topic: str) -> list[str]:
+        """Return the full names of the nodes that publish a topic, one for each publisher.
+
+        A node's name is discovered after its publishers; until then they are left out.
+        """
+        return [
+            f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+            for end in self.node.get_publishers_info_by_topic(topic)
+            if end.node_name != _UNKNOWN_NODE
+        ]
 
     def find_node(self, name: str) -> str:
         """Return the full name of a running node.

@@ -139,7 +139,6 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
     The frames of one that is started later are named as a bringup names them.
     """
     from onebot_bringup.cli.param import frame_prefix
-    from onebot_bringup.introspection.publishers import publishers
 
     own = f"/{namespace}".rstrip("/")
     topics = session.spin(lambda: description_topics(session, own), PATIENCE)
@@ -147,7 +146,7 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
         return {"robots": [topic.rpartition("/")[0] for topic in topics]}
     if not topics:
         return {"frame_prefix": prefixed("", True, "", namespace)}
-    prefix = frame_prefix(session, publishers(session.node, topics[0]).values())
+    prefix = frame_prefix(session, session.publishers(topics[0]))
     return {"frame_prefix": prefix or ""}
 
 
