@@ -26,9 +26,9 @@ from onebot_control.parameters import (
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.real_time import Pace, PaceMeter
-from onebot_control.sensing.publishing import RobotSensors
-from onebot_control.sensing.scene import SensedRobot
-from onebot_control.sensing.sensors import Instrument, Sensing
+from onebot_control.sensing.instruments import Instrument, Sensing
+from onebot_control.sensing.robot_sensors import RobotSensors
+from onebot_control.sensing.surroundings import SensedRobot
 from onebot_control.simulation.engine import logger as simulation_log
 from onebot_control.simulation.scene import load_scene
 from onebot_description.description import Description, load_description, parse_description

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.description.description import Imu, Noise
+
 Floats = NDArray[np.float64]
 
 
@@ -13,6 +15,11 @@ class Motion(NamedTuple):
 
     linear: Floats  # (3,), velocity of its origin, m/s
     angular: Floats  # (3,), rad/s
+
+
+def noises(sensor: Imu) -> tuple[Noise, ...]:
+    """Return the noise of each value that ``measure`` returns."""
+    return (*sensor.angular_velocity, *sensor.linear_acceleration)
 
 
 def measure(

@@ -103,9 +103,15 @@ class Rays:
         least: Floats = np.sqrt((centers * centers).sum(axis=1)) - radii
         return (least / self._longest).astype(np.float32)
 
-    def rows(self, bundles: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return the rays of these bundles."""
-        return bundles.repeat(self._size)[: self._count].nonzero()[0]
+    def pairs(self, bundles: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the rays (P,) of these bundles (B, bundles), and of which of the B each is."""
+        targets, starts = bundles.nonzero()
+        rows = (starts[:, None] * self._size + np.arange(self._size)).ravel()
+        targets = targets.repeat(self._size)
+        if self._count % self._size:
+            there = rows < self._count
+            rows, targets = rows[there], targets[there]
+        return rows, targets
 
 
 class Hits(NamedTuple):
@@ -123,6 +129,7 @@ class Targets(NamedTuple):
     """Surfaces at their poses in the world."""
 
     surfaces: Sequence["Surface"]
+    kinds: Sequence[tuple["Surface", NDArray[np.intp]]]  # each surface, and the targets of it
     rotations: Floats  # (B, 3, 3)
     positions: Floats  # (B, 3)
     centers: Floats  # (B, 3), of spheres around them
@@ -151,31 +158,38 @@ def cast(
     """
     directions = rays.turned(rotation)
     limit, surfaces = _ground(directions[:, 2], position[2], reach)
-    found = still.cast(position, directions, limit)
+    # One origin for all, which no copies take time for.
+    origins = np.ndarray(directions.shape, np.float32, position.astype(np.float32), 0, (0, 4))
+    found = still.cast(origins, directions, limit)
     surfaces[found.faces >= 0] = 0
     hits = Hits(limit, surfaces, *found, directions)
     if not targets.surfaces:
         return hits
     centers = (targets.centers - position) @ rotation
     touched = rays.near(centers, targets.radii, reach)
+    if skipped > 0:
+        touched[skipped - 1] = False
     nearest = rays.nearest(centers, targets.radii)
-    for index in np.flatnonzero(touched.any(axis=1)).tolist():
-        if index + 1 == skipped:
-            continue
-        rows = rays.rows(touched[index])
-        rows = rows[limit[rows] > nearest[index]]  # not what something nearer hides
+    back = targets.rotations.transpose(0, 2, 1)
+    starts = np.einsum("bij,bj->bi", back, position - targets.positions).astype(np.float32)
+    turns = (back @ rotation).astype(np.float32)
+    for surface, kind in targets.kinds:
+        # All that look alike are one cast: of a fleet there may be hundreds.
+        rows, members = rays.pairs(touched[kind])
+        indices = kind[members]
+        ahead = limit[rows] > nearest[indices]  # not what something nearer hides
+        rows, indices = rows[ahead], indices[ahead]
         if not len(rows):
             continue
-        back = targets.rotations[index].T
-        origin = back @ (position - targets.positions[index])
-        own = limit[rows]
-        turned = rays.singles[rows] @ (back @ rotation).T.astype(np.float32)
-        found = targets.surfaces[index].cast(origin, turned, own)
-        nearer = found.faces >= 0
-        rows = rows[nearer]
-        limit[rows], surfaces[rows] = own[nearer], index + 1
+        turned = np.einsum("pij,pj->pi", turns[indices], rays.singles[rows])
+        distances = limit[rows]
+        found = surface.cast(starts[indices], turned, distances)
+        hit = np.flatnonzero(found.faces >= 0)
+        hit = hit[np.argsort(-distances[hit], kind="stable")]  # of a ray's hits the nearest counts
+        rows = rows[hit]
+        limit[rows], surfaces[rows] = distances[hit], indices[hit] + 1
         for all_rays, some in zip((hits.faces, hits.second, hits.third), found, strict=True):
-            all_rays[rows] = some[nearer]
+            all_rays[rows] = some[hit]
     return hits
 
 
@@ -233,25 +247,23 @@ class Surface:
         unit: Singles = across / np.where(lengths > 0.0, lengths, np.float32(1.0))
         return unit
 
-    def cast(self, origin: Floats, directions: Singles, distances: Singles) -> _Found:
+    def cast(self, origins: Singles, directions: Singles, distances: Singles) -> _Found:
         """Return the faces hit.
 
         Args:
-            origin: (3,) of all rays, in the solid's frame.
+            origins: (N, 3), in the solid's frame.
             directions: (N, 3), likewise.
             distances: (N,), beyond which nothing is hit; shortened to the hits.
         """
         if self._caster is None:
             none = np.zeros(len(directions), np.float32)
             return _Found(np.full(len(directions), -1, np.int32), none, none.copy())
-        # One origin for all, which no copies take time for.
-        origins = np.ndarray(directions.shape, np.float32, origin.astype(np.float32), 0, (0, 4))
         refined = len(self._rounds.radii) > 0
         found = distances.copy() if refined else distances
         hits = self._caster.run(origins, directions, dists=found, output=True)
         faces: Integers = hits["primID"]
         if refined:
-            self._refine(origin, directions, distances, found, faces)
+            self._refine(origins, directions, distances, found, faces)
             nearer = (faces >= 0) & (found < distances)
             distances[nearer] = found[nearer]
             faces[~nearer] = -1
@@ -259,7 +271,7 @@ class Surface:
 
     def _refine(
         self,
-        origin: Floats,
+        origins: Singles,
         directions: Singles,
         limits: Singles,
         distances: Singles,
@@ -273,7 +285,7 @@ class Surface:
             if not len(rows):
                 return
             exact = self._rounds.distances(
-                self._round_of[faces[rows]], origin, directions[rows].astype(float)
+                self._round_of[faces[rows]], origins[rows], directions[rows].astype(float)
             )
             touched = np.isfinite(exact)
             passed = rows[~touched]
@@ -283,7 +295,7 @@ class Surface:
                 return
             onward = directions[passed]
             left = limits[passed] - starts
-            ahead = origin.astype(np.float32) + starts[:, None] * onward
+            ahead = origins[passed] + starts[:, None] * onward
             hits = caster.run(ahead, onward, dists=left, output=True)
             faces[passed] = hits["primID"]
             distances[passed] = starts + left

@@ -21,9 +21,9 @@ from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
 from onebot_control.sensing import camera, lidar
+from onebot_control.sensing.instruments import Instrument, Sensing
 from onebot_control.sensing.rays import NOTHING, cast
-from onebot_control.sensing.scene import RobotState, Scene, SensedRobot
-from onebot_control.sensing.sensors import Instrument, Sensing
+from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot, Surroundings
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.description import Camera, Fan, Lidar
 from tests.benchmarks.control_loop import Effort, Window, _measured
@@ -108,9 +108,9 @@ def _ratios(options: Options) -> dict[str, float]:
     """CPU of a scan and of a picture over that of the bare calls."""
     onebot = load_description(MODEL)
     robot = SensedRobot(onebot, [joint.name for joint in onebot.moving_joints], {})
-    scene = Scene(_boxes(), [robot])
+    scene = Surroundings(_boxes(), [robot])
     at = RobotState(np.array([0, 0, 0.06]), np.array([0, 0, 0, 1.0]), np.zeros(len(robot.joints)))
-    placed = scene.place([], [at])
+    placed = Placed(scene, [], [at])
     targets, own = placed.targets, scene.target(0, "base_link")
     ranger = Lidar(Fan(360, -math.pi, math.pi * 179 / 180), Fan(), 0.05, 12.0)
     lens = Camera(1.2, 320, 240, 0.05, 50.0, 0.05, 8.0)

@@ -1,6 +1,7 @@
-"""The scene that is sensed: ground, world, boxes and robots, by their visual shapes."""
+"""What sensors see: ground, world, boxes and robots, by their visual shapes."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 class SensedRobot(NamedTuple):
-    """A robot of the scene."""
+    """A robot that is seen."""
 
     description: Description
     joints: Sequence[str]  # that move, in the order of their positions
@@ -33,25 +34,19 @@ class RobotState(NamedTuple):
     positions: Floats  # of ``SensedRobot.joints``
 
 
-class Pose(NamedTuple):
-    """A frame in the world."""
+class LinkPose(NamedTuple):
+    """A link's frame in the world."""
 
     rotation: Floats  # (3, 3)
     position: Floats  # (3,)
 
 
-class Placed(NamedTuple):
-    """A scene at one time."""
-
-    targets: Targets
-    links: Sequence[Mapping[str, Pose]]  # of each robot
-
-
-class Scene:
-    """What can be sensed.
+class Surroundings:
+    """What can be seen.
 
     Attributes:
         still: what does not move, in the world's frame.
+        robots: those that can be seen.
     """
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
@@ -65,12 +60,12 @@ class Scene:
             parts[body] += [(visual, pose) for visual in link.visuals]
         self.still = Surface(solid_of(parts[""]))
         self._surfaces = [Surface(solid_of(parts[box])) for box in boxes]
-        self._robots = [self._enter(robot) for robot in robots]
+        self.robots = [self._enter(robot) for robot in robots]
         spheres = [surface.solid.sphere for surface in self._surfaces]
         self._centers = np.array([center for center, _ in spheres]).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in spheres])
 
-    def _enter(self, robot: SensedRobot) -> "_Robot":
+    def _enter(self, robot: SensedRobot) -> "RobotLinks":
         """Add the surfaces of a robot's links."""
         targets = {}
         for link in robot.description.links:
@@ -80,46 +75,86 @@ class Scene:
             if len(self._made[link.visuals].solid.faces):
                 self._surfaces.append(self._made[link.visuals])
                 targets[link.name] = len(self._surfaces)
-        return _Robot(robot, targets)
+        return RobotLinks(robot, targets)
+
+    @cached_property
+    def _kinds(self) -> list[tuple[Surface, NDArray[np.intp]]]:
+        """Each surface, with the targets that have it."""
+        kinds: dict[Surface, list[int]] = {}
+        for index, surface in enumerate(self._surfaces):
+            kinds.setdefault(surface, []).append(index)
+        return [(surface, np.array(rows, np.intp)) for surface, rows in kinds.items()]
 
     def target(self, row: int, link: str) -> int:
         """Return the index of a robot's link among the targets, as ``cast`` counts them."""
-        return self._robots[row].targets.get(link, NOTHING)
+        return self.robots[row].targets.get(link, NOTHING)
 
-    def place(self, boxes: Sequence[Transform], states: Sequence[RobotState]) -> Placed:
-        """Return the scene with its boxes and robots at these poses."""
+    def targets(
+        self, boxes: Sequence[Transform], links: Sequence[tuple[Floats, Floats]]
+    ) -> Targets:
+        """Return what moves, with its boxes and the robots' links at these poses."""
         pairs = [(np.array(turn), np.array(at)) for at, turn in boxes]
         rotations = [matrices(np.array([turn for turn, _ in pairs]).reshape(-1, 4))]
         positions = [np.array([at for _, at in pairs]).reshape(-1, 3)]
-        links = []
-        for robot, state in zip(self._robots, states, strict=True):
-            turns, places = robot.links(state)
-            links.append(
-                {
-                    name: Pose(*each)
-                    for name, each in zip(robot.names, zip(turns, places, strict=True), strict=True)
-                }
-            )
+        for robot, (turns, places) in zip(self.robots, links, strict=True):
             rotations.append(turns[robot.seen])
             positions.append(places[robot.seen])
         turned, at = np.concatenate(rotations), np.concatenate(positions)
         centers = np.einsum("bij,bj->bi", turned, self._centers) + at
-        return Placed(Targets(self._surfaces, turned, at, centers, self._radii), links)
+        return Targets(self._surfaces, self._kinds, turned, at, centers, self._radii)
 
 
-class _Robot:
-    """A robot's links, of which some are targets."""
+class Placed:
+    """Surroundings at one time; what nobody asks for is not computed."""
+
+    def __init__(
+        self,
+        surroundings: Surroundings,
+        boxes: Sequence[Transform],
+        states: Sequence[RobotState],
+    ) -> None:
+        self._surroundings, self._boxes, self._states = surroundings, boxes, states
+        self._links: dict[int, tuple[Floats, Floats]] = {}
+
+    @cached_property
+    def targets(self) -> Targets:
+        """What may have moved."""
+        links = [self._links_of(row) for row in range(len(self._states))]
+        return self._surroundings.targets(self._boxes, links)
+
+    def link(self, row: int, name: str) -> LinkPose | None:
+        """Return where a link of a robot is; None if it has no such link."""
+        number = self._surroundings.robots[row].numbers.get(name)
+        if number is None:
+            return None
+        turns, places = self._links_of(row)
+        return LinkPose(turns[number], places[number])
+
+    def _links_of(self, row: int) -> tuple[Floats, Floats]:
+        if row not in self._links:
+            self._links[row] = self._surroundings.robots[row].poses(self._states[row])
+        return self._links[row]
+
+
+class RobotLinks:
+    """A robot's links.
+
+    Attributes:
+        targets: the targets that they are, by name; what has no shape is none.
+        numbers: of all links, by name.
+        seen: numbers of those that are targets.
+    """
 
     def __init__(self, robot: SensedRobot, targets: Mapping[str, int]) -> None:
-        self._model = RobotModel.from_description(robot.description)
-        self.names, self.targets = self._model.links, targets
-        self.seen = np.array([self.names.index(name) for name in targets], np.intp)
-        self._positions = self._model.positions(
-            {name: at for name, at in robot.held.items() if name in self._model.joints}
+        self._model = model = RobotModel.from_description(robot.description)
+        self.targets, self.numbers = targets, {name: row for row, name in enumerate(model.links)}
+        self.seen = np.array([self.numbers[name] for name in targets], np.intp)
+        self._positions = model.positions(
+            {name: at for name, at in robot.held.items() if name in model.joints}
         )
-        self._rows = np.array([self._model.row(name) for name in robot.joints], np.intp)
+        self._rows = np.array([model.row(name) for name in robot.joints], np.intp)
 
-    def links(self, state: RobotState) -> tuple[Floats, Floats]:
+    def poses(self, state: RobotState) -> tuple[Floats, Floats]:
         """Return rotations (L, 3, 3) and positions (L, 3) of all links in the world."""
         positions = self._positions.copy()
         positions[self._rows] = state.positions
