@@ -463,7 +463,7 @@ class RobotDriving:
                 robot.broadcasting(config)
                 self._check_world_frame(config)
                 if config.sensors and config.sensors != self._settings.config.sensors:
-                    load_sensors(config.sensors, robot.description.link_names)
+                    load_sensors(config.sensors, robot.description)
                 self.check_frames(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))

@@ -133,7 +133,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         values["world"] = load_world(values["world"]).source  # checked
         values["view"] = own.get("view", command.world_view)
     if values.get("sensors"):  # likewise
-        values["sensors"] = str(load_sensors(values["sensors"], description.link_names).files[0])
+        values["sensors"] = str(load_sensors(values["sensors"], description).files[0])
     known = Known.of(description.urdf, description.files, before)
     os.environ.update(environment(values, forced="discovery" in own))
     with (

@@ -235,7 +235,7 @@ class RobotSensors:
             return
         logger = self._node.get_logger()
         try:
-            read = load_sensors(file, description.link_names)
+            read = load_sensors(file, description)
         except OneBotError as error:
             if file != self._file:
                 raise
