@@ -1,5 +1,6 @@
 """What sensors measure, against formulas and a ray caster of ten lines; no ROS."""
 
+import itertools
 import math
 import threading
 from collections.abc import Mapping
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from onebot_control.driven_robot import DrivenRobot
+from onebot_control.driven_robot import Snapshot
 from onebot_control.fleet import Fleet, Member
 from onebot_control.parameters import ControlConfig
 from onebot_control.sensing import camera, imu, instruments, lidar, noise, rays
@@ -310,45 +311,54 @@ def test_noise_depends_on_sensor_and_time_only():
 # Inertial measurements, of the real simulation --------------------------------------------------
 
 
-def motions(driven: DrivenRobot, cycles: int):
-    """Drive on; the last two motions and the rotation at the last."""
-    found = []
-    for _ in range(cycles):
-        snapshot = driven.cycle()
-        found = [*found[-1:], (imu.Motion(*snapshot.velocity), snapshot.pose.rotation)]
-    (before, _), (now, rotation) = found
-    return before, now, matrices(rotation[None])[0]
-
-
 MOUNT = (
     quaternions.to_matrix(quaternions.from_rpy((0.0, 0.0, math.pi / 2))),
     np.array([0.1, 0, 0.2]),
 )
+GRAVITY = np.array([0.0, 0.0, 9.81])
+SLOPE = math.radians(5)
 
 
-def test_an_imu_at_rest_measures_the_reaction_to_gravity():
-    driven = DrivenRobot.of(robot(), ControlConfig.from_parameters(WHEELS))
-    before, now, turn = motions(driven, 100)
-    angular, linear = imu.measure(before, now, 0.01, turn, MOUNT, 9.81)
-    true = MOUNT[0].T @ (turn.T @ (0, 0, 9.81))
-    np.testing.assert_allclose(angular, 0, atol=1e-4)
-    np.testing.assert_allclose(linear, true, atol=1e-3)
-    assert linear[2] == pytest.approx(9.81, abs=0.05)  # it stands nearly level
+def derivatives(before: Snapshot, now: Snapshot, period: float):
+    """The rate and the acceleration of the sensor in its axes, by two true poses and velocities."""
+    first, last = (matrices(each.pose.rotation[None])[0] for each in (before, now))
+    velocities = [
+        turn @ (each.velocity.linear + np.cross(each.velocity.angular, MOUNT[1]))
+        for turn, each in ((first, before), (last, now))
+    ]
+    turned = (first.T @ last - last.T @ first) / 2.0 / period  # of a small angle
+    rate = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
+    middle = quaternions.to_matrix(before.pose.rotation + now.pose.rotation)
+    acceleration = middle.T @ (velocities[1] - velocities[0]) / period
+    return MOUNT[0].T @ rate, MOUNT[0].T @ (acceleration + last.T @ GRAVITY)
 
 
-def test_an_imu_in_a_turn_measures_what_the_truth_s_derivatives_are():
-    """A circle at 0.5 m/s and 1 rad/s, with the sensor 0.1 m before the axle."""
-    driven = DrivenRobot.of(robot(), ControlConfig.from_parameters(WHEELS))
-    driven.accept(0.5, 1.0)
-    for _ in range(5):
-        driven.accept(0.5, 1.0)
-        before, now, turn = motions(driven, 40)
-    angular, linear = imu.measure(before, now, 0.01, turn, MOUNT, 9.81)
-    speed, rate = now.linear[0], now.angular[2]
-    assert (speed, rate) == pytest.approx((0.5, 1.0), rel=0.02)
-    true = np.array([-(rate**2) * 0.1, speed * rate, 0.0]) + turn.T @ (0, 0, 9.81)
-    np.testing.assert_allclose(linear, MOUNT[0].T @ true, atol=2e-3)
-    np.testing.assert_allclose(angular, MOUNT[0].T @ now.angular, atol=1e-4)
+@pytest.mark.parametrize(
+    ("scene", "command", "expected"),
+    [
+        ("", (0.0, 0.0), GRAVITY),
+        ("ramp", (0.0, 0.0), (9.81 * math.sin(SLOPE), 0.0, 9.81 * math.cos(SLOPE))),
+        ("", (0.5, 1.0), (-0.1, 0.5, 9.81)),  # x is -w^2 r, y is v w
+    ],
+    ids=["at rest", "on a ramp", "in a turn"],
+)
+def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
+    """In each cycle, also while it speeds up; the rate where that is steady."""
+    onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
+    config = ControlConfig.from_parameters({"x": 1.0, "cmd_vel_timeout": 9.0})
+    with Fleet.of([Member(onebot, config)], scene=load_world(scene) if scene else None) as fleet:
+        fleet.robots[0].accept(*command)
+        snapshots = [fleet.cycle()[0] for _ in range(300)]
+        period = fleet.period
+    for cycle, (before, now) in enumerate(itertools.pairwise(snapshots)):
+        motions = [imu.Motion(*each.velocity) for each in (before, now)]
+        turn = matrices(now.pose.rotation[None])[0]
+        angular, linear = imu.measure(*motions, period, turn, MOUNT, 9.81)
+        rate, acceleration = derivatives(before, now, period)
+        np.testing.assert_allclose(linear, acceleration, atol=1e-3, err_msg=str(cycle))
+        if cycle > 200:
+            np.testing.assert_allclose(angular, rate, atol=1e-4, err_msg=str(cycle))
+            np.testing.assert_allclose(linear, MOUNT[0].T @ expected, atol=0.05)
 
 
 def test_an_imu_measures_the_derivatives_of_any_motion():
@@ -378,24 +388,6 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
     true = pose(middle)[1].T @ acceleration + pose(t)[1].T @ (0, 0, 9.81)
     np.testing.assert_allclose(linear, MOUNT[0].T @ true, atol=1e-3)
     np.testing.assert_allclose(angular, MOUNT[0].T @ motion(t).angular, atol=1e-4)
-
-
-def test_an_imu_on_a_ramp_feels_the_slope():
-    ramp = load_world("ramp")
-    onebot = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
-    config = ControlConfig.from_parameters({"x": 1.0})
-    with Fleet.of([Member(onebot, config)], scene=ramp) as fleet:
-        for _ in range(100):
-            before = fleet.cycle()[0]
-        last = fleet.cycle()[0]
-    now, turn = imu.Motion(*last.velocity), matrices(last.pose.rotation[None])[0]
-    before = imu.Motion(*before.velocity)
-    angular, linear = imu.measure(before, now, 0.01, turn, (np.eye(3), np.zeros(3)), 9.81)
-    slope = math.radians(5)
-    true = 9.81 * np.array([math.sin(slope), 0, math.cos(slope)])
-    np.testing.assert_allclose(linear, turn.T @ (0, 0, 9.81), atol=1e-3)
-    np.testing.assert_allclose(linear, true, atol=0.02)
-    np.testing.assert_allclose(angular, 0, atol=1e-4)
 
 
 # The thread -------------------------------------------------------------------------------------
