@@ -230,17 +230,11 @@ class Instrument:
         before = frame.before[self.row] if frame.before else None
         if before and _was_put(before, now, world.period):
             before = None
-        body = matrices(now.pose.rotation[None])[0]
+        motion = _motion(now)
+        body = motion.rotation
         mount = body.T @ pose.rotation, body.T @ (pose.position - now.pose.translation)
         values = np.concatenate(
-            imu.measure(
-                before and imu.Motion(*before.velocity),
-                imu.Motion(*now.velocity),
-                world.period,
-                body,
-                mount,
-                world.gravity,
-            )
+            imu.measure(before and _motion(before), motion, world.period, mount, world.gravity)
         )
         if generator is not None:
             for axis, noise in enumerate(imu.noises(model)):
@@ -248,6 +242,10 @@ class Instrument:
                 part[:] = add_noise(part, noise, self._offsets[axis], generator)
         orientation = quaternions.from_rpy(quaternions.to_rpy(pose.rotation))
         return {"imu": (orientation, values[:3], values[3:])}
+
+
+def _motion(snapshot: Snapshot) -> imu.Motion:
+    return imu.Motion(*snapshot.velocity, matrices(snapshot.pose.rotation[None])[0])
 
 
 def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:

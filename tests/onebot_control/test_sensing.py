@@ -351,9 +351,11 @@ def test_an_imu_measures_the_truth_s_derivatives(scene, command, expected):
         snapshots = [fleet.cycle()[0] for _ in range(300)]
         period = fleet.period
     for cycle, (before, now) in enumerate(itertools.pairwise(snapshots)):
-        motions = [imu.Motion(*each.velocity) for each in (before, now)]
-        turn = matrices(now.pose.rotation[None])[0]
-        angular, linear = imu.measure(*motions, period, turn, MOUNT, 9.81)
+        motions = [
+            imu.Motion(*each.velocity, matrices(each.pose.rotation[None])[0])
+            for each in (before, now)
+        ]
+        angular, linear = imu.measure(*motions, period, MOUNT, 9.81)
         rate, acceleration = derivatives(before, now, period)
         np.testing.assert_allclose(linear, acceleration, atol=1e-3, err_msg=str(cycle))
         if cycle > 200:
@@ -374,7 +376,9 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
         turn = pose(t)[1]
         skew = turn.T @ (last - first) / (2 * h)
         return imu.Motion(
-            turn.T @ (after - before) / (2 * h), np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+            turn.T @ (after - before) / (2 * h),
+            np.array([skew[2, 1], skew[0, 2], skew[1, 0]]),
+            turn,
         )
 
     def sensor(t: float):
@@ -382,7 +386,7 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
         return at + turn @ MOUNT[1]
 
     t, dt, h = 2.0, 0.01, 1e-4
-    angular, linear = imu.measure(motion(t - dt), motion(t), dt, pose(t)[1], MOUNT, 9.81)
+    angular, linear = imu.measure(motion(t - dt), motion(t), dt, MOUNT, 9.81)
     middle = t - dt / 2  # a period's mean acceleration is that in its middle
     acceleration = (sensor(middle + h) - 2 * sensor(middle) + sensor(middle - h)) / h**2
     true = pose(middle)[1].T @ acceleration + pose(t)[1].T @ (0, 0, 9.81)
