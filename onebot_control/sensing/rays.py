@@ -5,7 +5,7 @@ cast: rays are moved into the frame of each thing. Where there is no Embree, PyB
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
@@ -27,7 +27,7 @@ Integers = NDArray[np.int32]
 HAS_EMBREE = EmbreeScene is not None
 NOTHING, GROUND = -2, -1  # in place of a surface
 # Of so many rays at least, so many are bundled: more bundles find fewer rays, and take longer.
-_BUNDLES = ((50_000, 64), (2_000, 8), (0, 1))
+_BUNDLES = ((50_000, 64), (200, 8), (0, 1))
 _PASSES = 64  # facets of round shapes that a ray may pass without touching one
 _ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
 _MOST_RAYS = 16_000  # of one call of PyBullet
@@ -129,7 +129,7 @@ class Targets(NamedTuple):
     """Surfaces at their poses in the world."""
 
     surfaces: Sequence["Surface"]
-    kinds: Sequence[tuple["Surface", NDArray[np.intp]]]  # each surface, and the targets of it
+    alike: Mapping["Surface", NDArray[np.intp]]  # the rows that have each surface
     rotations: Floats  # (B, 3, 3)
     positions: Floats  # (B, 3)
     centers: Floats  # (B, 3), of spheres around them
@@ -169,12 +169,18 @@ def cast(
     touched = rays.near(centers, targets.radii, reach)
     if skipped > 0:
         touched[skipped - 1] = False
+    is_near = np.any(touched, axis=1)
+    if not is_near.any():
+        return hits
     nearest = rays.nearest(centers, targets.radii)
     back = targets.rotations.transpose(0, 2, 1)
     starts = np.einsum("bij,bj->bi", back, position - targets.positions).astype(np.float32)
     turns = (back @ rotation).astype(np.float32)
-    for surface, kind in targets.kinds:
-        # All that look alike are one cast: of a fleet there may be hundreds.
+    # All that look alike are one cast: of a fleet there may be hundreds.
+    for surface, alike in targets.alike.items():
+        kind = alike[is_near[alike]]
+        if not len(kind):
+            continue
         rows, members = rays.pairs(touched[kind])
         indices = kind[members]
         ahead = limit[rows] > nearest[indices]  # not what something nearer hides

@@ -1,6 +1,6 @@
 """What sensors see: ground, world, boxes and robots, by their visual shapes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -46,7 +46,7 @@ class Surroundings:
 
     Attributes:
         still: what does not move, in the world's frame.
-        robots: those that can be seen.
+        kinds: the robots that can be seen, by their descriptions.
     """
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
@@ -60,48 +60,49 @@ class Surroundings:
             parts[body] += [(visual, pose) for visual in link.visuals]
         self.still = Surface(solid_of(parts[""]))
         self._surfaces = [Surface(solid_of(parts[box])) for box in boxes]
-        self.robots = [self._enter(robot) for robot in robots]
+        self._targets = [self._enter(robot.description) for robot in robots]
+        rows: dict[Hashable, list[int]] = {}
+        for row, robot in enumerate(robots):
+            key = robot.description.urdf, tuple(robot.joints), tuple(robot.held.items())
+            rows.setdefault(key, []).append(row)
+        self.kinds = [RobotKind(robots[few[0]], few, self._targets) for few in rows.values()]
         spheres = [surface.solid.sphere for surface in self._surfaces]
         self._centers = np.array([center for center, _ in spheres]).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in spheres])
+        indices: dict[Surface, list[int]] = {}
+        for index, surface in enumerate(self._surfaces):
+            indices.setdefault(surface, []).append(index)
+        self._alike = {surface: np.array(few, np.intp) for surface, few in indices.items()}
 
-    def _enter(self, robot: SensedRobot) -> "RobotLinks":
-        """Add the surfaces of a robot's links."""
+    def _enter(self, robot: Description) -> dict[str, int]:
+        """Add the surfaces of a robot's links; return the targets that they are, by name."""
         targets = {}
-        for link in robot.description.links:
+        for link in robot.links:
             if link.visuals not in self._made:
                 solid = solid_of([(visual, np.eye(4)) for visual in link.visuals])
                 self._made[link.visuals] = Surface(solid)
             if len(self._made[link.visuals].solid.faces):
                 self._surfaces.append(self._made[link.visuals])
                 targets[link.name] = len(self._surfaces)
-        return RobotLinks(robot, targets)
-
-    @cached_property
-    def _kinds(self) -> list[tuple[Surface, NDArray[np.intp]]]:
-        """Each surface, with the targets that have it."""
-        kinds: dict[Surface, list[int]] = {}
-        for index, surface in enumerate(self._surfaces):
-            kinds.setdefault(surface, []).append(index)
-        return [(surface, np.array(rows, np.intp)) for surface, rows in kinds.items()]
+        return targets
 
     def target(self, row: int, link: str) -> int:
         """Return the index of a robot's link among the targets, as ``cast`` counts them."""
-        return self.robots[row].targets.get(link, NOTHING)
+        return self._targets[row].get(link, NOTHING)
 
     def targets(
         self, boxes: Sequence[Transform], links: Sequence[tuple[Floats, Floats]]
     ) -> Targets:
-        """Return what moves, with its boxes and the robots' links at these poses."""
-        pairs = [(np.array(turn), np.array(at)) for at, turn in boxes]
-        rotations = [matrices(np.array([turn for turn, _ in pairs]).reshape(-1, 4))]
-        positions = [np.array([at for _, at in pairs]).reshape(-1, 3)]
-        for robot, (turns, places) in zip(self.robots, links, strict=True):
-            rotations.append(turns[robot.seen])
-            positions.append(places[robot.seen])
-        turned, at = np.concatenate(rotations), np.concatenate(positions)
+        """Return what moves, with its boxes at these poses, and the links of each of ``kinds``."""
+        turned, at = np.empty((len(self._surfaces), 3, 3)), np.empty((len(self._surfaces), 3))
+        if boxes:
+            at[: len(boxes)] = [place for place, _ in boxes]
+            turned[: len(boxes)] = matrices(np.array([turn for _, turn in boxes]))
+        for kind, (rotations, positions) in zip(self.kinds, links, strict=True):
+            turned[kind.targets] = rotations[:, kind.seen]
+            at[kind.targets] = positions[:, kind.seen]
         centers = np.einsum("bij,bj->bi", turned, self._centers) + at
-        return Targets(self._surfaces, self._kinds, turned, at, centers, self._radii)
+        return Targets(self._surfaces, self._alike, turned, at, centers, self._radii)
 
 
 class Placed:
@@ -114,53 +115,58 @@ class Placed:
         states: Sequence[RobotState],
     ) -> None:
         self._surroundings, self._boxes, self._states = surroundings, boxes, states
-        self._links: dict[int, tuple[Floats, Floats]] = {}
 
     @cached_property
     def targets(self) -> Targets:
         """What may have moved."""
-        links = [self._links_of(row) for row in range(len(self._states))]
-        return self._surroundings.targets(self._boxes, links)
+        return self._surroundings.targets(self._boxes, self._links)
+
+    @cached_property
+    def _links(self) -> list[tuple[Floats, Floats]]:
+        kinds = self._surroundings.kinds
+        return [kind.links([self._states[row] for row in kind.rows]) for kind in kinds]
 
     def link(self, row: int, name: str) -> LinkPose | None:
         """Return where a link of a robot is; None if it has no such link."""
-        number = self._surroundings.robots[row].numbers.get(name)
-        if number is None:
-            return None
-        turns, places = self._links_of(row)
-        return LinkPose(turns[number], places[number])
-
-    def _links_of(self, row: int) -> tuple[Floats, Floats]:
-        if row not in self._links:
-            self._links[row] = self._surroundings.robots[row].poses(self._states[row])
-        return self._links[row]
+        for kind, (rotations, positions) in zip(self._surroundings.kinds, self._links, strict=True):
+            if row in kind.rows and name in kind.numbers:
+                place = kind.rows.index(row), kind.numbers[name]
+                return LinkPose(rotations[place], positions[place])
+        return None
 
 
-class RobotLinks:
-    """A robot's links.
+class RobotKind:
+    """Robots of one description, whose links are computed at once.
 
     Attributes:
-        targets: the targets that they are, by name; what has no shape is none.
-        numbers: of all links, by name.
-        seen: numbers of those that are targets.
+        rows: of these R robots.
+        numbers: of the L links, by name.
+        seen: numbers of the S links that have a shape.
+        targets: (R, S), the indices of these links among the surfaces.
     """
 
-    def __init__(self, robot: SensedRobot, targets: Mapping[str, int]) -> None:
+    def __init__(
+        self, robot: SensedRobot, rows: Sequence[int], targets: Sequence[Mapping[str, int]]
+    ) -> None:
         self._model = model = RobotModel.from_description(robot.description)
-        self.targets, self.numbers = targets, {name: row for row, name in enumerate(model.links)}
-        self.seen = np.array([self.numbers[name] for name in targets], np.intp)
+        self.rows, self.numbers = rows, {name: row for row, name in enumerate(model.links)}
+        self.seen = [self.numbers[name] for name in targets[rows[0]]]
+        self.targets = np.array([[*targets[row].values()] for row in rows], np.intp) - 1
         self._positions = model.positions(
             {name: at for name, at in robot.held.items() if name in model.joints}
         )
-        self._rows = np.array([model.row(name) for name in robot.joints], np.intp)
+        self._joints = [model.row(name) for name in robot.joints]
 
-    def poses(self, state: RobotState) -> tuple[Floats, Floats]:
-        """Return rotations (L, 3, 3) and positions (L, 3) of all links in the world."""
-        positions = self._positions.copy()
-        positions[self._rows] = state.positions
+    def links(self, states: Sequence[RobotState]) -> tuple[Floats, Floats]:
+        """Return rotations (R, L, 3, 3) and positions (R, L, 3) of all links in the world."""
+        positions = np.tile(self._positions, (len(states), 1))
+        positions[:, self._joints] = [state.positions for state in states]
         poses = self._model.link_poses(positions)
-        base = matrices(state.rotation[None])[0]
-        return base @ matrices(poses[:, 3:]), poses[:, :3] @ base.T + state.translation
+        bases = matrices(np.array([state.rotation for state in states]))
+        turns = matrices(poses[..., 3:].reshape(-1, 4)).reshape(*poses.shape[:2], 3, 3)
+        places = poses[..., :3] @ bases.transpose(0, 2, 1)
+        places += np.array([state.translation for state in states])[:, None]
+        return bases[:, None] @ turns, places
 
 
 def matrices(rotations: Floats) -> Floats:
