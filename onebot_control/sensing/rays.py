@@ -71,9 +71,9 @@ class Rays:
             turned: Singles = self.singles @ rotation.T.astype(np.float32)
         else:
             rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
-            sums = np.empty((len(rows), len(columns), 3), np.float32)
-            for axis in range(3):  # three times as fast as in one sum
-                np.add(rows[:, axis, None], columns[:, axis], out=sums[..., axis])
+            # Sums of whole rows of a picture: of three numbers each they would take twice as long.
+            sums = np.tile(rows, (1, len(columns)))
+            sums += columns.ravel()
             turned = sums.reshape(-1, 3)
         return turned
 
