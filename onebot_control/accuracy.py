@@ -210,10 +210,11 @@ def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
     length = turned = odometry_worst = truth_worst = 0.0
     truth = odometry = planned = PlanarPose()
     for command in (*_commands(path, robot.period), None):
-        # None: compare the final poses, at rest.
-        if command is not None:
+        if command is None:  # compare the final poses, at rest
+            snapshot = robot.begin()
+        else:
             robot.accept(*command)
-        snapshot = robot.begin()
+            snapshot = robot.cycle()
         position, rotation = snapshot.pose.translation.tolist(), snapshot.pose.rotation.tolist()
         # Headings are unwrapped.
         heading += math.remainder(yaw_of(*rotation) - heading, 2.0 * math.pi)
@@ -223,7 +224,6 @@ def follow(robot: DrivenRobot, path: DrivenPath) -> Result:
         truth_worst = max(truth_worst, deviation(truth, planned).position)
         if command is None:
             break
-        robot.finish()
         linear, angular = snapshot.command.linear, snapshot.command.angular
         commanded.update_open_loop(linear, angular, robot.period)
         planned = PlanarPose(commanded.x, commanded.y, commanded.heading)

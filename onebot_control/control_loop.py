@@ -280,7 +280,7 @@ class ControlLoop:
                 self._pacer.next(self._wait)
                 if self._pacer.lag and not self.simulated:  # else it has not passed
                     for robot in self.fleet.robots:
-                        robot.stalled(self._pacer.lag)
+                        robot.controller.stalled(self._pacer.lag)
                 if paused:
                     self._meter.skip(self._pacer.due)
                 else:
@@ -293,7 +293,7 @@ class ControlLoop:
     def _publish_paused(self) -> None:
         """Publish although paused: the system's time goes on, for transforms of now, too."""
         for robot in self.fleet.robots:
-            robot.wait(robot.period)
+            robot.controller.wait(robot.period)
         self._publish([robot.snapshot() for robot in self.fleet.robots], self.now_ns())
 
     def _cycle(self, stamp: int) -> None:

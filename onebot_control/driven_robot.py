@@ -8,24 +8,26 @@ for _ in range(500):
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.diff_drive import DiffDriveController, DriveCommand, WheelStates
 from onebot_control.drift import DriftCheck
-from onebot_control.odometry import PoseCovariance
+from onebot_control.odometry import DiffDriveKinematics, PoseCovariance
 from onebot_control.parameters import BROADCASTER, INTERFACES, BroadcasterConfig, ControlConfig
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.simulation import (
     JointStates,
     Pose,
-    SceneBodies,
+    Robot,
+    RobotSpawn,
     Settings,
-    Simulation,
     Twist,
+    World,
 )
 from onebot_control.simulation.drivable import drivable
 from onebot_control.wheels.geometry import WheelGeometry, Wheels
@@ -38,51 +40,11 @@ Floats = NDArray[np.float64]
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
 
 
-class Plant(Protocol):
-    """What a controller drives; ``onebot_control.simulation.Simulation`` is one."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """All joints that move."""
-
-    @property
-    def scene(self) -> SceneBodies | None:
-        """What stands around it."""
-
-    @property
-    def obstructed(self) -> bool:
-        """Whether something other than the ground touches it."""
-
-    def turn(self, velocities: Mapping[str, float]) -> None:
-        """Have the wheels turn with these velocities, rad/s, from the next step on."""
-
-    def step(self, velocities: Mapping[str, float], duration: float) -> None:
-        """Turn the wheels with these velocities for ``duration`` seconds."""
-
-    def joint_states(self) -> JointStates:
-        """State of ``joints``, in that order."""
-
-    def base_pose(self) -> Pose:
-        """Pose of the root link in the world."""
-
-    def base_twist(self) -> Twist:
-        """Velocity of the root link in its own frame."""
-
-    def reset(self) -> None:
-        """Go back to the beginning."""
-
-    def teleport(self, x: float, y: float, yaw: float) -> None:
-        """Put the robot elsewhere."""
-
-    def close(self) -> None:
-        """Free what it holds."""
-
-
 class Snapshot(NamedTuple):
     """The robot at one control cycle.
 
-    Velocities are by the clock that the durations given to it are of: where the simulation is too
-    slow for it, lower than those in the simulation's own time.
+    Velocities are by the clock that stamps them: where the simulation is too slow for it, they are
+    lower than those in the simulation's own time.
     """
 
     tick: int  # cycles done before this one
@@ -109,12 +71,7 @@ class JointStateBroadcaster:
         joints: Sequence[str],
         held: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        """Choose among ``joints``, those that there are, and ``held``.
-
-        Args:
-            config: of ros2_control.
-            joints: those whose states ``values`` gets.
-            held: further ones, to the positions at which they are held still.
+        """Choose among ``joints``, whose states ``values`` gets, and ``held``, with positions.
 
         Raises:
             ConfigError: a joint named is not among them.
@@ -128,14 +85,14 @@ class JointStateBroadcaster:
         ]
         if problems:
             raise ConfigError(problems)
-        extra = tuple(name for name in config.extra_joints if name not in chosen)
+        extra = [name for name in config.extra_joints if name not in chosen]
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
         self._rows = [joints.index(name) for name in chosen]
         self._held = [list(held.values()), [0.0] * len(held), [0.0] * len(held)]
         self._extra = [0.0] * len(extra)
         self._hidden = [math.nan] * len(chosen) + self._extra
-        self._shown = [
+        self._published = [
             not config.interfaces or interface in config.interfaces for interface in INTERFACES
         ]
 
@@ -143,8 +100,8 @@ class JointStateBroadcaster:
         """Return positions, velocities and efforts of ``names``; NaN where not asked for."""
         # For a handful of joints lists are quicker than arrays.
         return [
-            self._chosen(field.tolist() + held) if shown else self._hidden
-            for field, held, shown in zip(states, self._held, self._shown, strict=True)
+            self._chosen(field.tolist() + held) if published else self._hidden
+            for field, held, published in zip(states, self._held, self._published, strict=True)
         ]
 
     def _chosen(self, field: list[float]) -> list[float]:
@@ -173,6 +130,29 @@ class Side:
         return {name: direction * speed for name, direction in self._directions}
 
 
+class Part(NamedTuple):
+    """A robot, ready to enter a world."""
+
+    wheels: Wheels
+    spawn: RobotSpawn
+    held: Mapping[str, float]  # joints that do not move, to their positions
+
+    @classmethod
+    def of(cls, description: Description, config: ControlConfig, name: str = "") -> "Part":
+        """Return the robot that ``config`` drives, at its start; ``name`` is for errors.
+
+        Raises:
+            OneBotError: config and description do not suit each other.
+        """
+        wheels = wheels_of(description, config)
+        wheels.geometry(config.wheel_separation, config.wheel_radius)
+        simulated, held = drivable(wheels)
+        if name:
+            simulated = replace(simulated, source=f"{name}: {simulated.source}")
+        spawn = RobotSpawn(simulated, wheels.names, config.x, config.y, config.yaw, name)
+        return cls(wheels, spawn, held)
+
+
 class DrivenRobot:
     """A robot and its controller.
 
@@ -182,8 +162,8 @@ class DrivenRobot:
         geometry: of the wheels, before multipliers.
         description: of the robot.
         broadcaster: chooses what joint_states holds.
-        plant: what is driven.
-        held: joints that the plant has not, to their positions.
+        plant: the simulated robot.
+        held: joints that the plant has not, to the positions at which they are held still.
         ticks: control cycles done.
         drift: compares odometry and truth.
     """
@@ -192,26 +172,19 @@ class DrivenRobot:
         self,
         wheels: Wheels,
         config: ControlConfig,
-        plant: Plant,
+        plant: Robot,
         held: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         """Stand still, with odometry at zero.
-
-        Args:
-            wheels: of the robot.
-            config: of its controller.
-            plant: what is driven.
-            held: joints that the plant has not, to the positions at which they are held still.
 
         Raises:
             OneBotError: config and description do not suit each other.
         """
         self.wheels, self.plant, self.held = wheels, plant, held
         self.description = wheels.description
-        self.geometry = self.measured(config)
-        self.controller = DiffDriveController(config, config.kinematics(self.geometry))
+        self.geometry, kinematics, self.broadcaster = self.fitted(config)
+        self.controller = DiffDriveController(config, kinematics)
         self.config = config
-        self.broadcaster = self.broadcasting(config)
         self.ticks = 0
         self._left, self._right = (
             Side(names, wheels.directions, plant.joints) for names in (wheels.left, wheels.right)
@@ -223,21 +196,17 @@ class DrivenRobot:
 
     @classmethod
     def of(cls, description: Description, config: ControlConfig) -> "DrivenRobot":
-        """Return a robot in a simulation of its own.
+        """Return a robot in a world of its own.
 
         Raises:
             OneBotError: config and description do not suit each other, or cannot be simulated.
         """
-        wheels = wheels_of(description, config)
-        wheels.geometry(config.wheel_separation, config.wheel_radius)
-        settings = Settings().fitted(config.update_rate)
-        simulated, held = drivable(wheels)
-        driven, x, y, yaw = wheels.names, config.x, config.y, config.yaw
-        plant = Simulation(simulated, driven=driven, x=x, y=y, yaw=yaw, settings=settings)
+        part = Part.of(description, config)
+        world = World([part.spawn], Settings().fitted(config.update_rate))
         try:
-            return cls(wheels, config, plant, held)
+            return cls(part.wheels, config, world.robots[0], part.held)
         except OneBotError:
-            plant.close()
+            world.close()
             raise
 
     @property
@@ -251,54 +220,44 @@ class DrivenRobot:
         (x, y, _), rotation = self._pose.translation.tolist(), self._pose.rotation.tolist()
         return PlanarPose(x, y, yaw_of(*rotation))
 
+    def fitted(
+        self, config: ControlConfig
+    ) -> tuple[WheelGeometry, DiffDriveKinematics, JointStateBroadcaster]:
+        """Return what follows from ``config`` for this robot.
+
+        The wheels' geometry is that of ``config``, or where it is 0 the description's.
+
+        Raises:
+            OneBotError: the description does not determine the geometry, it cannot be driven by, or
+                a joint to publish is not among the robot's.
+        """
+        geometry = self.wheels.geometry(config.wheel_separation, config.wheel_radius)
+        try:
+            kinematics = config.kinematics(geometry)
+        except ValueError as error:
+            raise OneBotError(f"wheels, with their multipliers: {error}") from None
+        broadcaster = JointStateBroadcaster(config.broadcaster, self.plant.joints, self.held)
+        return geometry, kinematics, broadcaster
+
     def configure(self, config: ControlConfig) -> None:
         """Apply other parameters, from the next cycle on.
 
         Raises:
             OneBotError: they do not suit the robot; then nothing has changed.
         """
-        geometry = self.measured(config)
-        broadcaster = self.broadcasting(config)
-        self.controller.configure(config, config.kinematics(geometry))
-        self.config, self.geometry, self.broadcaster = config, geometry, broadcaster
-
-    def measured(self, config: ControlConfig) -> WheelGeometry:
-        """Return the wheels' geometry: that of ``config``, or where it is 0 the description's.
-
-        Raises:
-            OneBotError: the description does not determine it, or it cannot be driven by.
-        """
-        geometry = self.wheels.geometry(config.wheel_separation, config.wheel_radius)
-        try:
-            config.kinematics(geometry)
-        except ValueError as error:
-            raise OneBotError(f"wheels, with their multipliers: {error}") from None
-        return geometry
-
-    def broadcasting(self, config: ControlConfig) -> JointStateBroadcaster:
-        """Return what chooses the joint states to publish by ``config``.
-
-        Raises:
-            ConfigError: a joint named is not among the robot's.
-        """
-        return JointStateBroadcaster(config.broadcaster, self.plant.joints, self.held)
+        self.geometry, kinematics, self.broadcaster = self.fitted(config)
+        self.controller.configure(config, kinematics)
+        self.config = config
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
         """Command a velocity; see ``DiffDriveController.accept``."""
         return self.controller.accept(linear, angular, age)
 
-    def wait(self, seconds: float) -> None:
-        """Let time pass without a cycle; see ``DiffDriveController.wait``."""
-        self.controller.wait(seconds)
-
-    def stalled(self, seconds: float) -> None:
-        """Let time pass in which this process did not run; see ``DiffDriveController.stalled``."""
-        self.controller.stalled(seconds)
-
     def cycle(self) -> Snapshot:
         """Do a whole control cycle; return the robot as it was at its beginning."""
         snapshot = self.begin()
-        self.finish()
+        self.turn()
+        self.plant.world.step(self.period)
         return snapshot
 
     def begin(self) -> Snapshot:
@@ -317,27 +276,16 @@ class DrivenRobot:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.plant.obstructed)
         return snapshot
 
-    def finish(self) -> None:
-        """Turn the wheels for a control period."""
-        self.plant.step(self._wheel_velocities(), self.period)
-        self.ticks += 1
-
     def turn(self) -> None:
-        """Set the velocities of the wheels for a control period of the world."""
-        self.plant.turn(self._wheel_velocities())
-        self.ticks += 1
-
-    def _wheel_velocities(self) -> dict[str, float]:
-        """The velocity of each driven joint, rad/s, as ``begin`` has decided."""
+        """Set the wheels' velocities, as ``begin`` has decided, for the world's next step."""
         velocities = self._left.velocities(self._command.left)
         velocities.update(self._right.velocities(self._command.right))
-        return velocities
+        self.plant.turn(velocities)
+        self.ticks += 1
 
     def snapshot(self) -> Snapshot:
         """Return the robot as its state was last read."""
-        odometry = self.controller.odometry
-        pose = PlanarPose(odometry.x, odometry.y, odometry.heading)
-        covariance, pace = odometry.uncertainty.covariance, self.controller.pace
+        odometry, pace = self.controller.odometry, self.controller.pace
         joints, velocity = self._joints, self._twist
         if pace != 1.0:
             joints = joints._replace(velocities=joints.velocities * pace)
@@ -345,8 +293,8 @@ class DrivenRobot:
         return Snapshot(
             self.ticks,
             joints,
-            pose,
-            covariance,
+            odometry.pose,
+            odometry.covariance,
             (odometry.linear * pace, odometry.angular * pace),
             self._pose,
             velocity,
@@ -383,7 +331,7 @@ class DrivenRobot:
         """
         if self.plant.scene is None:
             return self._odom_placed
-        return self.true_pose.compose(self.snapshot().odometry.inverse())
+        return self.true_pose.compose(self.controller.odometry.pose.inverse())
 
     @property
     def world_frame(self) -> str:
@@ -392,8 +340,8 @@ class DrivenRobot:
 
     def continue_from(self, other: "DrivenRobot") -> None:
         """Continue another robot's odometry and count of cycles, where that one is."""
-        self.controller.odometry.set_pose(*other.snapshot().odometry)
-        self.controller.odometry.uncertainty = other.controller.odometry.uncertainty
+        odometry = other.controller.odometry
+        self.controller.odometry.set_pose(*odometry.pose, odometry.covariance)
         self._odom_placed, self.ticks = other._odom_placed, other.ticks
         self.drift.restart()
 

@@ -19,10 +19,7 @@ from onebot_control.commands import CommandLock, CommandSubscription, Warn
 from onebot_control.control_loop import ControlLoop, Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
 from onebot_control.fleet import Fleet, Member, located
-from onebot_control.parameters import (
-    ControlConfig,
-    ControlParameters,
-)
+from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.real_time import Pace, PaceMeter
@@ -57,10 +54,10 @@ _OF_THE_WORLD = ("update_rate", "real_time_factor", "use_sim_time", "world")
 
 
 class Driving:
-    """Drives the robots of a world, from when all of them are described to their end.
+    """Runs the control loop for all robots of a world once every description is known.
 
-    Each robot is a node's: its commands, parameters and services. ~/pause and ~/step of any of them
-    are the world's, and so is real_time_factor: set for one, it is set for all.
+    Each robot has its own node with commands, parameters and services. ~/pause and ~/step of any of
+    them are the world's, and so is real_time_factor: set for one, it is set for all.
 
     Attributes:
         nodes: of the robots.
@@ -78,9 +75,8 @@ class Driving:
 
         Args:
             nodes: velocity_controller, in the namespace of each robot.
-            file: URDF or xacro file; None to take each node's parameter or topic.
-            arguments: of each node, parameter files and the names of parameters set on the command
-                line.
+            file: URDF or xacro file; None to use each node's parameter or topic.
+            arguments: of each node.
 
         Raises:
             OneBotError: the parameters or a description cannot be used.
@@ -93,7 +89,7 @@ class Driving:
         self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
         self._warn = Throttled(self._node.get_logger().warning)
         simulation_log.handlers = [NodeLog(self._node)]
-        settings = [ControlParameters(*each) for each in zip(nodes, arguments, strict=True)]
+        settings = list(map(ControlParameters, nodes, arguments))
         self.simulated = _is_simulated(nodes, settings)
         self.factor = settings[0].config.real_time_factor
         self.scene = load_scene(settings[0].config.world)
@@ -128,7 +124,12 @@ class Driving:
         fleet = Fleet.of(members, scene=self.scene)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
             robot.publishing.use(driven)
-        self._scene_publisher = self._publish_scene(fleet)
+        if fleet.world.scene is not None:
+            first = fleet.robots[0]
+            rate = Divider(first.config.publish_rate, first.config.update_rate)
+            self._scene_publisher = ScenePublisher(
+                self._node, fleet.world.scene, first.world_frame, rate
+            )
         gravity, warn = fleet.world.settings.gravity, self._node.get_logger().warning
         self.sensing = Sensing(self.scene, fleet.rate, gravity, warn, self._fail)
         for robot, driven in zip(self.robots, fleet.robots, strict=True):
@@ -145,19 +146,11 @@ class Driving:
         gc.freeze()
         self.loop.start()
         # After the start, because rclpy's first log call takes 20 ms.
-        warnings = [] if self.scene is None else [*self.scene.notices]
+        warnings = [*self.scene.notices] if self.scene else []
         warnings += [text for robot in self.robots for text in robot.warnings]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_driven_text(fleet))
-
-    def _publish_scene(self, fleet: Fleet) -> ScenePublisher | None:
-        """Return what publishes the scene, if there is one."""
-        scene, first = fleet.world.scene, fleet.robots[0]
-        if scene is None:
-            return None
-        rate = Divider(first.config.publish_rate, first.config.update_rate)
-        return ScenePublisher(self._node, scene, first.world_frame, rate)
 
     def set_factor(self, factor: float) -> None:
         """Have real_time_factor be the same for all robots."""
@@ -221,7 +214,6 @@ class NodeLog(logging.Handler):
         self._logger = node.get_logger()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Log as a warning."""
         self._logger.warning(record.getMessage())
 
 
@@ -270,14 +262,7 @@ class RobotDriving:
     """
 
     def __init__(self, driving: Driving, row: int, node: Node, settings: ControlParameters) -> None:
-        """Subscribe, and offer the services.
-
-        Args:
-            driving: drives the world.
-            row: of the robot in its fleet.
-            node: the robot's.
-            settings: the node's parameters.
-        """
+        """Subscribe, and offer the services; ``row`` is the robot's in its fleet."""
         self._driving, self._row, self._node, self._settings = driving, row, node, settings
         self.description: Description | None = None
         self._warn = Throttled(node.get_logger().warning)
@@ -313,11 +298,9 @@ class RobotDriving:
     def check_frames(
         self, config: ControlConfig | None = None, description: Description | None = None
     ) -> None:
-        """Check the frames that the robot would have; all robots must be described.
+        """Check the frames that the robot would have with another config or description.
 
-        Args:
-            config: other parameters than those in force.
-            description: another one than that in force.
+        All robots must be described.
 
         Raises:
             ConfigError: two frames have one name.
@@ -334,10 +317,10 @@ class RobotDriving:
     def _frames(
         self, config: ControlConfig | None = None, description: Description | None = None
     ) -> Frames:
-        known = description or self.description
-        assert known is not None
+        robot = description or self.description
+        assert robot is not None
         namespace, in_scene = self._node.get_namespace(), self._driving.scene is not None
-        return Frames.of(config or self._settings.config, known, namespace, in_scene=in_scene)
+        return Frames.of(config or self._settings.config, robot, namespace, in_scene=in_scene)
 
     @property
     def warnings(self) -> list[str]:
@@ -371,15 +354,15 @@ class RobotDriving:
             raise
 
     def _on_description(self, urdf: str) -> None:
-        loop, known = self._driving.loop, self.description
-        if known is not None and known.urdf == urdf:
+        loop, before = self._driving.loop, self.description
+        if before is not None and before.urdf == urdf:
             return
         try:
             description = parse_description(urdf, "robot_description")
             if loop is None:
                 self._start(description)
-            elif known is not None and description.urdf != known.urdf:
-                if (description.links, description.joints) != (known.links, known.joints):
+            elif before is not None and description.urdf != before.urdf:
+                if (description.links, description.joints) != (before.links, before.joints):
                     self.check_frames(description=description)
                     loop.call(lambda: self._replace(loop, description))
                 self.description = description
@@ -409,7 +392,7 @@ class RobotDriving:
     def sense(
         self, sensing: Sensing, robot: DrivenRobot, instruments: Sequence[Instrument] = ()
     ) -> None:
-        """Sense with these ``instruments``; in the control thread, or before it starts."""
+        """Sense with these ``instruments``; call it in the control thread, or before it starts."""
         sensed = SensedRobot(robot.description, robot.plant.joints, robot.held)
         sensing.enter(self._row, sensed, instruments)
 
@@ -419,8 +402,8 @@ class RobotDriving:
         if loop is None or sensing is None:
             return
         try:
-            found = self.instruments(self._settings.config)
-            loop.call(lambda: self.sense(sensing, loop.fleet.robots[self._row], found))
+            instruments = self.instruments(self._settings.config)
+            loop.call(lambda: self.sense(sensing, loop.fleet.robots[self._row], instruments))
         except OneBotError as error:
             self._refuse("sensors", f"sensors not applied: {error}")
 
@@ -441,7 +424,7 @@ class RobotDriving:
         loop.post(lambda: self._command(loop, linear, angular, stamp))
 
     def _command(self, loop: ControlLoop, linear: float, angular: float, given: int | None) -> None:
-        # The age when it takes effect: the process may have been stopped since it came.
+        # Its age when it takes effect: the process may have been stopped since it came.
         now = loop.now_ns() if loop.simulated else time.monotonic_ns()
         left = 0.0 if loop.simulated else loop.left
         age = (now - given) * 1e-9 + left if given else None
@@ -459,8 +442,7 @@ class RobotDriving:
             config = self._settings.changed(parameters, self._driving.simulated)
             if loop is not None:
                 robot = loop.fleet.robots[self._row]
-                robot.measured(config)
-                robot.broadcasting(config)
+                robot.fitted(config)
                 self._check_world_frame(config)
                 if config.sensors and config.sensors != self._settings.config.sensors:
                     load_sensors(config.sensors, robot.description)
@@ -517,15 +499,6 @@ class PoseTopics:
         odom_frame: Callable[[], str],
         warn: Warn,
     ) -> None:
-        """Subscribe.
-
-        Args:
-            node: of which the topics are.
-            loop: returns the loop that drives the robot.
-            row: of the robot in its fleet.
-            odom_frame: returns the frame of the robot's odometry.
-            warn: called with a key and a text to warn of.
-        """
         self._loop, self._row = loop, row
         self._odom_frame, self._warn = odom_frame, warn
         node.create_subscription(PoseStamped, "~/teleport", self._on_teleport, _DEPTH)
@@ -580,13 +553,6 @@ class Services:
     """~/reset and ~/reset_odometry of a robot, ~/pause and ~/step of its world."""
 
     def __init__(self, node: Node, loop: GetLoop, row: int) -> None:
-        """Offer them.
-
-        Args:
-            node: that offers them.
-            loop: returns the loop that drives the robot.
-            row: of the robot in its fleet.
-        """
         self._loop, self._row = loop, row
         node.create_service(Trigger, "~/reset", self._on_reset)
         node.create_service(Trigger, "~/reset_odometry", self._on_reset_odometry)

@@ -7,15 +7,12 @@ with Fleet.of([Member(description, ControlConfig.from_parameters({...}))]) as fl
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
-from onebot_control.driven_robot import DrivenRobot, Plant, Snapshot, wheels_of
+from onebot_control.driven_robot import DrivenRobot, Part, Snapshot
 from onebot_control.parameters import ControlConfig
-from onebot_control.simulation import RobotSpawn, Settings, World
-from onebot_control.simulation.drivable import drivable
-from onebot_control.wheels.geometry import Wheels
+from onebot_control.simulation import Robot, Settings, World
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError
@@ -28,14 +25,6 @@ class Member(NamedTuple):
     config: ControlConfig
     name: str = ""  # for errors; empty if there is no other robot
     places: Mapping[str, str] = MappingProxyType({})  # where its parameters were written
-
-
-class _Part(NamedTuple):
-    """A robot as it enters a world."""
-
-    wheels: Wheels
-    spawn: RobotSpawn
-    held: Mapping[str, float]  # joints that do not move, to their positions
 
 
 class Fleet:
@@ -126,8 +115,8 @@ class Fleet:
         robot.continue_from(old)
         self.world.close()
         self.world, self.robots[row] = world, robot
-        for each, plant in zip(self.robots, world.robots, strict=True):
-            each.plant = plant
+        for driven, plant in zip(self.robots, world.robots, strict=True):
+            driven.plant = plant
 
     def close(self) -> None:
         """Free the world."""
@@ -140,19 +129,12 @@ class Fleet:
         self.close()
 
 
-def _part(member: Member) -> _Part:
-    config = member.config
+def _part(member: Member) -> Part:
     with located(member):
-        wheels = wheels_of(member.description, config)
-        wheels.geometry(config.wheel_separation, config.wheel_radius)
-        simulated, held = drivable(wheels)
-    if member.name:  # for errors of the simulation
-        simulated = replace(simulated, source=f"{member.name}: {simulated.source}")
-    place = config.x, config.y, config.yaw
-    return _Part(wheels, RobotSpawn(simulated, wheels.names, *place, member.name), held)
+        return Part.of(member.description, member.config, member.name)
 
 
-def _driven(member: Member, part: _Part, plant: Plant) -> DrivenRobot:
+def _driven(member: Member, part: Part, plant: Robot) -> DrivenRobot:
     with located(member):
         return DrivenRobot(part.wheels, member.config, plant, part.held)
 

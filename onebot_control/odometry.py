@@ -5,9 +5,17 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.poses import PlanarPose
+
 # Below this turn (rad) the exact arc divides by nearly zero, and is a straight line to all digits.
 _STRAIGHT = 1e-6
 _LEAST = 1e-6  # m; what follows from shorter lengths need not be finite
+# z, roll and pitch are zero on flat ground by definition; their variances only keep estimators from
+# dividing by zero.
+_FLAT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,24 +58,50 @@ class DiffDriveKinematics:
 
 
 class PoseCovariance(NamedTuple):
-    """Of x, y (m) and yaw (rad), in the frame of the odometry."""
+    """Covariance of x, y (m) and yaw (rad), in the frame of the odometry."""
 
-    xx: float
-    xy: float
-    yy: float
-    x_yaw: float
-    y_yaw: float
-    yaw_yaw: float
+    xx: float = 0.0
+    xy: float = 0.0
+    yy: float = 0.0
+    x_yaw: float = 0.0
+    y_yaw: float = 0.0
+    yaw_yaw: float = 0.0
+
+    def moved(self, dx: float, dy: float) -> "PoseCovariance":
+        """Return F P F' of a step by dx, dy (m): the error of the heading turns the step.
+
+        F is [[1, 0, -dy], [0, 1, dx], [0, 0, 1]].
+        """
+        xx, xy, yy, xt, yt, tt = self
+        # F P first, of which the last row is that of P.
+        left_xt, left_yt = xt - dy * tt, yt + dx * tt
+        return PoseCovariance(
+            xx - dy * xt - dy * left_xt,
+            xy - dy * yt + dx * left_xt,
+            yy + dx * yt + dx * left_yt,
+            left_xt,
+            left_yt,
+            tt,
+        )
+
+    def plus(self, x: float, y: float, yaw: float, variance: float) -> "PoseCovariance":
+        """Return P + g q g', of an error with this ``variance`` q that acts by g = (x, y, yaw)."""
+        xx, xy, yy, xt, yt, tt = self
+        qx, qy, qt = variance * x, variance * y, variance * yaw
+        return PoseCovariance(
+            xx + qx * x, xy + qx * y, yy + qy * y, xt + qx * yaw, yt + qy * yaw, tt + qt * yaw
+        )
+
+    def fill(self, values: NDArray[np.float64]) -> None:
+        """Write into a message's covariance (36,), of x, y, z, roll, pitch and yaw."""
+        values[0], values[7], values[35] = self.xx, self.yy, self.yaw_yaw
+        values[14] = values[21] = values[28] = _FLAT
+        values[1] = values[6] = self.xy
+        values[5] = values[30] = self.x_yaw
+        values[11] = values[31] = self.y_yaw
 
 
-class Step(NamedTuple):
-    """A short way, along an arc."""
-
-    dx: float  # change of the position, m
-    dy: float
-    way: float  # length of the arc, m, negative backwards
-    cos: float  # of the heading in its middle
-    sin: float
+_EXACT = PoseCovariance()
 
 
 class RollingMean:
@@ -88,68 +122,15 @@ class RollingMean:
         return other
 
 
-class PoseUncertainty:
-    """The covariance of a pose by wheel odometry, which grows with the distance driven.
-
-    The model is that of Siegwart and Nourbakhsh, "Introduction to Autonomous Mobile Robots",
-    section 5.2.4: the errors of the distances by the left and the right wheels are independent,
-    their variances are proportional to the distance, and they are propagated to first order.
-
-    An error of the pose is split into that of the heading, that of the position which follows from
-    it (a lever times the heading's error), and the rest. The variance of the heading and the
-    covariance of the rest are only added to, so that no rounding makes the whole indefinite,
-    however long the way.
-    """
-
-    def __init__(self) -> None:
-        self._heading = 0.0  # variance, rad^2
-        self._lever = (0.0, 0.0)  # x and y, m/rad
-        self._rest = (0.0, 0.0, 0.0)  # covariance xx, xy, yy of the rest of the position, m^2
-
-    @property
-    def covariance(self) -> PoseCovariance:
-        """The covariance."""
-        tt, (mx, my), (xx, xy, yy) = self._heading, self._lever, self._rest
-        tx, ty = tt * mx, tt * my
-        return PoseCovariance(xx + tx * mx, xy + tx * my, yy + ty * my, tx, ty, tt)
-
-    def grow(self, step: Step, left: float, right: float, separation: float) -> None:
-        """Follow a step.
-
-        Args:
-            step: of the pose.
-            left: variance of the left wheels' distance, m^2.
-            right: of that of the right wheels.
-            separation: distance between left and right wheels, m.
-        """
-        # The error of the heading so far turns the step.
-        mx, my = self._lever[0] - step.dy, self._lever[1] + step.dx
-        tt, (xx, xy, yy) = self._heading, self._rest
-        # Of the step's own error: the variance of the heading, its lever, and the rest, forward.
-        both = left + right
-        added = both / separation / separation
-        if added > 0.0:
-            forward = (right - left) * separation / (2.0 * both)
-            nx = forward * step.cos - step.way / 2.0 * step.sin
-            ny = forward * step.sin + step.way / 2.0 * step.cos
-            rest = left * right / both
-            # Two errors of the heading: where their levers differ, the position is off by that.
-            share = added / (tt + added)
-            ex, ey, apart = nx - mx, ny - my, tt * share
-            xx += rest * step.cos * step.cos + apart * ex * ex
-            xy += rest * step.cos * step.sin + apart * ex * ey
-            yy += rest * step.sin * step.sin + apart * ey * ey
-            mx, my, tt = mx + share * ex, my + share * ey, tt + added
-        # Else nothing is known of the pose, and the covariance stays as it is.
-        if math.isfinite(xx + yy + tt * (1.0 + mx * mx + my * my)):
-            self._heading, self._lever, self._rest = tt, (mx, my), (xx, xy, yy)
-
-
 class Odometry:
     """Pose and twist of a differential drive.
 
     It begins at zero with the first positions it gets, whatever they are, and uses durations only,
     never a clock: neither wheels that begin elsewhere nor a clock set back make it jump.
+
+    The covariance of the pose is propagated as in Siegwart and Nourbakhsh, "Introduction to
+    Autonomous Mobile Robots", section 5.2.4: the errors of the distances by the left and the right
+    wheels are independent, and their variances are proportional to the distance.
 
     Attributes:
         x: m, in the odometry's frame.
@@ -157,17 +138,12 @@ class Odometry:
         heading: rad, not wrapped.
         linear: velocity forward, m/s: the rolling mean, or in open loop the command.
         angular: turning to the left, rad/s.
-        uncertainty: of the pose.
+        covariance: of the pose.
         noise: variances of the distances by the left and by the right wheels, m^2 a metre.
     """
 
     def __init__(self, kinematics: DiffDriveKinematics, window: int = 10) -> None:
-        """Begin at zero.
-
-        Args:
-            kinematics: of the robot; may be replaced while it drives.
-            window: how many updates the twist is averaged over.
-        """
+        """Begin at zero, with a twist averaged over ``window`` updates."""
         self.kinematics, self.noise = kinematics, (0.0, 0.0)
         self._window = window
         self._wheels: tuple[float, float] | None = None
@@ -176,10 +152,17 @@ class Odometry:
         self.linear = self.angular = 0.0
         self.set_pose(0.0, 0.0, 0.0)
 
-    def set_pose(self, x: float, y: float, heading: float) -> None:
-        """Go on from another pose, which is known exactly; the twist stays."""
+    @property
+    def pose(self) -> PlanarPose:
+        """The pose, in the odometry's frame."""
+        return PlanarPose(self.x, self.y, self.heading)
+
+    def set_pose(
+        self, x: float, y: float, heading: float, covariance: PoseCovariance = _EXACT
+    ) -> None:
+        """Go on from another pose, by default known exactly; the twist stays."""
         self.x, self.y, self.heading = x, y, heading
-        self.uncertainty = PoseUncertainty()
+        self.covariance = covariance
 
     def reset(self) -> None:
         """Begin again at zero, with the wheels where they will next be."""
@@ -246,11 +229,27 @@ class Odometry:
         self.x += dx
         self.y += dy
         if way or turn:
-            across = turn * self.kinematics.separation / 2.0
-            left, right = self.noise
-            self.uncertainty.grow(
-                Step(dx, dy, way, cos, sin),
-                left * abs(way - across),
-                right * abs(way + across),
-                self.kinematics.separation,
-            )
+            self._spread(way, turn, dx, dy, cos, sin)
+
+    def _spread(
+        self, way: float, turn: float, dx: float, dy: float, cos: float, sin: float
+    ) -> None:
+        """Propagate the covariance over an arc: F P F' + G Q G'.
+
+        The columns of G are how an error of the left and of the right wheels' distance moves the
+        pose; ``cos`` and ``sin`` are of the heading in the middle of the arc.
+        """
+        separation = self.kinematics.separation
+        across, (left, right) = turn * separation / 2.0, self.noise
+        lever = way / (2.0 * separation)
+        x, y = lever * sin, lever * cos
+        covariance = self.covariance.moved(dx, dy)
+        covariance = covariance.plus(
+            cos / 2.0 + x, sin / 2.0 - y, -1.0 / separation, left * abs(way - across)
+        )
+        covariance = covariance.plus(
+            cos / 2.0 - x, sin / 2.0 + y, 1.0 / separation, right * abs(way + across)
+        )
+        # Else nothing is known of the pose, and the covariance stays as it is.
+        if math.isfinite(sum(covariance)):
+            self.covariance = covariance

@@ -12,7 +12,6 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, Transform, TransformStamped, TwistStamped
 from geometry_msgs.msg import Twist as TwistMessage
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
@@ -21,7 +20,6 @@ from std_msgs.msg import String
 
 from onebot_control.control_loop import Divider
 from onebot_control.driven_robot import DrivenRobot, Snapshot
-from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import ControlConfig
 from onebot_control.poses import PlanarPose, about_z, compose, inverse, prefixed
 from onebot_control.simulation import SceneBodies, Twist
@@ -35,10 +33,6 @@ from onebot_description.wire.messages import time_message, transforms_message
 from onebot_description.wire.tf_message import TFMessage
 
 _DEPTH = 10  # ROS's system default
-_NOT_KNOWN = (0.0,) * 6  # diagonal of a covariance
-# z, roll and pitch are zero on flat ground by definition; their variances only keep estimators from
-# dividing by zero.
-_FLAT = (0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0)
 _TWO_CLOCKS = (
     "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
     "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
@@ -57,14 +51,7 @@ class Frames(NamedTuple):
     def of(
         cls, config: ControlConfig, description: Description, namespace: str, *, in_scene: bool
     ) -> "Frames":
-        """Return the frames of a robot with these parameters.
-
-        Args:
-            config: the parameters.
-            description: of the robot.
-            namespace: of the node.
-            in_scene: whether something stands around it.
-        """
+        """Return the frames of a robot; ``in_scene``: something stands around it."""
 
         def name(frame: str) -> str:
             prefix = config.tf_frame_prefix
@@ -132,15 +119,16 @@ class Publishers:
     def use(self, robot: DrivenRobot) -> None:
         """Publish this robot from now on, with its parameters as they are now."""
         self._robot, config = robot, robot.config
-        self._among = robot.plant.scene is not None  # what stops and tilts it
-        frames = Frames.of(config, robot.description, self._namespace, in_scene=self._among)
+        self._in_scene = robot.plant.scene is not None  # which stops and tilts the robot
+        frames = Frames.of(config, robot.description, self._namespace, in_scene=self._in_scene)
         self._world, odom, base, _ = frames
         self.odom_frame = odom
         self._stamp = Time()  # one for all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
         self._constant = any(config.pose_covariance_diagonal)
-        variances = config.pose_covariance_diagonal if self._constant else _FLAT
-        self._odom_message = self._odometry(odom, base, variances, config.twist_covariance_diagonal)
+        self._odom_message = self._odometry(odom, base)
+        self._odom_message.pose.covariance = np.diag(config.pose_covariance_diagonal).ravel()
+        self._odom_message.twist.covariance = np.diag(config.twist_covariance_diagonal).ravel()
         self._truth_message = self._odometry(self._world or odom, base)
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
@@ -167,18 +155,9 @@ class Publishers:
             self._node.destroy_publisher(self._limited)
             self._limited = None
 
-    def _odometry(
-        self,
-        frame: str,
-        child: str,
-        pose_variances: Sequence[float] = _NOT_KNOWN,
-        twist_variances: Sequence[float] = _NOT_KNOWN,
-    ) -> Odometry:
-        """Return an Odometry of which only pose and twist change."""
+    def _odometry(self, frame: str, child: str) -> Odometry:
         message = Odometry(child_frame_id=child)
         message.header.frame_id, message.header.stamp = frame, self._stamp
-        message.pose.covariance = np.diag(pose_variances).ravel()
-        message.twist.covariance = np.diag(twist_variances).ravel()
         return message
 
     def publish(self, snapshot: Snapshot, stamp_ns: int, *, sensed: bool = False) -> None:
@@ -200,20 +179,20 @@ class Publishers:
             self._publish_transforms(snapshot, pose)
             if due:
                 self._publish_odometry(snapshot, pose)
-        if not self._among and robot.odom_in_world != self._origin:
+        if not self._in_scene and robot.odom_in_world != self._origin:
             self._publish_origin(stamp_ns)
 
     def _publish_transforms(self, snapshot: Snapshot, pose: Sequence[float]) -> None:
         if self._robot.config.enable_odom_tf:
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
-        if self._among:
+        if self._in_scene:
             self._publish_true_origin(snapshot)
 
     def _publish_odometry(self, snapshot: Snapshot, pose: Sequence[float]) -> None:
         _fill_pose(self._odom_message.pose.pose, pose)
         if not self._constant:
-            _fill_covariance(self._odom_message.pose.covariance, snapshot.covariance)
+            snapshot.covariance.fill(self._odom_message.pose.covariance)
         _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
         self._odom.publish(self._odom_message)
         _fill_pose(self._truth_message.pose.pose, self._true_pose(snapshot))
@@ -261,14 +240,7 @@ class ScenePublisher:
     """
 
     def __init__(self, node: Node, scene: SceneBodies, world_frame: str, rate: Divider) -> None:
-        """Announce the topics, and publish the description.
-
-        Args:
-            node: publishes.
-            scene: the bodies.
-            world_frame: in which their poses are.
-            rate: of the poses of what can be pushed.
-        """
+        """Announce the topics, and publish the description; ``rate`` is that of /tf."""
         self._scene, self._world, self._rate = scene, world_frame, rate
         self._tf = node.create_publisher(TFMessage, "/tf", _DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -318,14 +290,6 @@ def _fill_transform(message: Transform, values: Sequence[float]) -> None:
 def _fill_pose(message: Pose, values: Sequence[float]) -> None:
     place, turn = message.position, message.orientation
     place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = values
-
-
-def _fill_covariance(values: NDArray[np.float64], covariance: PoseCovariance) -> None:
-    """Write what a pose on the ground has: x, y and yaw are rows 0, 1 and 5 of six."""
-    values[0], values[7], values[35] = covariance.xx, covariance.yy, covariance.yaw_yaw
-    values[1] = values[6] = covariance.xy
-    values[5] = values[30] = covariance.x_yaw
-    values[11] = values[31] = covariance.y_yaw
 
 
 def _fill_twist(message: TwistMessage, twist: Twist) -> None:

@@ -548,7 +548,7 @@ class RobotView:
         warnings = shown.set_description(urdf, known)
         for display in self._of_all:
             display.set_robot()
-        self._whole.robot_size = min(map(robot_size, self.robots.values()))
+        self._whole.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         robot = self.robot
         if robot is not None and (before is None or robot.robot_name != before.robot_name):
             several = f" and {len(self._robots) - 1} more" * (not self._alone)

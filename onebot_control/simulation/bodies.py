@@ -6,22 +6,24 @@ joints are added up as written, and each rigid body becomes one link.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.simulation.shapes import geometry, words
 from onebot_description.description.description import (
     MOVING_KINDS,
+    Box,
+    Cylinder,
     Description,
     Joint,
     Link,
     Mesh,
     Origin,
     Shape,
+    Sphere,
 )
 from onebot_description.description.xml import to_text
 from onebot_description.errors import OneBotError
@@ -29,10 +31,9 @@ from onebot_description.model import quaternions
 
 Floats = NDArray[np.float64]
 
-HUB = "hub"  # with which the names of hubs and of their joints begin
-_HUB = 0.01  # of a wheel that skids: the share of its mass that turns with the base
-# Tolerance of moments of inertia, as in the description's checks: they are written with few digits.
-_ROUNDING = 0.01
+HUB = "hub"  # prefix of the names of hubs and of their joints
+_HUB = 0.01  # share of a skidding wheel's mass that its hub has
+_ROUNDING = 0.01  # tolerance of moments of inertia, which are written with few digits
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,8 @@ class SkidAxle(Joint):
     """The joint of a wheel that skids, on a hub that can slide along the axle.
 
     A motor holds the hub. PyBullet's friction counters the sliding of a contact in each direction
-    as far as the bodies resist there. A wheel gives way where it rolls: unless it does sideways,
-    too, the friction is not opposite to the sliding.
+    as far as the bodies resist there. A wheel gives way where it rolls; unless it gives way
+    sideways too, friction does not oppose the sliding.
     """
 
 
@@ -91,8 +92,8 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     Raises:
         OneBotError: what of the robot cannot be simulated, a line each.
     """
-    if unfit := [*_unfit_joints(description), *unfit_links(description)]:
-        raise OneBotError("\n".join(unfit))
+    if problems := [*_joint_problems(description), *link_problems(description)]:
+        raise OneBotError("\n".join(problems))
     firsts = [description.root_link, *(joint.child for joint in description.moving_joints)]
     bodies = {link: Body(link) for link in firsts}
     poses = link_poses(description)
@@ -102,8 +103,8 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     return bodies
 
 
-def _unfit_joints(description: Description) -> Iterator[str]:
-    """What is wrong with joints that can be published, but not simulated."""
+def _joint_problems(description: Description) -> Iterator[str]:
+    """Report joints that can be published, but not simulated."""
     for joint in description.joints:
         where = f'{joint.where}: joint "{joint.name}"'
         if joint.kind in ("floating", "planar"):
@@ -116,8 +117,8 @@ def _unfit_joints(description: Description) -> Iterator[str]:
                 yield f"{where} <dynamics> {name}: {value:g} must be 0 or more"
 
 
-def unfit_links(description: Description) -> Iterator[str]:
-    """Report what is wrong with links that can be published, but not simulated."""
+def link_problems(description: Description) -> Iterator[str]:
+    """Report links that can be published, but not simulated."""
     loose = frozenset(description.roots[1:])
     for link in description.links:
         where = f'{link.where}: link "{link.name}"'
@@ -177,17 +178,17 @@ def physics_urdf(
     """
     robot = Element("robot", name="robot")
     numbers = {link: str(number) for number, link in enumerate(bodies)}
-    unfit = []
+    problems = []
     for body in bodies.values():
         try:
-            inertial = _immovable() if fixed else _inertial(description, body)
+            inertial = _mass(0.0, np.zeros(3)) if fixed else _inertial(description, body)
             link = _link(numbers[body.link], inertial)
             _add_collisions(link, body, meshes, concave=fixed)
             robot.append(link)
         except OneBotError as error:
-            unfit.append(str(error))
-    if unfit:
-        raise OneBotError("\n".join(unfit))
+            problems.append(str(error))
+    if problems:
+        raise OneBotError("\n".join(problems))
     poses = link_poses(description)
     for row, joint in enumerate(description.moving_joints):
         parent, pose = poses[joint.parent]
@@ -215,43 +216,51 @@ def _add_collisions(link: Element, body: Body, meshes: Mapping[str, str], *, con
         if concave and isinstance(shape, Mesh):
             part.set("concave", "yes")
         part.append(_origin(where))
-        SubElement(part, "geometry").append(geometry(shape, meshes))
+        SubElement(part, "geometry").append(_geometry(shape, meshes))
+
+
+def _geometry(shape: Shape, meshes: Mapping[str, str]) -> Element:
+    if isinstance(shape, Mesh):
+        return Element("mesh", filename=meshes[shape.uri], scale=_numbers(shape.scale))
+    if isinstance(shape, Box):
+        return Element("box", size=_numbers(shape.size))
+    if isinstance(shape, Sphere):
+        return Element("sphere", radius=repr(shape.radius))
+    kind = "cylinder" if isinstance(shape, Cylinder) else "capsule"
+    return Element(kind, radius=repr(shape.radius), length=repr(shape.length))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    """Return numbers as the text of an XML attribute."""
+    return " ".join(repr(float(value)) for value in values)
 
 
 def _inertial(description: Description, body: Body, share: float = 1.0) -> Element:
     """``<inertial>`` of a ``share`` of a body."""
     moments, turn = _principal(description, body)
-    inertial = Element("inertial")
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, body.center
+    inertial = _mass(share * body.mass, share * moments)
     inertial.append(_origin(pose))
-    _add_mass(inertial, share * body.mass, share * moments)
     return inertial
 
 
-def _immovable() -> Element:
-    """``<inertial>`` of what PyBullet is to leave where it is."""
+def _mass(mass: float, moments: Floats) -> Element:
+    """``<inertial>`` at the link's frame; PyBullet never moves a mass of 0."""
     inertial = Element("inertial")
-    _add_mass(inertial, 0.0, np.zeros(3))
-    return inertial
-
-
-def _add_mass(inertial: Element, mass: float, moments: Floats) -> None:
     SubElement(inertial, "mass", value=repr(mass))
     values = {"ixy": "0", "ixz": "0", "iyz": "0"}
     values |= {name: repr(float(m)) for name, m in zip(("ixx", "iyy", "izz"), moments, strict=True)}
     SubElement(inertial, "inertia", values)
+    return inertial
 
 
 def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     """Principal moments (3,), kg m^2, and axes (3, 3) of a body."""
     where = f'{description.source}: link "{body.link}"'
     if body.mass <= 0:
-        what = (
-            "is the root, and is fixed in the air"
-            if body.link == description.root_link
-            else "moves, and cannot be moved"
-        )
+        is_root = body.link == description.root_link
+        what = "is the root, and is fixed in the air" if is_root else "moves, and cannot be moved"
         raise OneBotError(
             f"{where} {what} without a mass; give it (or a link fixed to it) an <inertial> with "
             "mass and inertia"
@@ -267,10 +276,10 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     greatest = int(np.argmax(moments))
     others = float(moments.sum() - moments[greatest])
     if moments.min() <= 0 or moments[greatest] > others * (1 + _ROUNDING):
-        shown = ", ".join(f"{moment:.3g}" for moment in sorted(moments))
+        numbers = ", ".join(f"{moment:.3g}" for moment in sorted(moments))
         raise OneBotError(
-            f"{where} has the principal moments of inertia {shown} kg m^2; all must be above 0 and "
-            "none greater than the sum of the others, else it cannot be simulated"
+            f"{where} has the principal moments of inertia {numbers} kg m^2; all must be above 0 "
+            "and none greater than the sum of the others, else it cannot be simulated"
         )
     # PyBullet ignores the whole inertia if rounding lifts one moment above that sum.
     moments[greatest] = min(moments[greatest], others * (1 - 1e-9))
@@ -283,7 +292,7 @@ def _joint(joint: Joint, name: str, place: Floats, parent: str, child: str) -> E
     SubElement(result, "parent", link=parent)
     SubElement(result, "child", link=child)
     result.append(_origin(place))
-    SubElement(result, "axis", xyz=words(joint.axis))
+    SubElement(result, "axis", xyz=_numbers(joint.axis))
     limits = {name: getattr(joint, name) for name in ("lower", "upper", "effort", "velocity")}
     if joint.kind == "continuous":
         limits["lower"] = limits["upper"] = None
@@ -311,4 +320,4 @@ def origin_of(pose: Floats) -> Origin:
 def _origin(pose: Floats) -> Element:
     """``<origin>`` of a transform (4, 4)."""
     xyz, rpy = origin_of(pose)
-    return Element("origin", xyz=words(xyz), rpy=words(rpy))
+    return Element("origin", xyz=_numbers(xyz), rpy=_numbers(rpy))

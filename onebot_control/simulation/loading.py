@@ -1,49 +1,57 @@
-"""Creates PyBullet worlds with level ground, and loads robots into them."""
+"""Creates PyBullet worlds with level ground, and loads robots and scenes into them."""
 
-import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from onebot_control.poses import Transform, inverse
-from onebot_control.simulation.bodies import (
-    HUB,
-    Body,
-    SkidAxle,
-    physics_urdf,
-    rigid_bodies,
-)
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.poses import Transform, compose, inverse
+from onebot_control.simulation.bodies import HUB, Body, SkidAxle, physics_urdf, rigid_bodies
+from onebot_control.simulation.contacts import hold_hub, set_contact, soften
 from onebot_control.simulation.engine import captured, engine, log
 from onebot_control.simulation.settings import FARTHEST, Settings
-from onebot_control.simulation.shapes import as_obj
 from onebot_description.description.description import Description, Link, Mesh
+from onebot_description.description.mesh_scene import read_mesh
 from onebot_description.errors import OneBotError, listing
 
-# The solver ignores contact points of two bodies farther apart than this, m. PyBullet keeps the
-# points where a rolling wheel has touched the ground, up to four per wheel, and solves them all:
-# at 1 m/s that takes four times as long, for forces of zero.
-_TOUCHING = 1e-6
-
-_HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
-# m by which wheels that skid yield to their load. More than three rigid wheels have no definite
-# loads, and the friction decides which of them carry the robot.
-_SAG = 1e-4
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
 class LoadedRobot(NamedTuple):
-    """PyBullet's indices of a robot and its parts."""
+    """A robot, or a box of a scene, with PyBullet's indices of its parts."""
 
-    body: int
-    joints: Mapping[str, int]  # the moving ones, by name
-    hubs: Sequence[int]  # the joints on which the hubs of wheels that skid slide
+    client: int  # its world
     ground: int
+    body: int
+    joints: Mapping[str, int]  # the moving ones by name, in the description's order
+    hubs: Sequence[int]  # the joints on which the hubs of wheels that skid slide
     # Centre of mass and principal axes of the root body in the root link's frame; that frame, not
     # the link's, is PyBullet's base.
     mass_frame: Transform
     link_frame: Transform  # the root link's frame in ``mass_frame``
+
+    def pose(self) -> Transform:
+        """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
+        mass_pose = engine.getBasePositionAndOrientation(self.body, self.client)
+        position, (x, y, z, w) = compose(mass_pose, self.link_frame)
+        # Of the two quaternions of a rotation, the one with w >= 0.
+        return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
+
+    def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
+        """Set the pose of the root link's frame, at rest, and ``positions`` of the joints."""
+        mass_pose = compose(pose, self.mass_frame)
+        body, client = self.body, self.client
+        engine.resetBasePositionAndOrientation(body, *mass_pose, physicsClientId=client)
+        engine.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
+        for index in self.hubs:
+            engine.resetJointState(body, index, 0.0, 0.0, physicsClientId=client)
+        if positions is not None:
+            for index, position in zip(self.joints.values(), positions, strict=True):
+                engine.resetJointState(body, index, position, 0.0, physicsClientId=client)
 
 
 def make_world(client: int, settings: Settings) -> int:
@@ -71,7 +79,11 @@ def make_world(client: int, settings: Settings) -> int:
 
 
 def load_robot(
-    client: int, ground: int, description: Description, settings: Settings
+    client: int,
+    ground: int,
+    description: Description,
+    settings: Settings,
+    driven: Collection[str] = (),
 ) -> LoadedRobot:
     """Load a robot into the world ``client``, its root link's frame at the origin.
 
@@ -82,6 +94,7 @@ def load_robot(
         ground: its ground, as ``make_world`` returned it.
         description: of the robot.
         settings: of the world.
+        driven: the joints with a motor, which holds them until it is told otherwise.
 
     Raises:
         OneBotError: the robot cannot be loaded.
@@ -92,55 +105,36 @@ def load_robot(
             f"{description.source}: no link has a <collision>, so the robot would fall through "
             "the ground; give the wheels one"
         )
-    body = _load(client, description, bodies)
-    names = [joint.name for joint in description.moving_joints]
+    robot = _load(client, description, bodies)
+    moving = description.moving_joints
     root, *moved = bodies.values()
-    joints, hubs = {}, []
-    for index in range(engine.getNumJoints(body, physicsClientId=client)):
-        info = engine.getJointInfo(body, index, physicsClientId=client)
-        if info[1].decode().startswith(HUB):
+    indices, hubs = {}, []
+    for index in range(engine.getNumJoints(robot, physicsClientId=client)):
+        info = engine.getJointInfo(robot, index, physicsClientId=client)
+        name = info[1].decode()
+        if name.startswith(HUB):
             hubs.append(index)
-            _hold(client, body, index)
+            hold_hub(client, robot, index)
             continue
-        row = int(info[1])
-        joints[names[row]] = index
-        # The joint's friction: a motor with target 0 and that torque.
+        row = int(name)
+        joint = moving[row]
+        indices[row] = index
+        # Friction of a joint without a motor: a motor with target 0 and that torque.
+        torque = joint.effort if joint.name in driven else info[7]
         engine.setJointMotorControl2(
-            body, index, engine.VELOCITY_CONTROL, force=info[7], physicsClientId=client
+            robot, index, engine.VELOCITY_CONTROL, force=torque, physicsClientId=client
         )
-        _set_contact(client, body, index, moved[row], description, settings)
-    _set_contact(client, body, -1, root, description, settings)
-    skidding = [
-        joints[joint.name] for joint in description.moving_joints if isinstance(joint, SkidAxle)
-    ]
-    _soften(client, body, skidding, sum(each.mass for each in bodies.values()), settings)
+        set_contact(client, robot, index, moved[row], description, settings)
+    set_contact(client, robot, -1, root, description, settings)
+    joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
+    skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
+    soften(client, robot, skidding, sum(body.mass for body in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
         # One key per call: with either of these PyBullet ignores the link index.
-        engine.changeDynamics(body, -1, **{damping: 0.0}, physicsClientId=client)
-    dynamics = engine.getDynamicsInfo(body, -1, physicsClientId=client)
+        engine.changeDynamics(robot, -1, **{damping: 0.0}, physicsClientId=client)
+    dynamics = engine.getDynamicsInfo(robot, -1, physicsClientId=client)
     mass_frame = dynamics[3], dynamics[4]
-    return LoadedRobot(body, joints, hubs, ground, mass_frame, inverse(mass_frame))
-
-
-def _soften(client: int, body: int, wheels: Sequence[int], mass: float, settings: Settings) -> None:
-    """Let wheels share the weight of ``mass`` as tyres do: by springs, critically damped."""
-    for index in wheels:
-        share = mass / len(wheels)
-        stiffness = share * settings.gravity / _SAG
-        engine.changeDynamics(
-            body,
-            index,
-            contactStiffness=stiffness,
-            contactDamping=2.0 * math.sqrt(stiffness * share),
-            physicsClientId=client,
-        )
-
-
-def _hold(client: int, body: int, index: int) -> None:
-    """Hold a joint at 0."""
-    engine.setJointMotorControl2(
-        body, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING, physicsClientId=client
-    )
+    return LoadedRobot(client, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
 
 
 def load_fixed(client: int, description: Description, body: Body, settings: Settings) -> int:
@@ -150,7 +144,7 @@ def load_fixed(client: int, description: Description, body: Body, settings: Sett
         OneBotError: it cannot be loaded.
     """
     index = _load(client, description, {body.link: body}, fixed=True)
-    _set_contact(client, index, -1, body, description, settings)
+    set_contact(client, index, -1, body, description, settings)
     return index
 
 
@@ -185,26 +179,6 @@ def _file(text: str) -> Iterator[str]:
         yield f"/proc/self/fd/{file.fileno()}"
 
 
-def _set_contact(
-    client: int, robot: int, index: int, body: Body, description: Description, settings: Settings
-) -> None:
-    """Set a body's friction, and check that PyBullet has loaded all of its shapes."""
-    found = len(engine.getCollisionShapeData(robot, index, physicsClientId=client))
-    if found < len(body.collisions):
-        raise OneBotError(
-            f"{description.source}: PyBullet loaded {found} of the {len(body.collisions)} "
-            f'collision shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
-        )
-    friction = settings.friction if body.friction is None else body.friction
-    engine.changeDynamics(
-        robot,
-        index,
-        lateralFriction=friction,
-        contactProcessingThreshold=_TOUCHING,
-        physicsClientId=client,
-    )
-
-
 @contextmanager
 def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator[Mapping[str, str]]:
     """Convert the collision meshes of ``bodies`` to files that exist within the block.
@@ -234,13 +208,13 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
     with TemporaryDirectory() as folder:
         for uri, (mesh, links) in meshes.items():
             try:
-                text = as_obj(mesh, convex)
+                text = _as_obj(mesh, convex)
             except OneBotError as error:
                 failures.setdefault(str(error), []).extend(links)
                 continue
-            copy = Path(folder) / f"{len(written)}.obj"
-            copy.write_text(text, encoding="utf-8")
-            written[uri] = str(copy)
+            file = Path(folder) / f"{len(written)}.obj"
+            file.write_text(text, encoding="utf-8")
+            written[uri] = str(file)
         if failures:
             raise OneBotError(
                 "\n".join(
@@ -250,3 +224,28 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
                 )
             )
         yield written
+
+
+def _as_obj(mesh: Mesh, convex: bool) -> str:
+    """A mesh file, or its convex hull, in metres, as Wavefront OBJ."""
+    corners, faces = read_mesh(mesh)
+    if convex:
+        faces = _hull(corners)
+    used, faces = np.unique(faces, return_inverse=True)
+    lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
+    lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The faces (N, 3) of the convex hull of (M, 3) corners.
+
+    It is all that PyBullet makes of a mesh, but in minutes.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(ConvexHull(corners).simplices, np.intp)
+    except QhullError:  # it is flat: any faces will do, as only the corners count
+        count = len(corners)
+        return np.arange(3 * -(-count // 3), dtype=np.intp).reshape(-1, 3) % count

@@ -1,24 +1,17 @@
-"""The pose of a robot at rest on level ground, determined by simulating until it rests."""
+"""The pose of a robot at rest, on level ground or in a scene: it is simulated until it rests."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from onebot_control.poses import (
-    Quaternion,
-    Transform,
-    Triple,
-    about_z,
-    compose,
-    multiply,
-    yaw_of,
-)
+from onebot_control.poses import Quaternion, Transform, Triple, about_z, multiply, yaw_of
 from onebot_control.simulation.engine import engine, logger
-from onebot_control.simulation.loading import LoadedRobot
-from onebot_control.simulation.settings import Settings
+from onebot_control.simulation.loading import LoadedRobot, load_robot, make_world
+from onebot_control.simulation.scene import SceneBodies
+from onebot_control.simulation.settings import RobotSpawn, Settings, SpawnPose
 from onebot_description.description import Description
 from onebot_description.description.sizes import LARGEST
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, listing
 
 # Faster than this after the settling time, m/s and rad/s: a warning.
 _MAX_SPEED = 1e-3
@@ -27,6 +20,12 @@ _RESTING = 1e-6
 _RESTING_TIME = 0.05
 _MIN_SUPPORT = 1e-3  # m, half width of the area that supports a stable robot
 _MAX_TILT = math.radians(45.0)
+
+# In a scene.
+_STEP, _FINE = 0.01, 1e-4  # m, of the search for the height above what is there
+_ABOVE = 1e-3  # m, from where the robot is let go
+_SWIVELLING = 0.02  # m/s and rad/s, of casters that still turn downhill
+_AWAY = 0.1  # m that a robot may slide before it rests
 
 
 class RestPose(NamedTuple):
@@ -40,47 +39,26 @@ class RestPose(NamedTuple):
         return (x, y, self.height), multiply(about_z(yaw), self.tilt)
 
 
-def link_pose(client: int, robot: LoadedRobot) -> Transform:
-    """Pose of the root link's frame in the world: position in m, quaternion x y z w."""
-    mass_pose = engine.getBasePositionAndOrientation(robot.body, client)
-    position, (x, y, z, w) = compose(mass_pose, robot.link_frame)
-    # Of the two quaternions of a rotation, the one with w >= 0.
-    return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
-
-
-def place(client: int, robot: LoadedRobot, pose: Transform) -> None:
-    """Set the pose of the root link's frame, with zero velocity; joints are not changed."""
-    mass_pose = compose(pose, robot.mass_frame)
-    engine.resetBasePositionAndOrientation(robot.body, *mass_pose, physicsClientId=client)
-    engine.resetBaseVelocity(robot.body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
-    for index in robot.hubs:
-        engine.resetJointState(robot.body, index, 0.0, 0.0, physicsClientId=client)
-
-
 def settle(
-    client: int,
-    robot: LoadedRobot,
-    description: Description,
-    driven: Sequence[str],
-    settings: Settings,
+    robot: LoadedRobot, description: Description, driven: Sequence[str], settings: Settings
 ) -> RestPose:
     """Let the robot come to rest on its wheels at the origin, joints at 0.
 
-    The motors must be set to 0 before. Afterwards the robot is at rest there, all joints exactly 0.
+    Afterwards it is at rest there, all joints exactly 0.
 
     Raises:
         OneBotError: it does not stay on the ground or upright, or is in another unit than metres.
     """
+    client = robot.client
     near = engine.getClosestPoints(robot.body, robot.ground, 1e9, physicsClientId=client)
     lowest = min(point[8] for point in near)
-    _check_size(client, robot, description, lowest)
-    place(client, robot, ((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
-    come_to_rest(client, robot, settings)
-    position, rotation = link_pose(client, robot)
+    _check_size(robot, description, lowest)
+    robot.place(((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
+    _come_to_rest(robot, settings)
+    position, rotation = robot.pose()
     touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=client)
     _check_rest(description, position, rotation, bool(touching))
-    linear, angular = engine.getBaseVelocity(robot.body, physicsClientId=client)
-    if max(map(abs, (*linear, *angular))) > _MAX_SPEED:
+    if _base_speed(robot) > _MAX_SPEED:
         logger.warning(
             "%s: the robot has not come to rest within %g s on the ground",
             description.source,
@@ -94,14 +72,12 @@ def settle(
                 description.source,
                 name,
             )
-    for index in robot.joints.values():
-        engine.resetJointState(robot.body, index, 0.0, 0.0, physicsClientId=client)
     rest_pose = RestPose(position[2], multiply(about_z(-yaw_of(*rotation)), rotation))
-    place(client, robot, rest_pose.at(0.0, 0.0, 0.0))
+    robot.place(rest_pose.at(0.0, 0.0, 0.0), [0.0] * len(robot.joints))
     return rest_pose
 
 
-def _check_size(client: int, robot: LoadedRobot, description: Description, lowest: float) -> None:
+def _check_size(robot: LoadedRobot, description: Description, lowest: float) -> None:
     """Refuse a robot that is in another unit than metres; ``lowest`` is where it ends, m."""
     if abs(lowest) > LARGEST:
         raise OneBotError(
@@ -110,7 +86,7 @@ def _check_size(client: int, robot: LoadedRobot, description: Description, lowes
         )
     links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
     for index, link in {-1: description.root_link, **links}.items():
-        low, high = engine.getAABB(robot.body, index, physicsClientId=client)
+        low, high = engine.getAABB(robot.body, index, physicsClientId=robot.client)
         length = max(most - least for least, most in zip(low, high, strict=True))
         if length > LARGEST:
             raise OneBotError(
@@ -119,33 +95,39 @@ def _check_size(client: int, robot: LoadedRobot, description: Description, lowes
             )
 
 
-def come_to_rest(client: int, robot: LoadedRobot, settings: Settings) -> None:
+def _come_to_rest(robot: LoadedRobot, settings: Settings) -> None:
     """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
     needed, still = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
-        engine.stepSimulation(client)
-        still = still + 1 if _fastest(client, robot) < _RESTING else 0
+        engine.stepSimulation(robot.client)
+        still = still + 1 if _fastest(robot) < _RESTING else 0
         if still >= needed:
-            if _is_stable(client, robot):
+            if _is_stable(robot):
                 return
             still = 0
 
 
-def _fastest(client: int, robot: LoadedRobot) -> float:
-    """The greatest speed of the base and of the joints, m/s or rad/s."""
-    linear, angular = engine.getBaseVelocity(robot.body, client)
-    joints = engine.getJointStates(robot.body, list(robot.joints.values()), client)
-    speeds: list[float] = [*linear, *angular, *(state[1] for state in joints)]
+def _base_speed(robot: LoadedRobot) -> float:
+    """The greatest speed of the base, m/s or rad/s."""
+    linear, angular = engine.getBaseVelocity(robot.body, robot.client)
+    speeds: list[float] = [*linear, *angular]
     return max(map(abs, speeds))
 
 
-def _is_stable(client: int, robot: LoadedRobot) -> bool:
+def _fastest(robot: LoadedRobot) -> float:
+    """The greatest speed of the base and of the joints, m/s or rad/s."""
+    joints = engine.getJointStates(robot.body, list(robot.joints.values()), robot.client)
+    speeds: list[float] = [_base_speed(robot), *(abs(state[1]) for state in joints)]
+    return max(speeds)
+
+
+def _is_stable(robot: LoadedRobot) -> bool:
     """Whether an area supports the robot, not a point or a line on which it only balances.
 
     At rest the mean of the contact forces is below the centre of mass; their least standard
     deviation over all horizontal directions is a measure of the width of the area.
     """
-    touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=client)
+    touching = engine.getContactPoints(robot.body, robot.ground, physicsClientId=robot.client)
     forces: list[Triple] = [(point[9], *point[6][:2]) for point in touching]
     total = sum(force for force, _, _ in forces)
     if not total > 0.0:
@@ -172,14 +154,84 @@ def _check_rest(
             f"{source}: the robot does not stay on the ground (its root link is at z = "
             f"{position[2]:.3g} m); check its <collision> shapes and masses"
         )
-    if not is_upright(rotation):
+    if not _is_upright(rotation):
         raise OneBotError(
             f"{source}: the robot topples over when it is set on the ground; it needs a "
             "<collision> on each side of its centre of mass, such as a caster"
         )
 
 
-def is_upright(rotation: Quaternion) -> bool:
-    """Return whether a robot of this rotation has not toppled over."""
+def _is_upright(rotation: Quaternion) -> bool:
+    """Whether a robot of this rotation has not toppled over."""
     x, y = rotation[:2]
     return 1 - 2 * (x * x + y * y) >= math.cos(_MAX_TILT)
+
+
+def pose_on(
+    scene: Description, spawn: RobotSpawn, settings: Settings, rest: RestPose, where: SpawnPose
+) -> Transform:
+    """Return the pose of a robot's root link at rest on what stands still in a scene.
+
+    The robot is held level above it, let go, and has to come to rest there on its wheels.
+
+    Args:
+        scene: what stands around.
+        spawn: the robot.
+        settings: of the simulation.
+        rest: of the robot on level ground.
+        where: x, y and yaw.
+
+    Raises:
+        OneBotError: it cannot stand there.
+    """
+    client: int = engine.connect(engine.DIRECT)
+    try:
+        ground = make_world(client, settings)
+        bodies = SceneBodies(scene)
+        bodies.enter(client, ground, settings, free=False)
+        robot = load_robot(client, ground, spawn.description, settings, spawn.driven)
+        links = _lift(bodies, robot, rest.at(*where))
+        _come_to_rest(robot, settings)
+        pose = robot.pose()
+        if not _stands(robot, spawn.driven, pose, where):
+            x, y, yaw = where
+            raise OneBotError(
+                f"x {x:g} m, y {y:g} m, yaw {yaw:g} rad: a robot cannot stand there, inside or on "
+                f"link {listing(links)} of {scene.source}; put it somewhere else"
+            )
+        return pose
+    finally:
+        engine.disconnect(client)
+
+
+def _lift(scene: SceneBodies, robot: LoadedRobot, pose: Transform) -> list[str]:
+    """Lift the robot from ``pose`` until it is free; return the links that it was in."""
+    (x, y, z), rotation = pose
+
+    def links_at(height: float) -> Mapping[int, str]:
+        robot.place(((x, y, z + height), rotation))
+        return scene.fixed_at(robot)
+
+    low = high = 0.0
+    met: dict[str, None] = {}
+    while links := links_at(high):
+        met.update(dict.fromkeys(links.values()))
+        low, high = high, high + _STEP
+    while high - low > _FINE:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if links_at(middle) else (low, middle)
+    links_at(high + _ABOVE)
+    return list(met)
+
+
+def _stands(robot: LoadedRobot, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:
+    """Whether the robot rests upright on its wheels, where it was let go."""
+    (x, y, _), rotation = pose
+    touching = engine.getContactPoints(robot.body, physicsClientId=robot.client)
+    links = {point[3] for point in touching}
+    return (
+        math.hypot(x - where[0], y - where[1]) <= _AWAY
+        and _base_speed(robot) <= _SWIVELLING
+        and _is_upright(rotation)
+        and all(robot.joints[name] in links for name in driven)
+    )

@@ -1,22 +1,30 @@
-"""One robot of a PyBullet world: the targets of its motors, and its state as plain arrays."""
+"""One robot of a world: the motors of its driven joints, its state, and where it is put."""
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from onebot_control.poses import Transform, conjugate, cross, rotate
+from onebot_control.poses import Transform, Triple, conjugate, cross, rotate
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import LoadedRobot
-from onebot_control.simulation.rest_pose import link_pose, place
-from onebot_description.description import Description
+from onebot_control.simulation.loading import LoadedRobot, load_robot
+from onebot_control.simulation.rest_pose import RestPose
+from onebot_control.simulation.scene import SceneBodies
+from onebot_control.simulation.settings import RobotSpawn, checked_spawn_pose
+from onebot_description.description.description import Joint
 from onebot_description.errors import OneBotError, did_you_mean
 
+if TYPE_CHECKING:
+    from onebot_control.simulation.world import World
+
 Floats = NDArray[np.float64]
+
+# Columns of getJointStates.
+_POSITION, _VELOCITY, _EFFORT = 0, 1, 3
 
 
 class JointStates(NamedTuple):
@@ -41,47 +49,93 @@ class Twist(NamedTuple):
     angular: Floats  # (3,), rad/s
 
 
-class Motors:
-    """Velocity motors, limited by the effort and velocity of the joints' ``<limit>``."""
+class Robot:
+    """One robot of a world, which moves when the world steps.
 
-    def __init__(self, description: Description, driven: Sequence[str]) -> None:
-        """Find the driven joints.
+    Each driven joint has a motor, limited by the effort and the velocity of its ``<limit>``. All
+    other joints turn freely, except for the friction and damping of their ``<dynamics>``.
+    """
+
+    world: "World"
+    spawn: RobotSpawn
+    joints: tuple[str, ...]  # names of the moving joints, in the description's order
+    driven: tuple[str, ...]  # names of the joints with a motor, in the given order
+    rest_pose: RestPose  # height and tilt at rest on level ground
+    parts: LoadedRobot
+    pose: Transform  # of the root link's frame, as last read
+    positions: list[float]  # of the joints, by row of ``joints``, as last read
+    finite: bool  # whether the last state was finite
+
+    def __init__(self, world: "World", spawn: RobotSpawn) -> None:
+        """Find the joints; ``load`` adds the robot to its world.
 
         Raises:
-            OneBotError: there are none, or one is unknown, named twice or without effort.
+            ValueError: its pose is not finite.
+            OneBotError: its pose is too far away, or a driven joint is unknown, named twice or
+                without effort.
         """
-        joints = {joint.name: joint for joint in description.moving_joints}
-        source = description.source
-        if not driven:
-            raise OneBotError(f"{source}: the simulation has no driven joints")
-        self.driven = tuple(driven)
-        self._efforts = []
-        for name in self.driven:
-            if name not in joints:
-                known = did_you_mean(name, joints, "joints that move")
-                raise OneBotError(f'{source}: there is no joint "{name}" to drive{known}')
-            if self.driven.count(name) > 1:
-                raise OneBotError(f'{source}: driven joint "{name}" is named twice')
-            effort = joints[name].effort
-            if not effort:
-                raise OneBotError(
-                    f'{source}: driven joint "{name}" needs <limit effort="..." velocity="...">; '
-                    "the effort (Nm, or N) of its motor must be above 0"
-                )
-            self._efforts.append(effort)
-        speeds = [joints[name].velocity for name in self.driven]
+        self.world, self.spawn = world, spawn
+        self.start = checked_spawn_pose(spawn.x, spawn.y, spawn.yaw)
+        self.joints = tuple(joint.name for joint in spawn.description.moving_joints)
+        self.driven = tuple(spawn.driven)
+        self._driven_rows = [self.joints.index(joint.name) for joint in _driven_joints(spawn)]
+        motors = [spawn.description.moving_joints[row] for row in self._driven_rows]
+        self._strengths = [joint.effort for joint in motors]
         # Not infinity, so that every value that is not finite is out of range.
-        self._fastest = [sys.float_info.max if speed is None else speed for speed in speeds]
-        self._names = frozenset(self.driven)
+        self._fastest = [
+            sys.float_info.max if joint.velocity is None else joint.velocity for joint in motors
+        ]
+        self.finite = True
+
+    def load(self, ground: int) -> None:
+        """Add the robot to its world, at the origin."""
+        client = self.world.client
+        description, settings = self.spawn.description, self.world.settings
+        self.parts = load_robot(client, ground, description, settings, self.driven)
+        body = self.parts.body
+        self._indices = list(self.parts.joints.values())
+        self._driven_indices = [self.parts.joints[name] for name in self.driven]
+        self._read_joints = partial(engine.getJointStates, body, self._indices, client)
+        self._read_motors = partial(engine.getJointStates, body, self._driven_indices, client)
+        self._read_velocity = partial(engine.getBaseVelocity, body, client)
+        self._targets = [0.0] * len(self.driven)
+        self._efforts = [0.0] * len(self.joints)  # of the motors
+        self._update(self._read_joints())
+
+    @property
+    def scene(self) -> SceneBodies | None:
+        """What stands around the robots."""
+        return self.world.scene
+
+    @property
+    def obstructed(self) -> bool:
+        """Whether something other than the ground touches the robot."""
+        if len(self.world.robots) == 1 and self.scene is None:
+            return False
+        own = {self.parts.body, self.parts.ground}
+        points = engine.getContactPoints(self.parts.body, physicsClientId=self.world.client)
+        return any(not {point[1], point[2]} <= own for point in points)
+
+    def turn(self, velocities: Mapping[str, float] | ArrayLike) -> None:
+        """Set the target velocities of the motors, which stay until others are set.
+
+        Args:
+            velocities: of every driven joint, rad/s (m/s for prismatic ones), by name or in the
+                order of ``driven``. A joint is no faster than its limit.
+
+        Raises:
+            ValueError: one is missing, unknown or not finite; then nothing has changed.
+        """
+        targets = self.targets(velocities)
+        self.world.check_open()
+        # PyBullet keeps the targets, and setting them takes as long as reading the joints.
+        if targets != self._targets:
+            self._drive(targets)
 
     def targets(self, velocities: Mapping[str, float] | ArrayLike) -> list[float]:
-        """Return the velocities in the order of ``driven``, within the joints' limits.
-
-        Raises:
-            ValueError: one is missing, unknown or not finite.
-        """
+        """Return velocities in the order of ``driven``, within the joints' limits; see ``turn``."""
         if isinstance(velocities, Mapping):
-            if velocities.keys() != self._names:
+            if velocities.keys() != set(self.driven):
                 raise ValueError(
                     f"velocities must be of exactly {', '.join(self.driven)}, "
                     f"not of {', '.join(map(str, velocities)) or 'nothing'}"
@@ -89,98 +143,110 @@ class Motors:
             # Plain floats: for a few numbers arrays would be slower than the rest.
             values = [float(velocities[name]) for name in self.driven]
         else:
-            wanted = np.asarray(velocities, float)
-            if wanted.shape != (len(self.driven),):
+            array = np.asarray(velocities, float)
+            if array.shape != (len(self.driven),):
                 raise ValueError(
                     f"velocities must be {len(self.driven)} numbers, not {velocities!r}"
                 )
-            values = wanted.tolist()
+            values = array.tolist()
         for row, fastest in enumerate(self._fastest):
             if not -fastest <= values[row] <= fastest:
-                values[row] = self._limited(values[row], fastest)
+                if not math.isfinite(values[row]):
+                    # A single NaN would make the whole world NaN permanently.
+                    raise ValueError(f"velocities must be finite, not {values[row]}")
+                values[row] = math.copysign(fastest, values[row])
         return values
 
-    def _limited(self, value: float, fastest: float) -> float:
-        """``value`` limited to ``fastest``."""
-        if not math.isfinite(value):
-            # A single NaN would make the whole world NaN permanently.
-            raise ValueError(f"velocities must be finite, not {value}")
-        return math.copysign(fastest, value)
-
-    def drive(
-        self, client: int, body: int, indices: Sequence[int], targets: Sequence[float]
-    ) -> None:
-        """Set the target velocities of the motors.
-
-        Args:
-            client: PyBullet's index of the world.
-            body: PyBullet's index of the robot.
-            indices: PyBullet's indices of the joints, in the order of ``driven``.
-            targets: rad/s or m/s, in the same order.
-        """
-        engine.setJointMotorControlArray(
-            body,
-            indices,
-            engine.VELOCITY_CONTROL,
-            targetVelocities=targets,
-            forces=self._efforts,
-            physicsClientId=client,
+    def joint_states(self) -> JointStates:
+        """Return positions, velocities and motor efforts, in the order of ``joints``."""
+        self.check()
+        return JointStates(
+            np.array(self.positions), np.array(self._velocities), np.array(self._efforts)
         )
 
+    def base_pose(self) -> Pose:
+        """Return the true pose of the root link's frame in the world."""
+        self.check()
+        position, rotation = self.pose
+        return Pose(np.array(position), np.array(rotation))
 
-# Columns of getJointStates.
-_POSITION, _VELOCITY, _EFFORT = 0, 1, 3
+    def base_twist(self) -> Twist:
+        """Return the true velocity of the root link's frame, in its own axes."""
+        self.check()
+        back = conjugate(self.pose[1])
+        linear, angular = self._velocity
+        x, y, z = rotate(back, linear)
+        turning = rotate(back, angular)
+        # PyBullet returns the velocity of the centre of mass.
+        a, b, c = cross(turning, self.parts.mass_frame[0])
+        return Twist(np.array((x - a, y - b, z - c)), np.array(turning))
 
+    def reset(self) -> None:
+        """Move the robot back to its start, joints at 0, and the scene's boxes; time continues.
 
-class RobotBody:
-    """One robot of a world."""
-
-    joints: tuple[str, ...]  # the moving joints, in the description's order
-    driven: tuple[str, ...]  # the joints with a motor, in the given order
-    finite: bool  # whether the last state was finite
-    parts: LoadedRobot
-    _efforts: list[float]  # of the motors, by row of ``joints``
-
-    def __init__(self, description: Description, driven: Sequence[str]) -> None:
-        """Find the joints; ``enter`` adds the robot to a world.
+        A box stays where it is if another robot is in its place.
 
         Raises:
-            OneBotError: a driven joint is invalid.
+            OneBotError: another robot is at its start, or it cannot stand there; nothing has
+                changed then.
         """
-        self.joints = tuple(joint.name for joint in description.moving_joints)
-        self.driven = tuple(driven)
-        self.finite = True
-        self._source = description.source
-        self._motors = Motors(description, self.driven)
-        self._driven_rows = [self.joints.index(name) for name in self.driven]
+        self.world.stand(self, self.start, at_start=True)
 
-    def enter(self, client: int, parts: LoadedRobot) -> None:
-        """Control a loaded robot, with target velocities of 0."""
-        self._client, self.parts = client, parts
-        self._indices = [parts.joints[name] for name in self.joints]
-        self._driven_indices = [parts.joints[name] for name in self.driven]
-        body = parts.body
-        self._read_joints = partial(engine.getJointStates, body, self._indices, client)
-        self._read_driven = partial(engine.getJointStates, body, self._driven_indices, client)
-        self._read_velocity = partial(engine.getBaseVelocity, body, client)
-        self._stop_motors()
+    def teleport(self, x: float, y: float, yaw: float) -> None:
+        """Move the robot to another pose, at rest.
+
+        Joint positions and time continue, so that odometry is not affected.
+
+        Args:
+            x: of the root link's frame, m.
+            y: likewise, m.
+            yaw: its heading, rad.
+
+        Raises:
+            ValueError: a value is not finite.
+            OneBotError: it is too far from the origin to be exact, another robot is there, or the
+                robot cannot stand there for the scene; nothing has changed then.
+        """
+        self.world.stand(self, checked_spawn_pose(x, y, yaw), at_start=False)
+
+    def brake(self) -> None:
+        """Stop at once: all velocities are exactly 0, positions do not change."""
+        self.check()
+        self.put(self.pose, self.positions)
+        self.check()
+
+    def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
+        """Place the robot at rest, with these positions of its joints; by default 0."""
+        self.parts.place(pose, positions or [0.0] * len(self.joints))
+        # A saved state contains neither targets nor efforts of motors.
+        self._drive([0.0] * len(self.driven))
+        self._efforts = [0.0] * len(self.joints)
+        self._update(self._read_joints())
+
+    def continue_from(self, other: "Robot") -> None:
+        """Move on as the same robot does in another world."""
+        body, client = self.parts.body, self.world.client
+        self.parts.place(other.pose)
+        engine.resetBaseVelocity(body, *other._velocity, physicsClientId=client)
+        states = zip(self._indices, other.positions, other._velocities, strict=True)
+        for index, position, velocity in states:
+            engine.resetJointState(body, index, position, velocity, client)
+        self._drive(other._targets)
+        self._efforts = other._efforts
+        self._update(self._read_joints())
+
+    def close(self) -> None:
+        """Close the robot's world."""
+        self.world.close()
 
     def check(self) -> None:
-        """Raise OneBotError if the last state was not finite."""
+        """Raise OneBotError if the world is closed, or the robot's last state not finite."""
+        self.world.check_open()
         if not self.finite:
             raise OneBotError(
-                f"{self._source}: the simulation diverged: its state is no longer finite; reset it"
+                f"{self.spawn.description.source}: the simulation diverged: its state is no longer "
+                "finite; reset it"
             )
-
-    def targets(self, velocities: Mapping[str, float] | ArrayLike) -> list[float]:
-        """Return the targets for ``turn``; see ``Motors.targets``."""
-        return self._motors.targets(velocities)
-
-    def turn(self, targets: list[float]) -> None:
-        """Set the target velocities of the motors."""
-        # PyBullet keeps the targets, and setting them takes as long as reading the joints.
-        if targets != self._targets:
-            self._drive(targets)
 
     def begin(self) -> None:
         """Prepare for physics steps: ``record_efforts`` after all but the last, then ``read``."""
@@ -189,7 +255,7 @@ class RobotBody:
     def record_efforts(self) -> None:
         """Record the efforts of the motors in a physics step."""
         # Floats only: whole states of 100 robots would not fit into the processor's caches.
-        for state in self._read_driven():
+        for state in self._read_motors():
             self._recorded.append(state[_EFFORT])
 
     def read(self, steps: int) -> None:
@@ -203,79 +269,45 @@ class RobotBody:
             self._efforts[row] = (total + states[row][_EFFORT]) / steps
         self._update(states)
 
-    def joint_states(self) -> JointStates:
-        """Return positions, velocities and motor efforts, in the order of ``joints``."""
-        return JointStates(
-            np.array(self._positions), np.array(self._velocities), np.array(self._efforts)
-        )
-
-    def base_pose(self) -> Pose:
-        """Return the true pose of the root link's frame in the world."""
-        position, rotation = self.pose
-        return Pose(np.array(position), np.array(rotation))
-
-    def base_twist(self) -> Twist:
-        """Return the true velocity of the root link's frame, in its own axes."""
-        back = conjugate(self.pose[1])
-        linear, angular = self._velocity
-        x, y, z = rotate(back, linear)
-        turning = rotate(back, angular)
-        # PyBullet returns the velocity of the centre of mass.
-        a, b, c = cross(turning, self.parts.mass_frame[0])
-        return Twist(np.array((x - a, y - b, z - c)), np.array(turning))
-
-    def stand(self, pose: Transform, start: bool) -> None:
-        """Place the robot at rest.
-
-        Args:
-            pose: of the root link's frame.
-            start: set the joints to 0; else keep their positions.
-        """
-        positions = [0.0] * len(self.joints) if start else self._positions
-        place(self._client, self.parts, pose)
-        self._set_joints(positions)
-
-    def assume(self, other: "RobotBody") -> None:
-        """Move as ``other`` does, the same robot in another world."""
-        client, body = self._client, self.parts.body
-        place(client, self.parts, other.pose)
-        engine.resetBaseVelocity(body, *other._velocity, physicsClientId=client)
-        states = zip(self._indices, other._positions, other._velocities, strict=True)
-        for index, position, velocity in states:
-            engine.resetJointState(body, index, position, velocity, client)
-        self._drive(other._targets)
-        self._efforts = other._efforts
-        self._update(self._read_joints())
-
-    def brake(self) -> None:
-        """Stop at once: all velocities are exactly 0, positions do not change."""
-        place(self._client, self.parts, self.pose)
-        self._set_joints(self._positions)
-
-    def _set_joints(self, positions: Sequence[float]) -> None:
-        body, client = self.parts.body, self._client
-        for index, position in zip(self._indices, positions, strict=True):
-            engine.resetJointState(body, index, position, 0.0, client)
-        # A saved state contains neither targets nor efforts of motors.
-        self._stop_motors()
-        self._efforts = [0.0] * len(self.joints)
-        self._update(self._read_joints())
-
-    def _stop_motors(self) -> None:
-        self._drive([0.0] * len(self.driven))
-
     def _drive(self, targets: list[float]) -> None:
         self._targets = targets
-        self._motors.drive(self._client, self.parts.body, self._driven_indices, targets)
+        engine.setJointMotorControlArray(
+            self.parts.body,
+            self._driven_indices,
+            engine.VELOCITY_CONTROL,
+            targetVelocities=targets,
+            forces=self._strengths,
+            physicsClientId=self.world.client,
+        )
 
     def _update(self, states: Sequence[Sequence[float]]) -> None:
         """Store the joints' state, read the base's, and check that all values are finite."""
-        self._positions = [state[_POSITION] for state in states]
+        self.positions = [state[_POSITION] for state in states]
         self._velocities = [state[_VELOCITY] for state in states]
-        self.pose = link_pose(self._client, self.parts)
-        self._velocity = self._read_velocity()
+        self.pose = self.parts.pose()
+        self._velocity: tuple[Triple, Triple] = self._read_velocity()
         (x, y, z), (a, b, c, d) = self.pose
         (vx, vy, vz), (wx, wy, wz) = self._velocity
         total = x + y + z + a + b + c + d + vx + vy + vz + wx + wy + wz
-        total += sum(self._positions) + sum(self._velocities) + sum(self._efforts)
+        total += sum(self.positions) + sum(self._velocities) + sum(self._efforts)
         self.finite = math.isfinite(total)
+
+
+def _driven_joints(spawn: RobotSpawn) -> Iterable[Joint]:
+    """Yield the joints with a motor, each checked."""
+    source = spawn.description.source
+    joints = {joint.name: joint for joint in spawn.description.moving_joints}
+    if not spawn.driven:
+        raise OneBotError(f"{source}: the simulation has no driven joints")
+    for name in spawn.driven:
+        if name not in joints:
+            known = did_you_mean(name, joints, "joints that move")
+            raise OneBotError(f'{source}: there is no joint "{name}" to drive{known}')
+        if list(spawn.driven).count(name) > 1:
+            raise OneBotError(f'{source}: driven joint "{name}" is named twice')
+        if not joints[name].effort:
+            raise OneBotError(
+                f'{source}: driven joint "{name}" needs <limit effort="..." velocity="...">; '
+                "the effort (Nm, or N) of its motor must be above 0"
+            )
+        yield joints[name]

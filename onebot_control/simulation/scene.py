@@ -6,35 +6,23 @@ own, which falls, and can be pushed.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from onebot_control.poses import Transform
-from onebot_control.simulation.bodies import (
-    Body,
-    Floats,
-    link_poses,
-    origin_of,
-    unfit_links,
-)
+from onebot_control.simulation.bodies import Body, link_poses, link_problems, origin_of
 from onebot_control.simulation.engine import engine
-from onebot_control.simulation.loading import (
-    LoadedRobot,
-    load_fixed,
-    load_robot,
-    make_world,
-)
-from onebot_control.simulation.rest_pose import link_pose, place
+from onebot_control.simulation.loading import LoadedRobot, load_fixed, load_robot, make_world
 from onebot_control.simulation.settings import Settings
-from onebot_description.description.description import Description, Link
+from onebot_description.description.description import Description
 from onebot_description.description.worlds import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.model.quaternions import from_rpy
 
 _DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
-# m. Out of each other bodies are pushed by as much as they are in, up to 15 mm, as measured; what
-# starts deeper is thrown, 0.5 m high from half of a box of 0.2 m in the ground. A place for it that
-# is not the file's would be a guess, so that it is refused, as robots are that start in a wall.
+# m. PyBullet separates overlapping bodies gently up to 15 mm, as measured; deeper ones are thrown,
+# 0.5 m high from half of a box of 0.2 m in the ground. Any other place for such a box would be a
+# guess, so it is refused, as robots are that start in a wall.
 _DEEPEST = 0.01
 
 
@@ -72,21 +60,58 @@ class SceneBodies:
         Raises:
             OneBotError: what of it cannot be simulated, a line each.
         """
-        if unfit := [*unfit_links(description), *_unfit(description)]:
-            raise OneBotError("\n".join(unfit))
+        self._firsts = {link: first for link, (first, _) in link_poses(description).items()}
         self.description = description
-        poses, firsts = _poses(description), _firsts(description)
-        self.links = _floating(description)
+        if problems := [*link_problems(description), *self._joint_problems()]:
+            raise OneBotError("\n".join(problems))
+        joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
+        poses = link_poses(replace(description, joints=joints))  # in the root link's frame
         # Each link is a body of its own, since it has a friction of its own.
-        self._fixed = [
-            _fixed_body(link, poses[link.name])
-            for link in description.links
-            if link.collisions and firsts[link.name] == description.root_link
-        ]
-        self._free = [_free_part(description, link, firsts) for link in self.links]
-        self._starts = [_transform(poses[link]) for link in self.links]
+        self._fixed = []
+        for link in description.links:
+            if link.collisions and self._firsts[link.name] == description.root_link:
+                self._fixed.append(Body(link.name))
+                self._fixed[-1].add(link, poses[link.name][1])
+        self.links = tuple(joint.child for joint in description.joints if joint.kind == "floating")
+        self._free = [self._part(link) for link in self.links]
+        self._starts: list[Transform] = []
+        for name in self.links:
+            origin = origin_of(poses[name][1])
+            x, y, z, w = from_rpy(origin.rpy).tolist()
+            self._starts.append((origin.xyz, (x, y, z, w)))
         self.poses: Sequence[Transform] = self._starts
         self.finite = True
+
+    def _joint_problems(self) -> Iterator[str]:
+        """Report joints and boxes that would be right in a robot, but not in a scene."""
+        for joint in self.description.joints:
+            where = f'{joint.where}: joint "{joint.name}"'
+            if joint.kind not in ("fixed", "floating"):
+                yield (
+                    f'{where} is {joint.kind}; the joints of a world are type="fixed" (stands '
+                    'still) or type="floating" (can be pushed)'
+                )
+            elif joint.kind == "floating":
+                links = self._part(joint.child).links
+                what = f'{where} is floating, so that link "{joint.child}" can be pushed'
+                if not any(link.inertial and link.inertial.mass > 0 for link in links):
+                    yield (
+                        f"{what}, but it has no mass; give it an <inertial> with mass and inertia, "
+                        'or write type="fixed" to have it stand still'
+                    )
+                if not any(link.collisions for link in links):
+                    yield (
+                        f"{what}, but it has no <collision> and would fall through the ground; "
+                        'give it one, or write type="fixed"'
+                    )
+
+    def _part(self, first: str) -> Description:
+        """The description of the body that begins with the link ``first``."""
+        description = self.description
+        links = tuple(link for link in description.links if self._firsts[link.name] == first)
+        names = {link.name for link in links} - {first}
+        joints = tuple(joint for joint in description.joints if joint.child in names)
+        return replace(description, root_link=first, links=links, joints=joints)
 
     def enter(self, client: int, ground: int, settings: Settings, *, free: bool = True) -> None:
         """Load the bodies into a world.
@@ -107,13 +132,13 @@ class SceneBodies:
         self._parts: list[LoadedRobot] = []
         for part, start in zip(self._free if free else (), self._starts, strict=False):
             self._parts.append(load_robot(client, ground, part, settings))
-            place(client, self._parts[-1], start)
-        if stuck := [*self._stuck(ground)]:
-            raise OneBotError("\n".join(stuck))
+            self._parts[-1].place(start)
+        if problems := [*self._overlap_problems(ground)]:
+            raise OneBotError("\n".join(problems))
         self.read()
 
-    def _stuck(self, ground: int) -> Iterator[str]:
-        """Report what can be pushed and is in the ground, in what stands still, or in another."""
+    def _overlap_problems(self, ground: int) -> Iterator[str]:
+        """Report boxes that are in the ground, in what stands still, or in another box."""
         joints = {joint.child: joint for joint in self.description.joints}
         others = {body: f'link "{link}"' for body, link in self.fixed.items()}
         others[ground] = "the ground"
@@ -128,22 +153,24 @@ class SceneBodies:
 
     def read(self) -> None:
         """Read the poses of what can be pushed."""
-        self.poses = [link_pose(self._client, part) for part in self._parts]
+        self.poses = [part.pose() for part in self._parts]
         self.finite = math.isfinite(sum(sum(at) + sum(turn) for at, turn in self.poses))
 
     def put(self, poses: Sequence[Transform]) -> None:
         """Put what can be pushed to ``poses``, at rest."""
         for part, pose in zip(self._parts, poses, strict=True):
-            place(self._client, part, pose)
+            part.place(pose)
         self.read()
 
     def put_back(self, robots: Sequence[LoadedRobot]) -> None:
-        """Put what can be pushed to where it was at the start, at rest, unless a robot is there."""
+        """Put what can be pushed to where it was at the start, at rest, unless a robot is there.
+
+        ``read`` has to follow.
+        """
         for part, pose, start in zip(self._parts, self.poses, self._starts, strict=True):
-            place(self._client, part, start)
+            part.place(start)
             if any(self._overlaps(robot, part.body) for robot in robots):
-                place(self._client, part, pose)
-        self.read()
+                part.place(pose)
 
     def check(self) -> None:
         """Raise OneBotError if the last poses were not finite."""
@@ -172,64 +199,3 @@ class SceneBodies:
         """Return how deep two bodies are in each other, m; 0 if they are not."""
         near = engine.getClosestPoints(one, other, 0.0, physicsClientId=self._client)
         return max((-point[8] for point in near), default=0.0)
-
-
-def _unfit(description: Description) -> Iterator[str]:
-    """What is wrong with a scene that would be right in a robot."""
-    firsts = _firsts(description)
-    for joint in description.joints:
-        where = f'{joint.where}: joint "{joint.name}"'
-        if joint.kind not in ("fixed", "floating"):
-            yield (
-                f'{where} is {joint.kind}; the joints of a world are type="fixed" (stands still) '
-                'or type="floating" (can be pushed)'
-            )
-        elif joint.kind == "floating":
-            parts = [link for link in description.links if firsts[link.name] == joint.child]
-            what = f'{where} is floating, so that link "{joint.child}" can be pushed'
-            if not any(link.inertial and link.inertial.mass > 0 for link in parts):
-                yield (
-                    f"{what}, but it has no mass; give it an <inertial> with mass and inertia, or "
-                    'write type="fixed" to have it stand still'
-                )
-            if not any(link.collisions for link in parts):
-                yield (
-                    f"{what}, but it has no <collision> and would fall through the ground; give "
-                    'it one, or write type="fixed"'
-                )
-
-
-def _floating(description: Description) -> tuple[str, ...]:
-    return tuple(joint.child for joint in description.joints if joint.kind == "floating")
-
-
-def _firsts(description: Description) -> dict[str, str]:
-    """Return the first link of each link's body."""
-    return {link: first for link, (first, _) in link_poses(description).items()}
-
-
-def _poses(description: Description) -> dict[str, Floats]:
-    """Return the pose (4, 4) of each link in the frame of the root link."""
-    joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
-    rigid = replace(description, joints=joints)
-    return {link: pose for link, (_, pose) in link_poses(rigid).items()}
-
-
-def _fixed_body(link: Link, pose: Floats) -> Body:
-    body = Body(link.name)
-    body.add(link, pose)
-    return body
-
-
-def _free_part(description: Description, first: str, firsts: Mapping[str, str]) -> Description:
-    """Return the description of the body that begins with the link ``first``."""
-    links = tuple(link for link in description.links if firsts[link.name] == first)
-    names = {link.name for link in links} - {first}
-    joints = tuple(joint for joint in description.joints if joint.child in names)
-    return replace(description, root_link=first, links=links, joints=joints)
-
-
-def _transform(pose: Floats) -> Transform:
-    origin = origin_of(pose)
-    x, y, z, w = from_rpy(origin.rpy).tolist()
-    return origin.xyz, (x, y, z, w)

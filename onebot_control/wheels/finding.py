@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.wheels.shapes import Tyre, Tyres
+from onebot_control.wheels.tyres import Tyre, Tyres
 from onebot_description.description.description import Description, Joint, Mesh
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel, quaternions
@@ -103,8 +103,39 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
     """
     rolling = _on_ground(_rolling(turning, tyres))
     swivels = {wheel.name: _swivel(description, wheel.name, turning) for wheel in rolling}
-    wheels = [wheel for wheel in rolling if not swivels[wheel.name]]
-    for wheel in rolling:
+    _check_steering(description, rolling, swivels, turning)
+    wheels = [wheel for wheel in rolling if swivels[wheel.name] is None]
+    sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
+    if len(sets) > 1:
+        sets = [alike for alike in sets if not any(map(_is_passive, alike))] or sets
+    if len(sets) != 1:
+        if sets:
+            names = " or ".join(", ".join(wheel.name for wheel in alike) for alike in sets)
+            reason = f"it is not clear which of its wheels drive it: {names}"
+        elif rolling and not wheels:
+            names = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
+            reason = f"all of its wheels swivel, by joint {names}"
+        else:
+            text = "no wheel on the left that has its like on the right"
+            reason = f"{text} was found among its joints"
+        raise _not_driven(description, turning, reason)
+    [drive] = sets
+    if len(drive) > 2 and all(_has_rollers(description, wheel) for wheel in drive):
+        reason = "by their names, its wheels are omnidirectional, with rollers around them"
+        raise _not_driven(description, turning, f"it is no differential drive: {reason}")
+    drive.sort(key=lambda wheel: -wheel.x)
+    left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
+    return DriveWheels(left, tuple(wheel.name for wheel in drive if wheel.y < 0.0))
+
+
+def _check_steering(
+    description: Description,
+    wheels: Iterable[_Wheel],
+    swivels: Mapping[str, Joint | None],
+    turning: Mapping[str, Axle],
+) -> None:
+    """Raise OneBotError if a wheel is steered, as those of a car."""
+    for wheel in wheels:
         swivel = swivels[wheel.name]
         if swivel and _is_steered(wheel, turning[wheel.name], turning[swivel.name]):
             raise OneBotError(
@@ -114,37 +145,17 @@ def find_wheels(description: Description, turning: Mapping[str, Axle], tyres: Ty
                 "simulation: sim:=false. If it is a caster, name it so, have its wheel trail it, "
                 "or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
             )
-    sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
-    if len(sets) > 1:
-        sets = [each for each in sets if not any(map(_is_passive, each))] or sets
-    if not sets and rolling and not wheels:
-        listed = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
-        raise _not_driven(description, turning, f"all of its wheels swivel, by joint {listed}")
-    if not sets:
-        reason = "no wheel on the left that has its like on the right"
-        raise _not_driven(description, turning, f"{reason} was found among its joints")
-    if len(sets) > 1:
-        shown = " or ".join(", ".join(wheel.name for wheel in each) for each in sets)
-        raise _not_driven(
-            description, turning, f"it is not clear which of its wheels drive it: {shown}"
-        )
-    if len(sets[0]) > 2 and all(_has_rollers(description, wheel) for wheel in sets[0]):
-        reason = "by their names, its wheels are omnidirectional, with rollers around them"
-        raise _not_driven(description, turning, f"it is no differential drive: {reason}")
-    front_first = sorted(sets[0], key=lambda wheel: -wheel.x)
-    left = tuple(wheel.name for wheel in front_first if wheel.y > 0.0)
-    return DriveWheels(left, tuple(wheel.name for wheel in front_first if wheel.y < 0.0))
 
 
 def _not_driven(description: Description, turning: Mapping[str, Axle], reason: str) -> OneBotError:
-    listed = [f"{axle.joint.name} {_seen(axle)}" for axle in turning.values()]
+    joints = [f"{axle.joint.name} {_seen(axle)}" for axle in turning.values()]
     return OneBotError(
         f'robot "{description.robot_name}" cannot be driven: {reason}. Wheels are continuous '
         "joints whose axes point to the left, (0 1 0), in the frame of "
         f"{description.root_link}, with a round shape on the ground. Name them: "
         "left_wheel:=JOINT right_wheel:=JOINT, or left_wheel_names and right_wheel_names in "
         "params_file (or start without a simulation: sim:=false). "
-        f"Its joints that turn: {'; '.join(listed) or 'none'}"
+        f"Its joints that turn: {'; '.join(joints) or 'none'}"
     )
 
 
@@ -156,14 +167,14 @@ def _seen(axle: Axle) -> str:
 
 def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[_Wheel]:
     """Return all that rolls, wherever it is: what turns without end about an axis across."""
-    found = []
+    wheels = []
     for name, axle in turning.items():
         if axle.joint.kind != "continuous" or not axle.across:
             continue
         if (tyre := tyres.of(name)) is not None:
             x, y, z = axle.middle(tyre).tolist()
-            found.append(_Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
-    return found
+            wheels.append(_Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
+    return wheels
 
 
 def _on_ground(wheels: Sequence[_Wheel]) -> list[_Wheel]:
@@ -193,14 +204,13 @@ def _is_steered(wheel: _Wheel, axle: Axle, swivel: Axle) -> bool:
 
 def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
     """Return wheels of like radius together, where there are as many on either side."""
-    sized = sorted(wheels, key=lambda wheel: wheel.radius)
-    found: list[list[_Wheel]] = []
-    for wheel in sized:
-        if found and wheel.radius <= found[-1][0].radius * (1.0 + _ALIKE) + 1e-6:
-            found[-1].append(wheel)
+    sets: list[list[_Wheel]] = []
+    for wheel in sorted(wheels, key=lambda wheel: wheel.radius):
+        if sets and wheel.radius <= sets[-1][0].radius * (1.0 + _ALIKE) + 1e-6:
+            sets[-1].append(wheel)
         else:
-            found.append([wheel])
-    return [each for each in found if sum(1 if wheel.y > 0.0 else -1 for wheel in each) == 0]
+            sets.append([wheel])
+    return [alike for alike in sets if sum(1 if wheel.y > 0.0 else -1 for wheel in alike) == 0]
 
 
 def _is_passive(wheel: _Wheel) -> bool:

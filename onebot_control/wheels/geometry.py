@@ -7,17 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.simulation.bodies import Body
+from onebot_control.simulation.bodies import Body, link_poses
 from onebot_control.wheels.finding import DriveWheels, axles, find_wheels, link_places
-from onebot_control.wheels.shapes import Tyres
+from onebot_control.wheels.tyres import Tyres
 from onebot_description.description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import ConfigError, Problem
 
 Floats = NDArray[np.float64]
 
-# How far apart lengths may be and still count as the same, m.
-_SAME = 1e-6
+_SAME = 1e-6  # m by which lengths may differ and still count as the same
 _STEPS = 200  # of a fixed-point iteration that needs one for four equal loads
 _LEAST = 0.01  # load of a wheel, of the mean of all
 
@@ -36,6 +35,7 @@ class Wheels:
         description: of the robot.
         left: the driven joints on the left.
         right: those on the right.
+        rigid: the first link of each link's rigid body, and the link's pose (4, 4) in its frame.
         axles: the joints that turn, by name.
         tyres: the round shapes of the robot's links.
         directions: of each driven joint 1 if a positive velocity drives forward, -1 if backward.
@@ -49,7 +49,8 @@ class Wheels:
         Raises:
             OneBotError: one is missing or turns about another axis, or none are found.
         """
-        self.description, self.tyres = description, Tyres(description)
+        self.description, self.rigid = description, link_poses(description)
+        self.tyres = Tyres(description, self.rigid)
         self._places = link_places(description)
         self.axles = axles(description, self._places)
         if left or right:
@@ -150,9 +151,10 @@ class Wheels:
         axle = self.axles[name]
         if axle.across:
             return
-        shown = " ".join(f"{value:g}" for value in np.round(axle.axis, 3) + 0.0)
+        direction = " ".join(f"{value:g}" for value in np.round(axle.axis, 3) + 0.0)
         raise OneBotError(
-            f'robot "{self.description.robot_name}", joint "{name}": its axis points to ({shown}) '
+            f'robot "{self.description.robot_name}", joint "{name}": its axis points to '
+            f"({direction}) "
             f"in the frame of {self.description.root_link}; that of a wheel must point to the "
             "left, (0 1 0), or to the right, (0 -1 0)"
         )

@@ -39,10 +39,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/poses.py": _control("poses", "simulation_values"),
     "onebot_control/parameters.py": _control("control_config", "control_files"),
     "onebot_control/simulation/bodies.py": _control("simulation_bodies", *_SIMULATION),
-    "onebot_control/simulation/rest_pose.py": _control("simulation_settling", *_SIMULATION),
+    "onebot_control/simulation/rest_pose.py": _control(
+        "simulation_settling", "scene", *_SIMULATION
+    ),
     "onebot_control/simulation/scene.py": _control("scene"),
     "onebot_control/simulation/settings.py": _control("simulation_values", "world"),
-    "onebot_control/simulation/spawn.py": _control("scene"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE
@@ -89,12 +90,6 @@ EQUIVALENT = (
     ),
     Equivalent(
         "onebot_control/driven_robot.py",
-        "Plant",
-        "@property",
-        "a protocol is for the type checker",
-    ),
-    Equivalent(
-        "onebot_control/driven_robot.py",
         "DrivenRobot.accept",
         "def accept(self, linear: float, angular: float, age: float = -1.0) -> str | None:",
         "an age below 0 counts as 0",
@@ -107,19 +102,19 @@ EQUIVALENT = (
     ),
     Equivalent(
         "onebot_control/simulation/rest_pose.py",
-        "come_to_rest",
+        "_come_to_rest",
         "needed, still = math.ceil(_RESTING_TIME * settings.rate), -1",
         "one step more of a robot at rest",
     ),
     Equivalent(
         "onebot_control/simulation/rest_pose.py",
-        "come_to_rest",
+        "_come_to_rest",
         "still = -1",
         "one step more of a robot at rest",
     ),
     Equivalent(
         "onebot_control/simulation/rest_pose.py",
-        "come_to_rest",
+        "_come_to_rest",
         "if still == needed:",
         "it counts in steps of one, and from 0 when it was reached",
     ),
@@ -132,7 +127,7 @@ EQUIVALENT = (
     Equivalent(
         "onebot_control/simulation/rest_pose.py",
         "settle",
-        "place(client, robot, rest_pose.at(0.0, 1.0, 0.0))",
+        "robot.place(rest_pose.at(0.0, 1.0, 0.0), [0.0] * len(robot.joints))",
         "every robot is then placed where it starts",
     ),
     Equivalent(

@@ -24,6 +24,7 @@ from tests.onebot_bringup.viewer_support import (
     BLUE,
     ORANGE,
     START_NS,
+    describe,
     take,
     take_odometry,
     take_tf,
@@ -168,6 +169,17 @@ def test_robots_come_one_by_one(tmp_path):
     fleet.view.tick(START_NS)
     assert len(fleet.sent) == 2
     fleet.end()
+
+
+def test_a_world_may_be_described_before_its_robot(tmp_path):
+    recording = open_recording(save=tmp_path / "x.rrd")
+    view = RobotView(recording.stream)
+    take(view, "/world_description", String(data=WORLD))
+    assert view.tick(START_NS) == []
+    describe(view, ARM)
+    assert view.tick(START_NS + 10**9) == []
+    recording.close()
+    assert view.robot is not None
 
 
 def test_the_world_is_shown_around_one_robot_and_around_many(tmp_path):

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from onebot_control.driven_robot import DrivenRobot, wheels_of
 from onebot_control.odometry import DiffDriveKinematics, Odometry
 from onebot_control.parameters import ControlConfig
-from onebot_control.simulation import JointStates, Pose, Twist
+from onebot_control.simulation import JointStates, Pose, Robot, Twist
 from onebot_description.description import Description, parse_description
 
 SEPARATION, RADIUS = 0.3, 0.06  # m
@@ -80,6 +80,7 @@ class IdealPlant:
 
     def __init__(self, left: float = 0.0, right: float = 0.0) -> None:
         self.left, self.right = left, right
+        self.world = self
         self.speeds = (0.0, 0.0)
         self.closed = False
         self.reset()
@@ -87,8 +88,8 @@ class IdealPlant:
     def turn(self, velocities: Mapping[str, float]) -> None:
         self.targets = velocities
 
-    def step(self, velocities: Mapping[str, float], duration: float) -> None:
-        left, right = (velocities[name] for name in self.joints)
+    def step(self, duration: float) -> None:
+        left, right = (self.targets[name] for name in self.joints)
         assert math.isfinite(left) and math.isfinite(right)
         self.speeds = (left, right)
         self.left += left * duration
@@ -125,7 +126,7 @@ class IdealWorld:
 
     def step(self, duration: float) -> None:
         for plant in self.plants:
-            plant.step(plant.targets, duration)
+            plant.step(duration)
 
     def close(self) -> None:
         for plant in self.plants:
@@ -135,4 +136,4 @@ class IdealWorld:
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> DrivenRobot:
     """A drive of the ideal plant."""
     chosen = config(**values)
-    return DrivenRobot(wheels_of(robot(), chosen), chosen, plant or IdealPlant())
+    return DrivenRobot(wheels_of(robot(), chosen), chosen, cast(Robot, plant or IdealPlant()))

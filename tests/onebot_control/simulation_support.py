@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from onebot_control.poses import yaw_of
-from onebot_control.simulation import Settings, Simulation
+from onebot_control.simulation import RobotSpawn, Settings, World
 from onebot_description.description import Description, parse_description
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"
@@ -26,13 +26,25 @@ def robot(pattern: str = "", replacement: str = "", count: int = 0) -> Descripti
     return parse_description(text, str(ROBOTS / "diff_drive.urdf"))
 
 
+class Simulation(World):
+    """A world of one robot, with the robot's methods."""
+
+    def step(self, velocities, duration):
+        self.robots[0].turn(velocities)
+        super().step(duration)
+
+    def __getattr__(self, name):
+        return getattr(self.robots[0], name)
+
+
 def simulate(
     description: Description | None = None,
     driven: Sequence[str] = DRIVEN,
     settings: Settings = Settings(),  # noqa: B008 - it is frozen
+    scene: Description | None = None,
     **place: float,
 ) -> Simulation:
-    return Simulation(description or robot(), driven=driven, settings=settings, **place)
+    return Simulation([RobotSpawn(description or robot(), driven, **place)], settings, scene)
 
 
 def drive(simulation: Simulation, linear: float, angular: float, duration: float) -> None:

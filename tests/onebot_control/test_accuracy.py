@@ -31,7 +31,7 @@ from onebot_control.accuracy import (
     write,
 )
 from onebot_control.driven_robot import DrivenRobot
-from onebot_control.odometry import PoseUncertainty
+from onebot_control.odometry import PoseCovariance
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
 from onebot_description.description import load_description
@@ -51,7 +51,7 @@ def config(**changes: object) -> ControlConfig:
 def result(**changes: object) -> Result:
     """One metre, exact unless ``changes`` say otherwise."""
     end = PlanarPose(1.0, 0.0, 0.0)
-    exact = PoseUncertainty().covariance
+    exact = PoseCovariance()
     whole = Result(DrivenPath("one", straight(1.0)), end, end, exact, end, 1.0, 0.0, 0.0, 0.0)
     return whole._replace(**changes)
 
@@ -135,7 +135,7 @@ def test_where_the_robot_starts_does_not_matter():
     assert found.truth_error < 2e-3
 
 
-@pytest.mark.parametrize("rate", [33.3, 60, 75, 125, 150, 250, 333, 500, 1000])
+@pytest.mark.parametrize("rate", [33.3, 150, 1000])
 def test_odometry_is_as_accurate_at_every_control_rate(rate):
     """Physics steps fit into the control period, whatever that is."""
     drive = DrivenRobot.of(load_description(ROBOT), config(update_rate=rate))
@@ -184,11 +184,6 @@ def test_missed_goals_are_named():
     nan = result(truth=PlanarPose(math.nan, 0.0, 0.0))
     assert len(missed(Report((nan,), math.nan, 60.0, math.nan, 100.0))) == 3
     assert missed(Report((result(),), 0.0, 60.0, 20.0, 100.0)) == []
-
-
-def test_a_slow_machine_misses_no_goal():
-    """The goals are of accuracy."""
-    assert missed(Report((result(),), 0.0, 60.0, 1e-3, 100.0)) == []
 
 
 def test_table_is_markdown():

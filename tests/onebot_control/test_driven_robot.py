@@ -1,8 +1,7 @@
 """Simulation and controller together, one cycle at a time."""
 
 import re
-from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ import pytest
 from onebot_control.driven_robot import DrivenRobot, Snapshot, wheels_of
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.poses import PlanarPose
-from onebot_control.simulation import JointStates
+from onebot_control.simulation import JointStates, Robot
 from onebot_description.description import load_description, parse_description
 from onebot_description.description.packages import package_share
 from onebot_description.errors import OneBotError
@@ -285,7 +284,8 @@ class FourWheels(IdealPlant):
 
     joints = ("left_2_joint", "right_2_joint", "right_wheel_joint", "left_wheel_joint")
 
-    def step(self, velocities: Mapping[str, float], duration: float) -> None:
+    def step(self, duration: float) -> None:
+        velocities = self.targets
         assert velocities["left_2_joint"] == velocities["left_wheel_joint"]
         assert velocities["right_2_joint"] == velocities["right_wheel_joint"]
         self.speeds = (velocities["left_2_joint"], velocities["right_2_joint"])
@@ -309,7 +309,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
         "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
     }
     chosen = config(position_feedback=by_position, **names)
-    drive = DrivenRobot(wheels_of(robot(*wheels), chosen), chosen, FourWheels())
+    drive = DrivenRobot(wheels_of(robot(*wheels), chosen), chosen, cast(Robot, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
 

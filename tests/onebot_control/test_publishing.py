@@ -163,7 +163,7 @@ def test_covariance_of_the_odometry(subscriptions: Subscriptions) -> None:
     """It is that of dead reckoning, unless a constant one is given; then also if that changes."""
     for variances in ([0.0] * 6, VARIANCES, [0.0] * 6):
         drive, snapshot = driven(pose_covariance_diagonal=variances)
-        drive.finish()
+        drive.cycle()
         snapshot = drive.begin()
         received = subscriptions.last(drive, snapshot)["peer/odom"]
         expected = np.diag(variances)
@@ -193,7 +193,7 @@ def test_each_cycle_is_published_as_it_was(subscriptions: Subscriptions) -> None
     drive, snapshot = driven()
     first = subscriptions.last(drive, snapshot)
     kept = {name: repr(message) for name, message in first.items()}
-    drive.finish()
+    drive.cycle()
     later = subscriptions.last(drive, drive.begin())
     assert {name: repr(message) for name, message in first.items()} == kept
     for name in ("joint_states", "peer/odom", "peer/ground_truth", "/tf"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_control.simulation import RobotSpawn, Simulation, World
+from onebot_control.simulation import RobotSpawn, World
 from onebot_control.simulation.scene import load_scene
 from onebot_description.description import parse_description
 from onebot_description.description.worlds import load_world
@@ -50,7 +50,7 @@ def ramp(friction=None):
 
 
 def among(description, **place):
-    return Simulation(robot(), driven=DRIVEN, scene=description, **place)
+    return simulate(scene=description, **place)
 
 
 def pitch(simulation):

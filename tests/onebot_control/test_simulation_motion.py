@@ -6,13 +6,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from onebot_control.simulation import Simulation
 from tests.onebot_control.simulation_support import (
     DRIVEN,
     LEFT,
     RADIUS,
     RIGHT,
     SEPARATION,
+    Simulation,
     drive,
     planar,
     robot,

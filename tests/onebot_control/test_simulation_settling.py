@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from onebot_control.simulation import Settings, Simulation
+from onebot_control.simulation import Settings
 from onebot_control.simulation.loading import engine, make_world
 from onebot_control.simulation.rest_pose import RestPose
 from onebot_description.description import parse_description
@@ -36,7 +36,7 @@ def _block(xyz="0 0 0", rpy="0 0 0", mass=1.0, joint='type="continuous"', limit=
 
 
 def _stand(description, settings=_QUICK, **start):
-    return Simulation(description, driven=("j",), settings=settings, **start)
+    return simulate(description, ("j",), settings, **start)
 
 
 @pytest.mark.parametrize("z", [0.7, 0.0, -0.7])
@@ -210,7 +210,7 @@ def test_each_body_gets_its_friction_and_no_damping():
     )
     settings = Settings(friction=0.75, settling=0.01)
     with simulate(parse_description(text), settings=settings) as simulation:
-        parts = simulation.body.parts
+        parts = simulation.parts
         info = {
             name: engine.getDynamicsInfo(parts.body, index, simulation.client)[1]
             for name, index in {"base": -1, **parts.joints}.items()
@@ -233,7 +233,7 @@ def test_each_body_gets_its_friction_and_no_damping():
 def test_a_robot_in_free_flight_is_not_slowed_down():
     """PyBullet would dampen it by 4 % a second; its frame's velocity is that of its own axes."""
     with _stand(_block("0 0 -0.7")) as simulation:
-        body, client = simulation.body.parts.body, simulation.client
+        body, client = simulation.parts.body, simulation.client
         engine.setGravity(0, 0, 0, physicsClientId=client)
         pose = [0.0, 0.0, 50.0], Rotation.from_euler("z", 0.5).as_quat().tolist()
         engine.resetBasePositionAndOrientation(body, *pose, physicsClientId=client)

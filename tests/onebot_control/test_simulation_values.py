@@ -2,6 +2,7 @@
 
 import math
 import sys
+from typing import cast
 
 import numpy as np
 import pytest
@@ -18,8 +19,7 @@ from onebot_control.poses import (
     multiply,
     rotate,
 )
-from onebot_control.simulation import RobotSpawn, Settings
-from onebot_control.simulation.robot import Motors
+from onebot_control.simulation import Robot, RobotSpawn, Settings, World
 from onebot_control.simulation.settings import checked_spawn_pose
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
@@ -184,36 +184,41 @@ def test_a_member_stands_at_the_origin_unless_told():
     assert RobotSpawn(description, DRIVEN) == (description, DRIVEN, 0.0, 0.0, 0.0, "")
 
 
+def motors(description, driven) -> Robot:
+    """A robot that is in no world."""
+    return Robot(cast(World, None), RobotSpawn(description, driven))
+
+
 def test_speeds_are_limited_to_the_joints_own():
     """20 rad/s by the URDF: at the limit as given, beyond it the limit, each with its sign."""
-    motors = Motors(robot(), DRIVEN)
-    assert motors.targets([20.0, -20.0]) == [20.0, -20.0]
-    assert motors.targets([20.001, -20.001]) == [20.0, -20.0]
-    assert motors.targets([-1e300, 19.999]) == [-20.0, 19.999]
-    assert motors.targets([-19.5, 0.0]) == [-19.5, 0.0]
+    both = motors(robot(), DRIVEN)
+    assert both.targets([20.0, -20.0]) == [20.0, -20.0]
+    assert both.targets([20.001, -20.001]) == [20.0, -20.0]
+    assert both.targets([-1e300, 19.999]) == [-20.0, 19.999]
+    assert both.targets([-19.5, 0.0]) == [-19.5, 0.0]
 
 
 def test_each_motor_has_its_own_limit():
     """Whatever the order in which they are named."""
     description = robot('(left_wheel_joint".*?velocity=)"20"', r'\1"5"', 1)
-    assert Motors(description, (LEFT, RIGHT)).targets([9.0, 9.0]) == [5.0, 9.0]
-    assert Motors(description, (RIGHT, LEFT)).targets([9.0, 9.0]) == [9.0, 5.0]
-    assert Motors(description, (RIGHT, LEFT)).targets({LEFT: -9.0, RIGHT: 30.0}) == [20.0, -5.0]
+    assert motors(description, (LEFT, RIGHT)).targets([9.0, 9.0]) == [5.0, 9.0]
+    assert motors(description, (RIGHT, LEFT)).targets([9.0, 9.0]) == [9.0, 5.0]
+    assert motors(description, (RIGHT, LEFT)).targets({LEFT: -9.0, RIGHT: 30.0}) == [20.0, -5.0]
 
 
 def test_a_velocity_limit_of_zero_keeps_the_joint_still():
     """It is a limit like any other."""
-    assert Motors(robot('velocity="20"', 'velocity="0"'), DRIVEN).targets([1.0, -1.0]) == [0, 0]
+    assert motors(robot('velocity="20"', 'velocity="0"'), DRIVEN).targets([1.0, -1.0]) == [0, 0]
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_speeds_are_finite(bad):
     """By name or in order, first or last."""
-    motors = Motors(robot(), DRIVEN)
+    both = motors(robot(), DRIVEN)
     for velocities in ([bad, 0.0], [0.0, bad], {LEFT: bad, RIGHT: 0.0}, np.array([0.0, bad])):
         with pytest.raises(ValueError, match=f"velocities must be finite, not {bad}"):
-            motors.targets(velocities)
-    assert motors.targets([sys.float_info.max, 0.0]) == [20.0, 0.0]
+            both.targets(velocities)
+    assert both.targets([sys.float_info.max, 0.0]) == [20.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -229,13 +234,13 @@ def test_speeds_are_finite(bad):
 def test_speeds_are_of_the_driven_joints(velocities, words):
     """The message says of which."""
     with pytest.raises(ValueError, match=words):
-        Motors(robot(), DRIVEN).targets(velocities)
+        motors(robot(), DRIVEN).targets(velocities)
 
 
 def test_the_mapping_given_is_not_changed():
     """Nor is the array."""
     given_map, given_array = {LEFT: 99.0, RIGHT: 1.0}, np.array([99.0, 1.0])
-    motors = Motors(robot(), DRIVEN)
-    assert motors.targets(given_map) == motors.targets(given_array) == [20.0, 1.0]
+    both = motors(robot(), DRIVEN)
+    assert both.targets(given_map) == both.targets(given_array) == [20.0, 1.0]
     assert given_map == {LEFT: 99.0, RIGHT: 1.0}
     assert given_array.tolist() == [99.0, 1.0]

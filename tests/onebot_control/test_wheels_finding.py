@@ -11,7 +11,7 @@ from onebot_control.accuracy import PATHS, measure
 from onebot_control.driven_robot import DrivenRobot, wheels_of
 from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_control.simulation.drivable import drivable
-from onebot_control.wheels import shapes
+from onebot_control.wheels import tyres
 from onebot_control.wheels.geometry import Wheels
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import package_share
@@ -168,8 +168,8 @@ def test_a_wheel_may_be_a_mesh(tmp_path: Path) -> None:
 def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """At the start, and never in the control loop, for parameters that are set."""
     read: list[object] = []
-    corners = shapes.mesh_corners
-    monkeypatch.setattr(shapes, "mesh_corners", lambda mesh: (read.append(mesh), corners(mesh))[1])
+    corners = tyres.mesh_corners
+    monkeypatch.setattr(tyres, "mesh_corners", lambda mesh: (read.append(mesh), corners(mesh))[1])
     drive = DrivenRobot.of(mesh_wheels(tmp_path), CONFIG)
     try:
         drive.configure(ControlConfig.from_parameters({"publish_rate": 10.0}))

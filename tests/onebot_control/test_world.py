@@ -17,7 +17,6 @@ from tests.onebot_control.simulation_support import (
     DRIVEN,
     LEFT,
     RIGHT,
-    bits,
     robot,
     simulate,
     wheels,
@@ -78,7 +77,8 @@ def test_a_speed_holds_until_another_is_given_and_resting_ones_stay():
         first, second, _ = world.robots
         first.turn({LEFT: 3.0, RIGHT: 3.0})
         world.step(0.5)
-        second.step([0.0, 0.0], 0.5)
+        second.turn([0.0, 0.0])
+        world.step(0.5)
         assert first.joint_states().positions[:2] == pytest.approx([3.0, 3.0], abs=0.1)
         assert _planar(second) == pytest.approx(STARTS[1], abs=1e-5)
         assert world.time == 1.0
@@ -95,23 +95,6 @@ def test_efforts_are_of_the_last_step_whether_or_not_a_speed_is_given_again():
                 body.turn(wheels(0.3, 0.5))
             told_again.step(0.1)
         assert _bits(told_once) == _bits(told_again)
-
-
-def test_a_robot_alone_in_a_world_is_a_simulation():
-    """To the bit, also after it was moved and has been stopped."""
-    with (
-        World([RobotSpawn(robot(), DRIVEN, 1.0, 2.0, 0.5)]) as world,
-        simulate(x=1, y=2, yaw=0.5) as one,
-    ):
-        (body,) = world.robots
-        for each in (one, body):
-            each.step(wheels(0.3, 0.5), 0.5)
-            each.teleport(-1.0, 0.0, 1.0)
-            each.step(wheels(-0.2, 0.5), 0.5)
-            each.brake()
-            each.step([0.0, 0.0], 0.1)
-        assert _bits(world) == bits(one)
-        assert body.rest_pose == one.rest_pose
 
 
 def test_reset_returns_to_the_start_bit_for_bit():
@@ -173,7 +156,7 @@ def test_a_broken_world_says_so_and_can_be_reset():
     """One robot's NaN is everyone's."""
     with _world() as world:
         start = _bits(world)
-        parts = world.robots[0].body.parts
+        parts = world.robots[0].parts
         engine.resetJointState(
             parts.body, parts.joints[LEFT], math.nan, math.nan, physicsClientId=world.client
         )
@@ -187,13 +170,6 @@ def test_a_broken_world_says_so_and_can_be_reset():
         world.step(0.1)
     with pytest.raises(OneBotError, match="closed"):
         world.robots[0].turn([0.0, 0.0])
-
-
-@pytest.mark.parametrize("duration", [0.0, 0.001, math.nan])
-def test_only_whole_physics_steps(duration):
-    """As for one robot."""
-    with _world() as world, pytest.raises(ValueError, match="whole number"):
-        world.step(duration)
 
 
 def test_a_fleet_drives_as_commanded_each_on_its_own():

@@ -1,11 +1,12 @@
 """The round shapes that wheels roll on, read from the robot's description."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.simulation.bodies import link_poses, matrix
+from onebot_control.simulation.bodies import matrix
 from onebot_description.description.description import (
     Cylinder,
     Description,
@@ -20,8 +21,8 @@ from onebot_description.errors import OneBotError
 Floats = NDArray[np.float64]
 
 _SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
-# A cylinder or a sphere is round about the axle if it is no farther off than this share of its
-# radius, and a mesh if it reaches as far in four directions, but for this share.
+# A cylinder or a sphere is round about the axle if its middle is no farther off than this share of
+# its radius; a mesh is round if its reaches in four directions differ by no more than this share.
 _ROUND = 0.05
 
 
@@ -35,16 +36,20 @@ class Tyre(NamedTuple):
 class Tyres:
     """The round shapes of a robot's links, by the joint that turns them."""
 
-    def __init__(self, description: Description) -> None:
+    def __init__(self, description: Description, poses: Mapping[str, tuple[str, Floats]]) -> None:
+        """Collect the shapes of each rigid body; ``poses`` are the links', by ``link_poses``."""
         self._joints = {joint.name: joint for joint in description.joints}
-        self._bodies: dict[str, list[tuple[Geometry, Floats, int]]] = {}
-        self._known: dict[str, Tyre | None] = {}
-        poses = link_poses(description)
+        self._collisions: dict[str, list[tuple[Geometry, Floats]]] = {}
+        self._visuals: dict[str, list[tuple[Geometry, Floats]]] = {}
+        self._tyres: dict[str, Tyre | None] = {}
         for link in description.links:
             first, pose = poses[link.name]
-            shapes = self._bodies.setdefault(first, [])
-            for rank, geometries in enumerate((link.collisions, link.visuals)):
-                shapes += [(each, pose @ matrix(each.origin), rank) for each in geometries]
+            for shapes, geometries in (
+                (self._collisions, link.collisions),
+                (self._visuals, link.visuals),
+            ):
+                placed = [(geometry, pose @ matrix(geometry.origin)) for geometry in geometries]
+                shapes.setdefault(first, []).extend(placed)
 
     def of(self, name: str) -> Tyre | None:
         """Return the shape on which the link turned by this joint rolls; None if none is round.
@@ -52,18 +57,17 @@ class Tyres:
         Of the collisions, or if none of these is round of the visuals, the one with the largest
         radius: it is what reaches the ground.
         """
-        if name not in self._known:
-            self._known[name] = self._find(self._joints[name])
-        return self._known[name]
+        if name not in self._tyres:
+            self._tyres[name] = self._find(self._joints[name])
+        return self._tyres[name]
 
     def _find(self, joint: Joint) -> Tyre | None:
         axis = np.array(joint.axis)
-        for rank in (0, 1):
-            shapes = [each for each in self._bodies[joint.child] if each[2] == rank]
-            tyres = [t for shape, pose, _ in shapes if (t := _tyre(shape, pose, axis)) is not None]
-            if tyres:
-                radius = max(tyres).radius
-                offsets = [tyre.offset for tyre in tyres if tyre.radius >= radius - _SAME]
+        for shapes in (self._collisions[joint.child], self._visuals[joint.child]):
+            tyres = [_tyre(geometry, pose, axis) for geometry, pose in shapes]
+            if round_ones := [tyre for tyre in tyres if tyre is not None]:
+                radius = max(round_ones).radius
+                offsets = [tyre.offset for tyre in round_ones if tyre.radius >= radius - _SAME]
                 return Tyre(radius, float(np.mean(offsets)))
         return None
 
