@@ -132,7 +132,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         values["world"] = load_world(values["world"]).source  # checked
         values["view"] = own.get("view", command.world_view)
     if values.get("sensors"):  # likewise
-        values["sensors"] = str(load_sensors(values["sensors"], description.link_names).files[0])
+        values["sensors"] = str(load_sensors(values["sensors"], description).files[0])
     source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
