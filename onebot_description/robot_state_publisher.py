@@ -17,13 +17,7 @@ Subscribes:
     joint_states (sensor_msgs/msg/JointState, best effort, depth 5): positions in rad or m; ignored
         if older than the last one of their joints, but by 10 s or more the new stamp counts.
 
-Parameters (all can be changed while it runs):
-    robot_description (string, required unless FILE is given): the URDF.
-    publish_frequency (double or integer, Hz, default 0.0): the most often a joint is published,
-        0.001 to 1000; 0.0 is every message.
-    ignore_timestamp (bool, default false): publish whatever the stamp is.
-    frame_prefix (string, default ""): prepended as it is to every frame.
-
+All parameters can be changed while it runs; a change is checked, or refused with the reason.
 Floating and planar joints are published at their origin, static: their pose is in no JointState.
 """
 
@@ -33,7 +27,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -55,6 +49,7 @@ from onebot_description.node import (
     ros_args,
     run_described_node,
     split_robots,
+    steady_timer,
     warn_of_two_robots,
 )
 from onebot_description.parameters.reader import (
@@ -75,11 +70,14 @@ _FOLLOW = "--follow"  # the option by which a bringup gives a Source
 
 @dataclass(frozen=True)
 class StateParameters:
-    """The parameters."""
+    """The node's parameters."""
 
-    robot_description: str = parameter("", "the robot's URDF")
+    robot_description: str = parameter("", "the URDF; required without FILE")
     publish_frequency: float = parameter(
-        0.0, "the most often a joint is published, Hz; 0: every message", at_least=0.0, at_most=1e3
+        0.0,
+        "the most often a joint is published, Hz; 0: every message, else from 0.001",
+        at_least=0.0,
+        at_most=1e3,
     )
     ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
     frame_prefix: str = parameter("", "prepended to every frame as it is")
@@ -216,8 +214,7 @@ class FollowedFiles:
     def __init__(self, node: RobotStatePublisher, files: DescriptionFiles) -> None:
         self._node, self._files, self._log = node, files, node.get_logger()
         self._is_refused = False  # the files as they are
-        # Not ROS time: it may stand still.
-        node.create_timer(_POLL_EVERY, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(node, _POLL_EVERY, self._poll)
 
     def _poll(self) -> None:
         try:
@@ -268,7 +265,9 @@ def main(args: Sequence[str] | None = None) -> int:
         DiscoveryServerCheck(nodes)
         return nodes
 
-    return run_described_node("robot_state_publisher", __doc__, make_nodes, None, own, events=True)
+    return run_described_node(
+        "robot_state_publisher", __doc__, StateParameters, make_nodes, None, own, events=True
+    )
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.introspection.interfaces import message_class
-from onebot_bringup.viewer.displays.display import WantedTopic
+from onebot_bringup.viewer.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.clock_check import StampCheck
 from onebot_description.errors import OneBotError

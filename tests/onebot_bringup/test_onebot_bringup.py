@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import String
 
 from onebot_description.shared_memory import FOLDER
@@ -124,6 +124,26 @@ def test_namespace_rate_and_params_file(ros_domain, tmp_path):
         steps = [_seconds(b) - _seconds(a) for a, b in zip(joints[5:], joints[6:], strict=False)]
         assert sorted(steps)[len(steps) // 2] == pytest.approx(0.02, rel=0.2)
         assert peer.node.count_subscribers("/left/velocity_controller/cmd_vel")
+
+
+def test_sensors_of_a_file_are_published_and_follow_its_edits(ros_domain, tmp_path):
+    """sensors:=FILE gives OneBot a scan that its URDF lacks."""
+    file = tmp_path / "sensors.urdf"
+    block = """<robot><gazebo reference="base_link"><sensor name="s" type="gpu_lidar">
+    <topic>{}</topic><lidar><scan><horizontal><samples>5</samples><min_angle>-1</min_angle><max_angle>1</max_angle>
+    </horizontal></scan><range><min>0.1</min><max>9</max></range></lidar></sensor></gazebo></robot>"""
+    file.write_text(block.format("front"))
+    with (
+        NodeProcess(MODULE, "viewer:=none", f"sensors:={file}") as node,
+        Peer(ros_domain) as peer,
+    ):
+        front, edited = peer.hear(LaserScan, "/front"), peer.hear(LaserScan, "/edited")
+        wait_for(lambda: front, "the scan of the file")
+        assert len(front[0].ranges) == 5 and front[0].header.frame_id == "base_link"
+        file.write_text(block.format("edited"))
+        wait_for(lambda: edited, "the scan of the edited file")
+        assert not peer.node.count_publishers("/front")
+        assert node.interrupt() == 0
 
 
 def test_steer_serves_the_page_and_a_restart_keeps_its_token(ros_domain):

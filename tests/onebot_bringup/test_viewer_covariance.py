@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.covariance import (
+from onebot_bringup.viewer.displays.poses import (
     Ellipse,
     ellipse_outline,
     heading_deviation,
@@ -18,7 +18,7 @@ from onebot_bringup.viewer.displays.covariance import (
 )
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
-from tests.onebot_bringup.drive_support import chunks, column, odometry
+from tests.onebot_bringup.drive_support import chunks, column, frames, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
@@ -189,16 +189,24 @@ def _recorded(tmp_path: Path, covariances, view=VIEW, place=(0.5, -1.0)) -> Path
 
 
 def test_a_steady_covariance_is_logged_once_however_far_the_robot_drives(tmp_path):
-    """It costs a shape, and two rows in what /tf is logged with anyway."""
+    """It costs a shape, and where it lies."""
     view = VIEW.replace("heading: 0,", "heading: 0.5,")
     file = _recorded(tmp_path, [_covariance(0.01, 0.01, yaw=0.01)] * 200, view)
     for shape in ("place", "heading"):
         entity = f"/covariance/pose/{shape}"
-        assert len(chunks(file, entity)) == 2, "its look, and its shape"
-        assert column(file, entity, "CoordinateFrame:frame") == [[entity[1:]]]
-    children = [row[0] for row in column(file, "/tf", "Transform3D:child_frame")]
-    assert children.count("covariance/pose/place") in range(150, 201)
-    assert len(chunks(file, "/tf")) <= 201
+        assert len(chunks(file, entity)) == 1
+        assert frames(file, entity) == [entity[1:]]
+        children = column(file, f"/placed{entity}", "Transform3D:child_frame")
+        assert children == [[entity[1:]]] * 200
+
+
+def test_it_goes_when_it_is_unknown(tmp_path):
+    """Of one unknown, or as large as none, in the end nothing is left."""
+    known = _covariance(0.36, 0.04)
+    for last in (_covariance(-1.0, -1.0), _covariance(1e6, 1e6)):
+        file = _recorded(tmp_path, [known] * 5 + [last] * 5)
+        assert column(file, "/covariance/pose/place", "LineStrips3D:strips")
+        assert column(file, "/covariance/pose/place", "Clear:is_recursive") == [[False]]
 
 
 def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
