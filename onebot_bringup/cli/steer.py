@@ -34,7 +34,7 @@ _ARGUMENTS = [
     Argument("host", "127.0.0.1", "address of the page; 0.0.0.0: for other computers, too"),
     port("port", "8080", "of the page; another one if it is in use, 0: any"),
     Argument("token", "", "required in the page's address; generated if others can reach it"),
-    number("rate", "20.0", "commands per second, Hz, 5 to 100", 5.0, 100.0),
+    number("rate", "20.0", "commands per second, Hz", 5.0, 100.0),
     number("max_linear", "0.0", "limit of commands, m/s; 0: the controller's limit", 0.0),
     number("max_angular", "0.0", "limit of commands, rad/s; 0: the controller's limit", 0.0),
     Argument(

@@ -98,13 +98,6 @@ def test_any_robot_moves_within_its_limits(start: Start, transforms: Transforms,
     stop(running)
 
 
-def test_ros_arguments_reach_the_nodes(start: Start, transforms: Transforms) -> None:
-    """``--ros-args -r`` remaps in every node, so both ends of a topic still meet."""
-    running = start("--ros-args", "-r", "joint_states:=arm_states")
-    wait_for_robot(running, transforms, "tip")
-    stop(running)
-
-
 VALUES = {"discovery": "localhost", "domain_id": ""}
 
 
