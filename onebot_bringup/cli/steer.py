@@ -10,7 +10,6 @@ from onebot_bringup.cli.robots import chosen_commands, description_topics
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     Argument,
-    UsageError,
     complete,
     number,
     port,
@@ -25,7 +24,7 @@ from onebot_bringup.launch.nodes import AWAIT_VIEW, STEERING_PAGE, VIEWER, RosNo
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.access import BindAddress, choose_bind_address
 from onebot_control.poses import prefixed
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, UsageError
 
 _VIEWER = "steering_viewer"  # not rerun_viewer: the robot may start one later
 _ARGUMENTS = [

@@ -16,7 +16,6 @@ import yaml
 
 from onebot_bringup.launch.arguments import (
     Argument,
-    UsageError,
     checked_values,
     description_arguments,
     simulation_arguments,
@@ -33,7 +32,7 @@ from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess
 from onebot_description.description import load_description
 from onebot_description.description_files import Source
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, UsageError
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
 ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from onebot_bringup.launch.arguments import (
     Argument,
-    UsageError,
     complete,
     number,
     port,
@@ -15,8 +14,8 @@ from onebot_bringup.launch.arguments import (
     split,
     switch,
     table,
-    whole,
 )
+from onebot_description.errors import UsageError
 
 DECLARED = [
     Argument("viewer", "web", "where to see it", ("web", "none")),
@@ -26,7 +25,7 @@ DECLARED = [
 NUMBERS = [
     number("rate", "20.0", "Hz", 5.0, 100.0),
     number("x", "0.0", "m"),
-    whole("count", "", "how many", 1, 99),
+    number("count", "", "how many", 1, 99, int),
     port("port", "8080", "of the page"),
     *ros_settings(),
 ]
