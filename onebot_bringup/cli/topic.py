@@ -11,7 +11,7 @@ from onebot_bringup.cli import qos
 from onebot_bringup.cli.names import TOPICS
 from onebot_bringup.cli.options import (
     ALLOW_NON_FINITE,
-    Exclusive,
+    Group,
     Subcommand,
     count,
     expression,
@@ -338,7 +338,7 @@ _PUB = (
     flag("--stdin", "read the values from stdin"),
     option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
     option("-p --print", "N", "print every N-th message (1)", natural, 1),
-    Exclusive(
+    Group(
         (
             flag("-1 --once", "publish one message and exit"),
             option("-t --times", "N", "publish N and exit", count),
