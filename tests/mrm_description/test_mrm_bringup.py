@@ -33,7 +33,6 @@ def mark(monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture
 def transforms(ros_domain: int) -> Iterator[Transforms]:
-    """Listen to /tf in the test's own ROS domain."""
     listener = Transforms(ros_domain)
     yield listener
     listener.close()
@@ -123,7 +122,6 @@ def test_editing_the_xacro_changes_the_robot(
 
 
 def test_a_bad_joints_file_ends_the_bringup(start: Start, tmp_path: Path) -> None:
-    """With the mistake in the YAML, and exit code 1."""
     (tmp_path / "joints.yaml").write_text("joint_state_publisher: {ros__parameters: {rat: 1}}")
     running = start(f"joints:={tmp_path / 'joints.yaml'}")
     assert running.wait() == 1

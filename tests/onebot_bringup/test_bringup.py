@@ -46,7 +46,6 @@ def arm(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def transforms(ros_domain: int) -> Iterator[Transforms]:
-    """Listen to /tf in the test's own ROS domain."""
     listener = Transforms(ros_domain)
     yield listener
     listener.close()

@@ -78,7 +78,6 @@ def make(arm: Path) -> Make:
 
 
 def names(launch: Launch) -> list[str]:
-    """The nodes to start, in their order."""
     return [node.name for node in launch.nodes()]
 
 
@@ -98,7 +97,6 @@ def parameters(node: NodeProcess) -> dict[str, Any]:
 
 
 def parameters_of(launch: Launch, name: str) -> dict[str, Any]:
-    """The parameters of one of the nodes."""
     return parameters(process_of(launch, name))
 
 
@@ -309,7 +307,6 @@ def test_the_frame_of_all_robots_is_the_files_or_world(make: Make, arm: Path) ->
 def test_what_does_not_go_together_with_several_robots(
     make: Make, given: dict[str, str], said: str
 ) -> None:
-    """Is refused, with the reason."""
     with pytest.raises(UsageError, match=said):
         make(robots="3", **given)
     assert make(robots="3", reload="false", namespace="a").values["robots"] == "3"
@@ -358,7 +355,6 @@ def test_the_command_line_overrides_the_file_and_that_the_defaults(
 
 
 def test_a_wrong_prefix_in_the_file_is_refused_with_its_line(make: Make, arm: Path) -> None:
-    """Before anything starts."""
     text = "velocity_controller:\n  ros__parameters:\n    tf_frame_prefix: 5\n"
     (arm.parent / "control.yaml").write_text(text)
     with pytest.raises(OneBotError, match=r"control.yaml:3: tf_frame_prefix: 5 is a number; write"):
@@ -493,7 +489,6 @@ def test_files_are_checked_before_anything_starts(
     words: list[str],
     said: str,
 ) -> None:
-    """With the argument, and what would be right."""
     monkeypatch.chdir(arm.parent)
     (arm.parent / "taken").mkdir()
     # The model comes after all these checks, so a correct one would be refused here.
@@ -503,7 +498,6 @@ def test_files_are_checked_before_anything_starts(
 def test_files_that_are_right_are_accepted(
     driven: Bringup, arm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Only the model that does not exist is then refused."""
     monkeypatch.chdir(arm.parent)
     right = ["joints:=joints.yaml", "view:=none", "save:=x.rrd", "record:=bag"]
     assert "absent.xacro" in refused(driven, *right, "model:=absent.xacro")
@@ -642,7 +636,6 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
     ],
 )
 def test_values_that_are_not_possible(make: Make, sim: bool, given: Any, said: str) -> None:
-    """Each is named with what would be."""
     with pytest.raises(UsageError) as caught:
         make(sim, **given)
     assert said in str(caught.value)
@@ -658,7 +651,6 @@ def test_values_that_are_not_possible(make: Make, sim: bool, given: Any, said: s
     ],
 )
 def test_values_that_are_possible(make: Make, sim: bool, given: Any) -> None:
-    """They are as they were written, and all others have their defaults."""
     values = make(sim, **given).values
     assert given.items() <= values.items()
     assert values["log_level"] == "info" and values["viewer"] == "web"

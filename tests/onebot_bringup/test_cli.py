@@ -30,7 +30,6 @@ ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 def onebot(
     *words: str, program: str = "onebot_bringup.cli.main"
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
     return subprocess.run(
         [sys.executable, "-m", program, *words], capture_output=True, text=True, timeout=180
     )
@@ -38,7 +37,6 @@ def onebot(
 
 @pytest.fixture
 def arm(tmp_path: Path) -> str:
-    """A small robot with one xacro argument."""
     (tmp_path / "arm.xacro").write_text(ARM)
     return str(tmp_path / "arm.xacro")
 
@@ -99,7 +97,6 @@ def test_former_names(words: list[str], line: str, capsys: pytest.CaptureFixture
 
 
 def test_former_names_lead_to_commands() -> None:
-    """What they are answered with exists."""
     for name, verb in FORMER.items():
         assert name not in VERBS and verb.split()[0] in VERBS
 

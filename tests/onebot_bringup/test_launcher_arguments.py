@@ -39,7 +39,6 @@ def test_values_may_hold_anything() -> None:
 
 @given(st.dictionaries(st.from_regex(r"[a-z_]{1,9}", fullmatch=True), st.text(max_size=20)))
 def test_what_is_written_is_what_is_read(values: dict[str, str]) -> None:
-    """Any names and texts survive the command line."""
     assert split([f"{name}:={value}" for name, value in values.items()]).given == values
 
 
@@ -64,24 +63,20 @@ def test_help_is_known(word: str) -> None:
     ("word", "words"), [("--viewer=none", "viewer:=value"), (":=x", "no name"), ("-x", "no option")]
 )
 def test_wrong_forms_are_explained(word: str, words: str) -> None:
-    """An option that does not exist is answered with how it is written."""
     with pytest.raises(UsageError, match=words):
         split([word])
 
 
 def test_a_single_equals_sign_is_recognised() -> None:
-    """``viewer=none`` is answered with ``viewer:=none``."""
     with pytest.raises(UsageError, match="written viewer:=none"):
         refuse_positional(split(["viewer=none"]).positional)
 
 
 def test_defaults_fill_up() -> None:
-    """What is not given has its default."""
     assert complete(DECLARED, {"save": "x"}) == {"viewer": "web", "save": "x", "reload": "true"}
 
 
 def test_all_problems_are_told_at_once() -> None:
-    """Unknown names come with the nearest, bad values with what is allowed, all in one error."""
     with pytest.raises(UsageError) as caught:
         complete(DECLARED, {"veiwer": "x", "viewer": "x11", "reload": "yes"})
     message = str(caught.value)
@@ -110,7 +105,6 @@ def test_former_arguments(name: str, answer: str) -> None:
     ("written", "meant"), [("true", "true"), ("1", "true"), ("False", "false"), ("0", "false")]
 )
 def test_switches_take_both_spellings(written: str, meant: str) -> None:
-    """1 is true and 0 is false, in any case of letters."""
     assert complete(DECLARED, {"reload": written})["reload"] == meant
 
 

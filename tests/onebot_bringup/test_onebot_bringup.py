@@ -209,7 +209,6 @@ def _stamp(message):
 
 
 def test_what_a_node_refuses_ends_the_bringup(ros_domain):
-    """One clear error, and exit code 1."""
     with NodeProcess(MODULE, "world:=mase", "viewer:=none", check=False) as node:
         assert node.wait() == 1
         assert 'no world "mase" (did you mean "maze"' in node.output
