@@ -48,13 +48,13 @@ class Snapshot(NamedTuple):
     """
 
     tick: int  # cycles done before this one
-    joints: JointStates  # of all joints that move
-    odometry: PlanarPose  # by the wheels, in the odometry's frame
-    covariance: PoseCovariance  # of that pose
+    joints: JointStates  # all joints that move
+    odometry: PlanarPose  # the wheels' pose, in the odometry's frame
+    covariance: PoseCovariance  # that pose's
     twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
     pose: Pose  # the true one in the world
     velocity: Twist  # the true one, in the base's frame
-    command: DriveCommand  # of the wheels
+    command: DriveCommand  # the wheels' velocities
 
 
 class JointStateBroadcaster:

@@ -61,8 +61,8 @@ class Robot:
     driven: tuple[str, ...]  # names of the joints with a motor, in the given order
     rest_pose: RestPose  # height and tilt at rest on level ground
     parts: LoadedRobot
-    pose: Transform  # of the root link's frame, as last read
-    positions: list[float]  # of the joints, by row of ``joints``, as last read
+    pose: Transform  # the root link's frame, as last read
+    positions: list[float]  # the joints', by row of ``joints``, as last read
     finite: bool  # whether the last state was finite
 
     def __init__(self, world: "World", spawn: RobotSpawn) -> None:
@@ -98,7 +98,7 @@ class Robot:
         self._read_motors = partial(engine.getJointStates, body, self._driven_indices, client)
         self._read_velocity = partial(engine.getBaseVelocity, body, client)
         self._targets = [0.0] * len(self.driven)
-        self._efforts = [0.0] * len(self.joints)  # of the motors
+        self._efforts = [0.0] * len(self.joints)  # the motors'
         self._recorded: list[float] = []  # the same of each physics step
         self._update(self._read_joints())
 

@@ -127,7 +127,7 @@ class World:
         """
         self.check_usable()
         positions = [0.0] * len(robot.joints) if at_start else robot.positions
-        before: int = engine.saveState(physicsClientId=self.client)
+        present: int = engine.saveState(physicsClientId=self.client)
         try:
             if len(self.robots) == 1 and (at_start or self.scene is None):
                 # Without other robots the contacts of all that is at rest can be restored.
@@ -139,10 +139,10 @@ class World:
             self._check_boxes(robot, where)
             self._check_overlaps(robot)
         except OneBotError:
-            engine.restoreState(before, physicsClientId=self.client)
+            engine.restoreState(present, physicsClientId=self.client)
             raise
         finally:
-            engine.removeState(before, physicsClientId=self.client)
+            engine.removeState(present, physicsClientId=self.client)
         robot.put(pose, positions)
         if self.scene is not None:
             self.scene.read()
