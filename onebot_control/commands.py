@@ -48,7 +48,7 @@ class CommandLock:
     def __str__(self) -> str:
         return (
             f"the robot is locked until false is published on {self._topic}, or until somebody "
-            "presses a key or control that drives in onebot steer or onebot teleop"
+            "presses a control that drives in onebot steer, or r in onebot teleop"
         )
 
     def _on_lock(self, message: Bool) -> None:
