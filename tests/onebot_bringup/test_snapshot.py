@@ -16,11 +16,12 @@ from std_msgs.msg import Header, String
 from onebot_bringup.cli.scenes import _record_description, running_viewer, server_of
 from onebot_bringup.cli.session import Session
 from onebot_bringup.cli.snapshot import check_picture, parse_camera, parse_command_line
+from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.pictures import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import load_description, parse_description
-from onebot_description.errors import OneBotError, UsageError
+from onebot_description.errors import OneBotError
 from onebot_description.joints.pose import pose_of
 from onebot_description.model import RobotModel
 from onebot_description.wire.tf_message import TFMessage
