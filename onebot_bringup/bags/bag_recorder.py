@@ -97,11 +97,6 @@ class BagRecorder(Node):
     """The node; see the module's docstring."""
 
     def __init__(self) -> None:
-        """Create the recording and subscribe to the topics that are known already.
-
-        Raises:
-            OneBotError: a parameter is wrong, or the folder cannot be made.
-        """
         super().__init__("bag_recorder")
         self._bag: BagWriter | None = None
         given = read(RecorderParameters, declare(self, RecorderParameters))
@@ -132,11 +127,7 @@ class BagRecorder(Node):
             self._next_write = now + _LEAST_IDLE * (now - start) - _WRITE_PERIOD
 
     def destroy_node(self) -> None:
-        """Write what is left, log how much was recorded, and destroy the node.
-
-        Raises:
-            OneBotError: it cannot be written.
-        """
+        """Write what is left, log how much was recorded, and destroy the node."""
         bag, self._bag = self._bag, None
         try:
             if bag is not None and bag.open:
@@ -195,13 +186,6 @@ class TopicRecorder:
     """
 
     def __init__(self, node: Node, bag: BagWriter, selection: Selection) -> None:
-        """Prepare; ``poll`` subscribes.
-
-        Args:
-            node: makes the subscriptions.
-            bag: gets the messages.
-            selection: which topics.
-        """
         self._node = node
         self._bag = bag
         self._simulated = bool(node.get_parameter("use_sim_time").value)
@@ -242,7 +226,6 @@ class TopicRecorder:
                     self._update(topic)
 
     def _report_absence(self) -> None:
-        """Warn after a time without polls."""
         before, self._polled = self._polled, time.clock_gettime(_CLOCK)
         if self._polled - before > _AWAY:
             self._node.get_logger().warning(
@@ -331,7 +314,6 @@ class TopicRecorder:
         return time.time_ns()
 
     def _warn(self, text: str) -> None:
-        """Log a warning, each once."""
         if text not in self._warned:
             self._warned.add(text)
             self._node.get_logger().warning(text)

@@ -104,11 +104,7 @@ def _limit(duration: Mapping[str, Any] | None) -> int | None:
 
 
 def open_file(path: Path) -> IO[bytes]:
-    """Open a file of a recording.
-
-    Raises:
-        OneBotError: it cannot be read, or is no regular file.
-    """
+    """Open a regular file of a recording, or raise an OneBotError."""
     try:
         return bounded_yaml.open_regular(path)
     except OSError as error:

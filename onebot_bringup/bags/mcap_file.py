@@ -101,15 +101,7 @@ class McapFile:
     """An MCAP file that is open."""
 
     def __init__(self, path: Path, max_size: int) -> None:
-        """Open it.
-
-        Args:
-            path: the file.
-            max_size: bytes of a record, a chunk, or of what else is in memory at once, at most.
-
-        Raises:
-            OneBotError: it cannot be opened, or is none.
-        """
+        """Open it, or raise an OneBotError; at most ``max_size`` bytes are in memory at once."""
         self._path, self._max_size = path, max_size
         self._file = open_file(path)
         start = self._file.read(len(MCAP0_MAGIC))
@@ -137,11 +129,7 @@ class McapFile:
             contents.add_messages(declared.channels[number].topic, *extent)
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield messages by time; without a sound index, in the file's order.
-
-        Raises:
-            DAMAGE: after the last one before the damage.
-        """
+        """Yield messages by time, or without an index as they lie; damage raises ``DAMAGE``."""
         channels = {n for n, found in self._declared.channels.items() if found.topic in topics}
         types: dict[int, tuple[str, str]] = {}
         for number, time, data in self._by_time(channels) if self._indexed else self._in_order():
@@ -152,11 +140,7 @@ class McapFile:
                 yield BagMessage(topic, kind, time, data)
 
     def _summary(self) -> _Declared | None:
-        """The summary; None where the file has to be read in order.
-
-        It was cut off or is damaged, or it was written without an index of its chunks, statistics,
-        or channels or schemas in its summary, all of which are optional.
-        """
+        """The summary; None without one that is whole, and for what writers may leave out of it."""
         index = _Declared(self._max_size)
         try:
             self._file.seek(-_FOOTER.size, os.SEEK_END)
@@ -186,7 +170,6 @@ class McapFile:
         return extents
 
     def _records(self, file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
-        """Yield the records from here on: what they are, and their content."""
         place = file.tell()
         end = file.seek(0, os.SEEK_END)
         file.seek(place)
@@ -202,7 +185,6 @@ class McapFile:
                 file.seek(place)
 
     def _unpacked(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Yield the records of a chunk."""
         chunk = Chunk.read(ReadDataStream(io.BytesIO(data)))
         size, content = chunk.uncompressed_size, chunk.data
         check_size("a chunk", size, self._max_size)

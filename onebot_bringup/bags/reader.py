@@ -51,15 +51,7 @@ class Bag(Contents):
     """
 
     def __init__(self, source: Path, max_size: int = MAX_SIZE) -> None:
-        """Open a recording.
-
-        Args:
-            source: its file or folder.
-            max_size: bytes that are read or unpacked at once, of a message or a chunk, at most.
-
-        Raises:
-            OneBotError: there is none, or it cannot be read.
-        """
+        """Open a file or folder, or raise an OneBotError; ``max_size`` bytes are unpacked at once."""
         super().__init__()
         self.source = source
         self._max_size = max_size
@@ -100,14 +92,7 @@ class Bag(Contents):
                 self.warnings.append(f"{name}: {_reason(error)}; what comes before is read")
 
     def definition(self, type_name: str) -> str:
-        """Return the definition of a message type: the recording's, or else the installed one.
-
-        Args:
-            type_name: ``package/msg/Type``.
-
-        Raises:
-            OneBotError: it is neither in the recording, as .msg text, nor installed.
-        """
+        """Return a type's definition, the recording's or the installed; without, an OneBotError."""
         if type_name in self.definitions:
             return self.definitions[type_name]
         try:
@@ -219,7 +204,6 @@ class Bag(Contents):
 
 
 def _is_storage(path: Path) -> bool:
-    """Whether its name is that of a file with messages, compressed or not."""
     return (Path(path.stem) if path.suffix == _COMPRESSED else path).suffix in _STORAGES
 
 

@@ -199,11 +199,7 @@ class RecordedRobot:
 
 
 def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
-    """Return the robot in ``namespace``, or all; without any description what may be of one.
-
-    Raises:
-        OneBotError: there is none in the namespace.
-    """
+    """Return the robot in ``namespace``, or all; without any description what may be of one."""
     described = _spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)
     joints = _spaces(bag, _JOINTS_NAME, JOINT_STATE.name)
     transforms = _tf_spaces(bag)

@@ -167,13 +167,7 @@ class Driver:
 
 @contextlib.contextmanager
 def single_keys() -> Iterator["Keys"]:
-    """Switch the terminal to unbuffered input without echo; restore it afterwards.
-
-    Ctrl-C still interrupts.
-
-    Raises:
-        OneBotError: stdin is not a terminal.
-    """
+    """Switch the terminal to single keys without echo, and back afterwards; Ctrl-C interrupts."""
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
@@ -230,12 +224,7 @@ def split_keys(text: str) -> list[str]:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: stdin is not a terminal, the command line is wrong, or it is not clear which of
-            several robots is meant.
-    """
+    """Run the command and return its exit code."""
     args = _parse(argv)
     with single_keys() as keys, Session(args.ros_args, "teleop") as session:
         teleop = _Teleop(session, args)

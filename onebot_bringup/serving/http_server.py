@@ -31,11 +31,7 @@ _LOGGER.addFilter(_is_of_the_server)
 
 
 async def body_of(request: web.Request) -> bytes:
-    """Return the body of a request.
-
-    Raises:
-        HTTPRequestTimeout: it was not received in whole within seconds.
-    """
+    """Return the body of a request; it has seconds to be received in whole."""
     try:
         return await asyncio.wait_for(request.read(), _BODY_TIMEOUT)
     except asyncio.TimeoutError:

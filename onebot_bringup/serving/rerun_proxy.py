@@ -61,18 +61,7 @@ class RerunProxy:
     async def forward_data(
         self, request: web.Request, port: int, path: str, host: str = LOOPBACK
     ) -> web.StreamResponse:
-        """Respond to a call by gRPC-web, which may have no end.
-
-        Args:
-            request: the call.
-            port: of the server to forward it to.
-            path: service and method.
-            host: the server's address.
-
-        Raises:
-            HTTPForbidden: the method writes into the recording.
-            HTTPRequestTimeout: the call was not received in whole within seconds.
-        """
+        """Respond to a call by gRPC-web that only reads; the response may have no end."""
         if path not in _READS:
             raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
         body = await body_of(request)
@@ -166,13 +155,7 @@ def data_url(host: str) -> str:
 
 
 def page_app(page: int, options: str, data: tuple[str, int]) -> web.Application:
-    """Make the application that serves Rerun's page, and its data, on 127.0.0.1.
-
-    Args:
-        page: the port of Rerun's server of the page on 127.0.0.1.
-        options: the parameters of the page beside ``url=``.
-        data: address and port of the recording's server.
-    """
+    """Serve Rerun's page (a port of 127.0.0.1) and its data, from an address and port."""
     app = web.Application(middlewares=[guard(LOOPBACK)])
     policy = f"{content_policy()}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
     unavailable = "Rerun's server does not answer; it is being restarted"

@@ -196,11 +196,7 @@ class CommandTopic:
         self.update()
 
     def update(self, controllers: Container[str] = ()) -> None:
-        """Adapt to the type that the robot subscribes to; to be called several times per second.
-
-        Args:
-            controllers: the nodes that are known to be the robot's; the type is theirs.
-        """
+        """Adapt to the type of ``controllers``, or else of all subscribers; to be called often."""
         self.subscribers = command_subscribers(self._node, self.topic)
         self.others = self._other_publishers()
         foreign = foreign_type(self._node, self.topic)

@@ -71,11 +71,7 @@ class Ground:
         self.grid: PublishedMap | None = None
 
     def update(self, namespace: str) -> None:
-        """Follow publishers that come and go; to be called several times per second.
-
-        Args:
-            namespace: of the robot; its map is below it, or else the map of all robots.
-        """
+        """Follow publishers of the robot's map, or that of all robots; to be called often."""
         topics: dict[str, str] = {}
         if time.monotonic() < self._used + _UNUSED:
             own = f"{namespace}/{_MAP}"

@@ -99,12 +99,7 @@ def _in_force(bound: Bound, chosen: float | None) -> float:
 
 
 def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Limits:
-    """Return the limits that these controllers and the page's parameters set, none chosen.
-
-    Args:
-        controllers: all that get the commands.
-        fixed: the parameters max_linear and max_angular; 0 for none.
-    """
+    """Return the limits that all ``controllers`` set, and the page's parameters (0 for none)."""
     linear = _bound([(c.node, c.linear) for c in controllers], ("max_linear", fixed.linear))
     angular = _bound([(c.node, c.angular) for c in controllers], ("max_angular", fixed.angular))
     return Limits(

@@ -59,11 +59,7 @@ _FIELDS = {
 
 
 def parse_click(data: str) -> Click:
-    """Return the click that a page sent: JSON with the fields of ``Click``.
-
-    Raises:
-        ProtocolError: it is none.
-    """
+    """Return the click that a page sent, or raise a ProtocolError."""
     return Click(**read_request("a click", data, _FIELDS))
 
 

@@ -72,13 +72,7 @@ class Viewer:
     """
 
     def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
-        """Subscribe to a viewer's ~/page, and to its ~/displays.
-
-        Args:
-            node: that subscribes.
-            page_topic: the full name.
-            changed: called when ``view`` may have changed.
-        """
+        """Subscribe to its ~/page and ~/displays; ``changed`` is called when ``view`` may have."""
         self._node, self._topic, self._changed = node, page_topic, changed
         self._name = page_topic.rpartition("/")[0]
         self._shown: list[Mapping[str, Any]] = []
