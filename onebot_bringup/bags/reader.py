@@ -51,7 +51,7 @@ class Bag(Contents):
     """
 
     def __init__(self, source: Path, max_size: int = MAX_SIZE) -> None:
-        """Open a file or folder, or raise an OneBotError; ``max_size`` bytes are unpacked at once."""
+        """Open a file or folder, or raise an OneBotError; ``max_size`` bytes are read at once."""
         super().__init__()
         self.source = source
         self._max_size = max_size
