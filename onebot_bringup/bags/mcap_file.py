@@ -33,7 +33,7 @@ _CDR = "cdr"
 _MSG = "ros2msg"  # the encoding of definitions that are .msg text, not IDL
 _RECORD = struct.Struct("<BQ")  # how a record begins: what it is, and its length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of receipt and of publishing
-_FOOTER = struct.Struct("<Q12x8s")  # where the summary starts, and the magic bytes
+_FOOTER = struct.Struct("<Q12x8s")  # the summary's start, and the magic bytes
 _READ = {
     Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.CHUNK_INDEX,
     Opcode.STATISTICS, Opcode.DATA_END, Opcode.FOOTER,
@@ -55,7 +55,7 @@ class _Declared:
 
     def add(self, opcode: int, data: bytes) -> None:
         """Keep what a record declares; records of other kinds are passed over."""
-        number = int.from_bytes(data[:2], "little")  # of a schema or channel; they may be repeated
+        number = int.from_bytes(data[:2], "little")  # a schema or channel may be repeated
         if opcode == Opcode.SCHEMA and number in self.schemas:
             return
         if opcode == Opcode.CHANNEL and number in self.channels:
@@ -130,7 +130,7 @@ class McapFile:
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Yield messages by time, or without an index as they lie; damage raises ``DAMAGE``."""
-        channels = {n for n, found in self._declared.channels.items() if found.topic in topics}
+        channels = {n for n, channel in self._declared.channels.items() if channel.topic in topics}
         types: dict[int, tuple[str, str]] = {}
         for number, time, data in self._by_time(channels) if self._indexed else self._in_order():
             if number not in types:
@@ -164,7 +164,7 @@ class McapFile:
             return {n: (count, *times) for n, count in summed.channel_message_counts.items()}
         with suppress(*DAMAGE):
             for number, time, _ in self._in_order():
-                self._declared.channels[number]  # or it is damage
+                self._declared.channels[number]  # a KeyError is damage
                 count, start, end = extents.get(number, (0, time, time))
                 extents[number] = count + 1, min(start, time), max(end, time)
         return extents

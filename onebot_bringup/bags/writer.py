@@ -25,14 +25,14 @@ _FastDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, if PyY
 class Qos:
     """The quality of service that a publisher offers, in rosbag2's words."""
 
-    reliability: str = "reliable"  # or best_effort
-    durability: str = "volatile"  # or transient_local
-    liveliness: str = "automatic"  # or manual_by_topic
+    reliability: str = "reliable"  # alternative: best_effort
+    durability: str = "volatile"  # alternative: transient_local
+    liveliness: str = "automatic"  # alternative: manual_by_topic
     history: str = "unknown"  # DDS does not report it; or keep_last, keep_all
-    depth: int = 0  # of the history
+    depth: int = 0  # the history's length
     deadline: int | None = None  # ns; None for infinite, as in the next two
     lifespan: int | None = None
-    lease: int | None = None  # of the liveliness
+    lease: int | None = None  # the liveliness's
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class RecordedTopic:
 
     name: str
     type: str  # package/msg/Type
-    hash: str = ""  # of the type, RIHS01_...
-    offered: tuple[Qos, ...] = ()  # by its publishers
+    hash: str = ""  # the type's, RIHS01_...
+    offered: tuple[Qos, ...] = ()  # each publisher's
 
 
 class BagWriter:
@@ -67,7 +67,7 @@ class BagWriter:
         self.open = False
         self.message_count = 0
         self._start = self._end = 0  # ns, of the messages
-        self._counts: dict[int, int] = {}  # of messages, by the topic's number
+        self._counts: dict[int, int] = {}  # messages by the topic's number
         self._topics: dict[int, RecordedTopic] = {}
         self._schemas: dict[str, int] = {}
         self._changed = False
@@ -209,7 +209,7 @@ class _McapFile:
     def __init__(self, path: Path, compress: bool, chunk_size: int) -> None:
         self.path = path
         self._output = _Output()
-        self._ending = b""  # what the file holds from the output's start on
+        self._ending = b""  # content of the file from the output's start on
         self.writer = Writer(
             self._output,
             chunk_size=chunk_size,

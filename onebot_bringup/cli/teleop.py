@@ -98,9 +98,9 @@ class TeleopTwist:
     """The velocity to publish."""
 
     x: float = 0.0  # forward, m/s
-    y: float = 0.0  # to the left, m/s
+    y: float = 0.0  # left, m/s
     z: float = 0.0  # up, m/s
-    turn: float = 0.0  # to the left, rad/s
+    turn: float = 0.0  # left, rad/s
 
 
 class Driver:
@@ -171,7 +171,7 @@ def single_keys() -> Iterator["Keys"]:
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
-    before = termios.tcgetattr(fd)
+    settings = termios.tcgetattr(fd)
     mode = termios.tcgetattr(fd)
     mode[3] &= ~(termios.ICANON | termios.ECHO)
     # Ctrl-S would block the output, and with it the loop that publishes.
@@ -184,7 +184,7 @@ def single_keys() -> Iterator["Keys"]:
         yield Keys(fd)
     finally:
         with contextlib.suppress(termios.error):  # the terminal's window is closed
-            termios.tcsetattr(fd, termios.TCSADRAIN, before)
+            termios.tcsetattr(fd, termios.TCSADRAIN, settings)
 
 
 class Keys:
@@ -363,8 +363,8 @@ class _Teleop:
     def _subscriber_note(self) -> str:
         if self._publisher.get_subscription_count():
             return ""
-        found = self._session.node.get_subscriptions_info_by_topic(self._topic)
-        types = sorted({info.topic_type for info in found})
+        subscribers = self._session.node.get_subscriptions_info_by_topic(self._topic)
+        types = sorted({info.topic_type for info in subscribers})
         if any(name.endswith("/TwistStamped") for name in types) and not self._args.stamped:
             return "\t(the robot subscribes to TwistStamped: use --stamped)"
         if any(name.endswith("/Twist") for name in types) and self._args.stamped:

@@ -69,7 +69,7 @@ class ServerThread(LoopThread):
             access_log=None,
             logger=_LOGGER,
             handle_signals=False,
-            shutdown_timeout=STOP_TIMEOUT / 4,  # for pending responses
+            shutdown_timeout=STOP_TIMEOUT / 4,  # time for pending responses
             keepalive_timeout=_IDLE_TIMEOUT,
             lingering_time=_LINGERING,
         )

@@ -15,11 +15,11 @@ LOOPBACK = "127.0.0.1"
 
 def _resolve(host: str, port: int) -> tuple[socket.AddressFamily, tuple[Any, ...]]:
     try:
-        found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)
+        addresses = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
         raise _not_here(host) from None
     # IPv4 first: "localhost" is expected to be 127.0.0.1.
-    family, _, _, _, address = min(found, key=lambda one: one[0] != socket.AF_INET)
+    family, _, _, _, address = min(addresses, key=lambda one: one[0] != socket.AF_INET)
     return family, address
 
 
@@ -111,8 +111,8 @@ def _own_address(family: int, any_address: str) -> str:
             probe.connect((outside, 9))
         except OSError:
             return "127.0.0.1" if family == socket.AF_INET else "::1"
-        found = str(probe.getsockname()[0])
-    return found if found != any_address else "127.0.0.1"
+        address = str(probe.getsockname()[0])
+    return address if address != any_address else "127.0.0.1"
 
 
 def _not_here(host: str) -> OneBotError:

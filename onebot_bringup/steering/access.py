@@ -93,7 +93,7 @@ def _bytes(text: str) -> bytes:
 class BindAddress(NamedTuple):
     """Where the page is served, checked before its node is started."""
 
-    host: str  # as given
+    host: str  # the given one
     port: int  # a free one
     token: str  # required in the page's address; "" for none
     warning: str = ""  # a sentence if the port is another one than given

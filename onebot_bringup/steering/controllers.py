@@ -53,7 +53,7 @@ class Controllers:
             try:
                 self._inquiries[name] = _Inquiry(self._node, name, self._learn)
             except InvalidServiceNameException:
-                pass  # of a program that is no ROS node
+                pass  # a program that is no ROS node
         for inquiry in self._inquiries.values():
             inquiry.poll()
         self._learn()

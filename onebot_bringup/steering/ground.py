@@ -28,7 +28,7 @@ _MAP = "map"  # the name of the topic, and of the frame
 _TF = "tf2_msgs/msg/TFMessage"
 _GRID = "nav_msgs/msg/OccupancyGrid"
 _DEPTH = 100
-_KNOWN = np.arange(256) <= 100  # by the cell's byte, a share of 100; all else is unknown
+_KNOWN = np.arange(256) <= 100  # a cell's byte is a share of 100, or unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
 _UNUSED = 3.0  # s without a request until it unsubscribes

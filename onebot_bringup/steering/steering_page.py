@@ -157,7 +157,7 @@ class SteeringPage(Node):
         self._choices: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # page, topic
         self._arbiter = Arbiter(settings.limits(()), commands.publish, commands.lock)
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
-        self._timeouts = 0  # of drivers, that were logged
+        self._timeouts = 0  # number of drivers' timeouts that were logged
         self._ground = Ground(self, self._odometry)
         self._senses = Senses(self, self._odometry)
         self._thread = OtherThread(self)
