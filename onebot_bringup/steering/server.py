@@ -70,7 +70,7 @@ class ServerContext:
     rate: float  # commands per second, Hz
 
 
-@dataclass
+@dataclass(eq=False)
 class _Page:
     socket: web.WebSocketResponse
     host: str  # this server, as the browser names it
