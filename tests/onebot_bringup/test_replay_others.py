@@ -31,7 +31,7 @@ from onebot_bringup.cli.main import main
 from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.drive_support import chunks, column, entities
+from tests.onebot_bringup.drive_support import chunks, column, entities, frames
 from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
 from tests.onebot_bringup.viewer_support import ARM
 
@@ -128,7 +128,7 @@ def test_distros_and_storages(tmp_path, distro, plugin, compression):
     replayed = Replayed(tmp_path / "bag")
     assert replayed.fixed_frame == "map"
     assert replayed.ends("/plan") == [1 + step for step in range(10)]
-    assert column(replayed.file, "/path/plan", "CoordinateFrame:frame") == [["base_link"]]
+    assert frames(replayed.file, "/path/plan") == ["base_link"]
     assert [NO_ROBOT in sentence for sentence in replayed.warnings] == [True]
 
 
