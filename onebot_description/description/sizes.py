@@ -22,27 +22,31 @@ _MILLIMETRES = 100.0  # m, from which on centimetres are as unlikely
 _TIMES = 100.0  # by which a shape may be larger than most others
 
 
-def shape_sizes(description: Description) -> dict[Shape, Triple]:
-    """Return the lengths of the shapes' sides, m; those of meshes that cannot be read are absent.
+def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str]]:
+    """Return the lengths of the shapes' sides, m, and what is wrong with the meshes' files.
 
-    Meshes are opened.
+    Meshes are opened; those that cannot be read have no size.
     """
     sizes: dict[Shape, Triple] = {}
+    faults: dict[str, str] = {}  # by what is wrong
     for link in description.links:
-        for shape in (part.shape for part in (*link.visuals, *link.collisions)):
-            if shape not in sizes and (size := _size(shape)) is not None:
-                sizes[shape] = size
-    return sizes
+        for part in (*link.visuals, *link.collisions):
+            shape = part.shape
+            is_missing = isinstance(shape, Mesh) and shape.path is None  # already a problem
+            if shape not in sizes and not is_missing:
+                try:
+                    sizes[shape] = _size(shape)
+                except OneBotError as error:
+                    text = f'{part.where}: link "{link.name}": mesh {error}'
+                    faults.setdefault(str(error), text)
+    return sizes, list(faults.values())
 
 
-def _size(shape: Shape) -> Triple | None:
+def _size(shape: Shape) -> Triple:
     if isinstance(shape, Box):
         return shape.size
     if isinstance(shape, Mesh):
-        try:
-            corners = mesh_corners(shape)
-        except OneBotError:  # reported by who needs the mesh
-            return None
+        corners = mesh_corners(shape)
         x, y, z = (abs(corners.max(axis=0) - corners.min(axis=0)) * shape.scale).tolist()
         return abs(x), abs(y), abs(z)
     width = 2.0 * shape.radius
