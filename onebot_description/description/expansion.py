@@ -162,10 +162,10 @@ class _Run:
         self._place.note(shown)
         data = xml.read_bytes(path)
         self.files.append(path)
-        lines = xml.scan(data, shown).lines
+        places = xml.parse(data, shown).places.values()
         document = minidom.parseString(data)
-        for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
-            element.setUserData("places", (f"{shown}:{line}",), self._copy_places)
+        for element, place in zip(document.getElementsByTagName("*"), places, strict=True):
+            element.setUserData("places", (place,), self._copy_places)
         return document
 
     def open(self, filename: str) -> io.BytesIO:

@@ -62,15 +62,15 @@ def _read(
     given = {name: str(value) for name, value in arguments.items()}
     shown = xml.shown_path(path)
     data, blank = xml.declaration_first(xml.read_bytes(path), shown)
-    found = xml.scan(data, shown)
-    if found.has_xacro or path.suffix == ".xacro":
+    document = xml.parse(data, shown, path.parent)
+    if document.has_xacro or path.suffix == ".xacro":
         from onebot_description.description.xacro import expand
 
         return expand(path, given)
     if given:
         names = ", ".join(sorted(given))
         raise DescriptionError([f"{shown}: is plain URDF and takes no arguments (given: {names})"])
-    return xml.to_document(data, found, shown, path.parent), (path,), blank
+    return document, (path,), blank
 
 
 class SensorFile(NamedTuple):
@@ -116,8 +116,7 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
         data, blank = xml.declaration_first(urdf.encode("utf-8"), name)
     except UnicodeEncodeError as error:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
-    found = xml.scan(data, name, "utf-8")
-    document = xml.to_document(data, found, name, _folder(name), "utf-8")
+    document = xml.parse(data, name, _folder(name), "utf-8")
     known = kept_places(urdf)
     if len(known) == len(document.places):
         document.places.update(zip(document.root.iter(), known, strict=True))

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from onebot_description.description import xml
@@ -59,10 +58,9 @@ def _to_document(found: Mapping[str, Any], path: Path) -> xml.Document:
     """Parse what xacro made, keeping the places of its elements."""
     shown = xml.shown_path(path)
     data = found["text"].encode("utf-8", "replace")
-    scanned = xml.scan(data, f"{shown} (expanded)", "utf-8")
-    fresh = xml.to_document(data, scanned, shown, path.parent, "utf-8")
-    places = dict(zip(fresh.root.iter(), found["places"], strict=True))
-    return xml.Document(fresh.root, places, shown, path.parent)
+    root = xml.parse(data, f"{shown} (expanded)", encoding="utf-8").root
+    places = dict(zip(root.iter(), found["places"], strict=True))
+    return xml.Document(root, places, shown, path.parent)
 
 
 # Arguments that are used without being declared are arguments all the same.
@@ -124,10 +122,8 @@ def included_files(source: str) -> tuple[Path, ...]:
 def root_of(file: Path) -> Element:
     """Return the root of an XML file, an empty element if it cannot be read."""
     try:
-        data = xml.read_bytes(file)
-        xml.scan(data, str(file))
-        return ElementTree.fromstring(data)
-    except (OneBotError, ElementTree.ParseError, ValueError):
+        return xml.parse(xml.read_bytes(file), str(file)).root
+    except OneBotError:
         return Element("unreadable")
 
 
