@@ -80,7 +80,6 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -> None:
-    """By a bound of memory or processor time; the next file is read as ever."""
     inside, ending = HOSTILE[name]
     # One of the two is never met first, however slow the machine is.
     monkeypatch.setattr(xacro, "_BOUNDS", SMALL if ending == MEMORY else SHORT)
@@ -107,13 +106,11 @@ def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -
     ],
 )
 def test_what_is_no_file_is_not_read(tmp_path: Path, inside: str, problem: str) -> None:
-    """Neither waits for somebody to write into it, nor takes what never ends."""
     assert problem_of(tmp_path, inside).endswith(problem)
 
 
 @pytest.mark.parametrize("name", ["pipe.urdf", "zero.xacro"])
 def test_a_description_that_is_no_file(tmp_path: Path, name: str) -> None:
-    """Nor does the file itself; its arguments are none."""
     os.mkfifo(tmp_path / "pipe.urdf")
     (tmp_path / "zero.xacro").symlink_to("/dev/zero")
     with pytest.raises(DescriptionError, match=f"{name}: is a device or pipe, not a file$"):
@@ -122,7 +119,6 @@ def test_a_description_that_is_no_file(tmp_path: Path, name: str) -> None:
 
 
 def test_arguments_are_found_in_each_file_once(tmp_path: Path) -> None:
-    """However often files include each other, under whatever names."""
     includes = "".join(
         f'<xacro:include filename="../{tmp_path.name}/{n}.xacro"/>' * 9 for n in "ab"
     )
@@ -132,7 +128,6 @@ def test_arguments_are_found_in_each_file_once(tmp_path: Path) -> None:
 
 
 def test_no_process_can_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One problem, too."""
     monkeypatch.setattr(bounded_process, "_spawn", unstartable)
     monkeypatch.setattr(bounded_process, "_fork", unstartable)
     problem = problem_of(tmp_path, "<link name='a'/>")

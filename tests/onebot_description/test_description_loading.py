@@ -317,7 +317,6 @@ def test_names_that_are_proposed_are_the_files_own(tmp_path: Path) -> None:
 
 
 def test_text_that_names_a_file_has_its_folder(tmp_path: Path) -> None:
-    """Then relative meshes are found, and the file is one to watch; else neither."""
     shutil.copy(ROBOTS / "meshes" / "cube.stl", tmp_path)
     shape = '<geometry><mesh filename="cube.stl"/></geometry>'
     text = f'<robot name="a"><link name="b"><visual>{shape}</visual></link></robot>'
@@ -373,7 +372,6 @@ def test_the_published_text_carries_what_finds_its_files(tmp_path: Path) -> None
 
 
 def test_a_missing_package_is_one_problem_and_refuses_nothing(tmp_path: Path) -> None:
-    """However many meshes lie in it: the state publishers open none."""
     meshes = "".join(
         f"<{part}><geometry>"
         f'<mesh filename="package://no_such_package/{part}{number}.stl"/></geometry></{part}>'

@@ -106,7 +106,6 @@ def test_a_limit_below_zero_is_none(name: str) -> None:
     ],
 )
 def test_a_joint_without_limits_stays_at_0(limit: str, problem: str) -> None:
-    """And has its transform, wherever another node says it is."""
     description = taken(robot(hinge("j", "a", limit)), problem)
     assert (description.joints[0].lower, description.joints[0].upper) == (None, None)
     assert moved(description, j=2.0) == {"a": "base"}
@@ -193,7 +192,6 @@ def test_blank_lines_before_the_declaration_are_skipped(tmp_path: Path) -> None:
     ],
 )
 def test_other_formats_are_refused(text: str, problem: str) -> None:
-    """By name."""
     with pytest.raises(DescriptionError, match=problem):
         parse_description(text)
 

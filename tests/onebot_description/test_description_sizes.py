@@ -35,7 +35,6 @@ def warned(urdf: str) -> list[str]:
 
 @pytest.mark.parametrize("file", ROBOTS, ids=lambda file: file.name)
 def test_good_robots_and_worlds_have_no_size_warnings(file: Path) -> None:
-    """Nor those that ship."""
     description = load_description(file)
     assert size_warnings(description, shape_sizes(description)[0]) == []
 

@@ -70,7 +70,6 @@ def test_a_mesh_without_a_file_says_why(uri, words):
 
 
 def test_a_mesh_with_a_file_has_its_path_and_its_uri():
-    """And is equal to the same one as somebody else has found it."""
     mesh = locate_mesh(Resources(MESHES), "cube.stl", (1.0, 2.0, 3.0))
     assert (mesh.path, mesh.problem) == (MESHES / "cube.stl", "")
     assert mesh.uri == (MESHES / "cube.stl").as_uri()
@@ -78,7 +77,6 @@ def test_a_mesh_with_a_file_has_its_path_and_its_uri():
 
 
 def test_only_the_first_missing_files_are_compared_with_what_is_there():
-    """However many are missing: it takes a look into the folder each time."""
     resources = Resources(MESHES)
     problems = [locate_mesh(resources, f"cube{number}.stl").problem for number in range(30)]
     assert sum("did you mean" in problem for problem in problems) == 20

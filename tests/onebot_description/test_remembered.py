@@ -15,7 +15,6 @@ def _reversing() -> tuple[list[str], Remembered[str, str]]:
 
 
 def test_an_equal_argument_gives_the_same_object() -> None:
-    """It is made once."""
     made, reverse = _reversing()
     assert reverse("abc") == "cba"
     assert reverse("abc") is reverse("ab" + "c")
@@ -23,7 +22,6 @@ def test_an_equal_argument_gives_the_same_object() -> None:
 
 
 def test_the_oldest_of_too_many_is_forgotten() -> None:
-    """And made again when it comes again."""
     made, reverse = _reversing()
     for _ in range(2):
         for number in range(MOST):
@@ -53,7 +51,6 @@ def test_the_oldest_of_what_is_too_large_together_is_forgotten() -> None:
 
 
 def test_the_latest_is_remembered_however_large_it_is() -> None:
-    """Alone."""
     made, reverse = _reversing()
     large = "x" * (2 * MOST_BYTES)
     for text in ("small", large, large, "small"):

@@ -116,7 +116,6 @@ def _formula(joints, q):
 @settings(deadline=None)
 @given(robots(), st.data())
 def test_batches_follow_the_formula(urdf, data):
-    """Of any shape, and of positions that are not aligned."""
     model = RobotModel.from_description(parse_description(urdf))
     size = len(model.joints)
     numbers = data.draw(st.lists(st.floats(-4, 4), min_size=6 * size, max_size=6 * size))
@@ -233,7 +232,6 @@ def test_what_nothing_determines_stands_at_zero_and_its_followers_at_their_offse
 
 
 def test_a_quaternion_of_no_length_is_no_rotation():
-    """And one of any length the rotation of its direction."""
     np.testing.assert_array_equal(quaternions.to_matrix(np.zeros(4)), np.eye(3))
     batch = np.array([[0, 0, 0, 1e-9], [0, 0, 5.0, 5.0]])
     quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]

@@ -125,7 +125,6 @@ def test_a_stamp_in_the_future_does_not_silence_tf():
 
 
 def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
-    """It once ended the node."""
     model = _model(chain(2))
     message = _message(["joint_0", "joint_1"], [np.nan, 0.5], LATEST)
     for published in next(_both(model, [message])):
@@ -164,7 +163,6 @@ def test_what_is_remembered_of_messages_is_bounded():
     ],
 )
 def test_unusable_messages_are_ignored_with_a_reason(message, key):
-    """Neither way publishes them, and each warns of it once."""
     warnings = []
     options = {"warn": lambda key, _: warnings.append(key)}
     assert list(_both(_model(chain(1)), [message], **options)) == [(None, None)]
@@ -312,7 +310,6 @@ def test_what_is_not_usual_takes_ordinary_messages(monkeypatch):
 
 
 def test_what_is_not_moderate_is_found_anywhere(monkeypatch):
-    """At every place, and at any alignment."""
     calls = _count_ordinary(monkeypatch)
     model = _model(chain(5))
     for frame in ("", "f", "frames", "frame_id"):
@@ -381,7 +378,6 @@ def test_the_builtin_outlives_its_converter():
 @settings(deadline=None)
 @given(robots(), st.data())
 def test_a_plan_agrees_with_the_model(urdf, data):
-    """Any kinds, mimics and order: to the rounding of sine and cosine."""
     model = _model(urdf)
     names = data.draw(st.permutations(model.joints))
     size = len(names)
