@@ -23,13 +23,17 @@ from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.cli.snapshot import NAMESPACE, kind_of
 from onebot_bringup.introspection.publishers import publishers
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.display import OTHER_CLOCK_NS
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.displays.tf import TF
+from onebot_bringup.viewer.inbox import DESCRIPTION, OTHER_CLOCK_NS
 from onebot_bringup.viewer.pictures import Framing, render
-from onebot_bringup.viewer.robot_view import DESCRIPTION, WORLD_DESCRIPTION, RobotView
+from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content
-from onebot_bringup.viewer.shown_robot import ROBOT_DESCRIPTION, RobotToShow
+from onebot_bringup.viewer.shown_robot import (
+    ROBOT_DESCRIPTION,
+    WORLD_DESCRIPTION,
+    RobotToShow,
+)
 from onebot_bringup.viewer.topics import TopicSubscriptions, published_topics
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.poses import prefixed
@@ -260,15 +264,15 @@ class RunningRobots:
     def _await_frames(self, robot: Description) -> None:
         def complete() -> bool:
             self._tick()
-            lacking = self._lacks_world() or self._view.missing
-            return not lacking and self._view.has_fixed_frame
+            lacking = self._lacks_world() or self._view.stage.missing
+            return not lacking and self._view.stage.has_fixed_frame
 
         if not self._session.spin(complete, PATIENCE):
-            missing = self._view.missing or [self._source.view.fixed_frame]
+            missing = self._view.stage.missing or [self._source.view.fixed_frame]
             _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
             self._session.spin(complete, _FRAMES - PATIENCE)
-        if self._view.missing:
-            raise OneBotError(self._hint(robot, self._view.missing))
+        if self._view.stage.missing:
+            raise OneBotError(self._hint(robot, self._view.stage.missing))
 
     def _lacks_world(self) -> bool:
         """Whether the description of the world around the robots is published, but has not come."""
@@ -277,7 +281,7 @@ class RunningRobots:
 
     def _hint(self, robot: Description, missing: Sequence[str]) -> str:
         text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
-        frames = self._view.frames.names
+        frames = self._view.stage.frames.names
         if len(self._robots) > 1:
             return f"{text} (frames received: {listing(frames)})"
         [names] = self._robots

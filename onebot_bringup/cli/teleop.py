@@ -58,12 +58,12 @@ _SHORTEST_HOLD = 0.2  # s; over a network repeats arrive in bursts
 _REPEATS_MISSED = 4
 ESCAPE = "\x1b"
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
-_LOCK = " "
+_LOCK, _UNLOCK = " ", "r"
 _QUIT = (ESCAPE, "\x03", "\x04")
 _ZEROS = 3  # published when a key is released, in case one gets lost
 _SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
 _SPIN = 0.002  # s of callbacks between two reads of the keyboard
-_LOCKED = "\t(locked: a key that drives unlocks)"
+_LOCKED = f"\t(locked: {_UNLOCK} unlocks)"
 
 HELP = """\
 Reading from the keyboard and publishing {kind} on {topic}
@@ -81,7 +81,8 @@ Sideways (for robots that can), with Shift:
 t : up (+z)
 b : down (-z)
 
-space : stop, and lock the robot for everybody until a key drives it again
+space : stop, and lock the robot for everybody
+r : unlock it (a key that drives does not)
 anything else : stop
 
 q/z : increase/decrease max speeds by 10%
@@ -116,8 +117,8 @@ class Driver:
         """
         self.speed, self.turn = speed, turn  # m/s and rad/s while a key is held
         self._hold = hold
+        self.locked = False  # no key moves the robot
         self._key: str | None = None
-        self._blocked = False  # the key has to be released before it moves the robot
         self._pressed = 0.0  # time of the last press or repeat
         self._until = 0.0  # time from which it counts as released
 
@@ -126,29 +127,31 @@ class Driver:
         if key in _SPEEDS:
             self.speed *= _SPEEDS[key][0]
             self.turn *= _SPEEDS[key][1]
-        elif key not in _MOVES:
+        elif key not in _MOVES or self.locked:
             self._key = None
         else:
             repeated = key == self._key and now < self._until
-            self._blocked = self._blocked and repeated
             interval = now - self._pressed
             self._key, self._pressed = key, now
-            short = repeated and not self._blocked
-            self._until = now + (self._hold_after(interval) if short else self._hold)
+            self._until = now + (self._hold_after(interval) if repeated else self._hold)
 
     def _hold_after(self, interval: float) -> float:
         """How long a repeat counts, s; the first one, after the long delay, like a press."""
         return min(self._hold, max(_SHORTEST_HOLD, _REPEATS_MISSED * interval))
 
-    def block(self) -> None:
-        """Ignore the key that is held until it is pressed anew: a hitch of its repeats is not."""
-        self._blocked, self._until = True, self._pressed + self._hold
+    def lock(self) -> None:
+        """Stop, and ignore the keys that move the robot while ``locked``.
+
+        A press that unlocks would not do: it looks like the first repeat of a held key after the
+        process or its connection stood still.
+        """
+        self.locked, self._key = True, None
 
     def moving(self, now: float) -> bool:
         """Whether a key that moves the robot is held."""
         if self._key is not None and now >= self._until:
             self._key = None
-        return self._key is not None and not self._blocked
+        return self._key is not None
 
     def velocity(self, now: float) -> TeleopTwist:
         """Return the velocity at ``now``: zero when no key is held."""
@@ -323,16 +326,17 @@ class _Teleop:
                 self._publish(self._driver.velocity(now))
 
     def _press(self, key: str, now: float) -> None:
-        was_moving = self._driver.moving(now)
         self._driver.press(key, now)
         if key == _LOCK:
             self._lock.set(True)
-        elif self._driver.moving(now) and not was_moving:
+            self._on_lock(self._lock.locked)
+        elif key == _UNLOCK:
             self._lock.set(False)
+            self._driver.locked = False
 
     def _on_lock(self, locked: bool) -> None:
         if locked:
-            self._driver.block()
+            self._driver.lock()
 
     def stop(self) -> None:
         """Publish zero and wait for acknowledgements."""
@@ -360,7 +364,7 @@ class _Teleop:
         if time.monotonic() > self._next_poll:
             self._next_poll = time.monotonic() + _SUBSCRIBER_PERIOD
             self._note = self._subscriber_note()
-        note = _LOCKED if self._lock.locked else self._note
+        note = _LOCKED if self._driver.locked else self._note
         text = f"{self._driver.status()}{note}"
         if text != self._shown:
             self._shown = text

@@ -50,10 +50,11 @@ class Argument:
 
     @property
     def help(self) -> str:
-        """The description, with the choices unless they are true and false."""
+        """The description, with the range, or the choices unless they are true and false."""
         if self.choices and self.choices != (*_TRUE, *_FALSE):
             return f"{self.description} ({', '.join(self.choices)})"
-        return self.description
+        limits = self.type.rule.range if self.type.rule.at_most is not None else ""
+        return f"{self.description}; {limits}" if limits else self.description
 
     @property
     def suggested(self) -> Sequence[str]:
@@ -293,7 +294,7 @@ def ros_settings() -> list[Argument]:
 def discovery_settings() -> list[Argument]:
     """Return the arguments about which nodes are discovered."""
     return [
-        whole("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's", 0, _MAX_DOMAIN),
+        whole("domain_id", "", "ROS_DOMAIN_ID; empty: the environment's", 0, _MAX_DOMAIN),
         Argument(
             "discovery",
             LOCALHOST,
@@ -309,16 +310,20 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
     """Return the arguments; those three are the robot's own defaults."""
     namespace, *discovery = ros_settings()
     return [
-        Argument("model", model, "the robot, a URDF or xacro file"),
+        Argument("model", model, "the robot: a URDF or xacro file, also as package://pkg/path"),
         PACKAGES,
-        Argument("joints", joints, "parameters of joint_state_publisher, a YAML file"),
+        Argument(
+            "joints",
+            joints,
+            "parameters of joint_state_publisher, a YAML file; empty: joints swing",
+        ),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         Argument("viewer", "web", "where to see it", ("web", "native", "none")),
         Argument("view", view, "what is shown: .yaml, .rviz or .rbl; empty: the robot's"),
         Argument("fixed_frame", "", "the frame that stands still; empty: the viewer chooses"),
         Argument("save", "", "record what the viewer gets to this .rrd file"),
         Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),
-        switch("reload", True, "take up edits of the model while running"),
+        switch("reload", True, "apply edits of the model while running"),
         namespace,
         Argument(
             "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
@@ -326,11 +331,11 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         number(
             "publish_frequency",
             "0.0",
-            "the most often a transform is sent, Hz; 0: always",
+            "maximum rate of each transform, Hz; 0: no limit",
             0.0,
             _MAX_FREQUENCY,
         ),
-        switch("ignore_timestamp", False, "send transforms whatever the joint states' stamps say"),
+        switch("ignore_timestamp", False, "publish transforms whatever the stamps of joint states"),
         switch("use_sim_time", False, "take the time from /clock"),
         Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
         *discovery,

@@ -5,6 +5,7 @@ import os
 import re
 import sys
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -97,13 +98,11 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         UsageError: the command line is wrong.
         OneBotError: a file is.
     """
-    from onebot_bringup.launch.description_watcher import Known
     from onebot_description.description import load_description
     from onebot_description.description.loading import load_sensors
     from onebot_description.description.places import PLACES, keep_places
     from onebot_description.description.worlds import load_world
-    from onebot_description.description.xacro import included_files
-    from onebot_description.file_watch import file_states
+    from onebot_description.description_files import Source
 
     arguments = split(argv)
     given = _with_model(command, arguments)
@@ -121,7 +120,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_files(values, own)
     values = with_params_file(values, own)
-    before = file_states(included_files(model))
+    read_ns = time.time_ns()
     description = load_description(model, for_xacro)
     description.require_tree()
     robots = _placed(values.get("robots", ""), description)
@@ -134,7 +133,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         values["view"] = own.get("view", command.world_view)
     if values.get("sensors"):  # likewise
         values["sensors"] = str(load_sensors(values["sensors"], description.link_names).files[0])
-    known = Known.of(description.urdf, description.files, before)
+    source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in own))
     with (
         KeyboardInterrupts(),  # which leave no folder and no process behind
@@ -145,9 +144,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         os.environ[PLACES] = folder
         for each in (description, *(robot.description for robot in robots)):
             keep_places(each)
-        make = NodeFactory(
-            Path(folder), values, description, for_xacro, arguments.ros_args, known, robots
-        )
+        make = NodeFactory(Path(folder), values, description, arguments.ros_args, source, robots)
         return launcher.run(
             nodes_to_start(make),
             started_message=summary_text(description, values, robots),
@@ -178,8 +175,6 @@ def nodes_to_start(make: NodeFactory) -> list[NodeProcess]:
         nodes.append(make.rerun_viewer())
     if make.steered:
         nodes.append(make.steering_page())
-    if values["reload"] == "true" and not make.robots:
-        nodes.append(make.description_watcher())
     return nodes
 
 

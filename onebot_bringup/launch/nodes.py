@@ -15,12 +15,12 @@ from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
 from onebot_control.poses import WORLD_FRAME
 
 if TYPE_CHECKING:
-    from onebot_bringup.launch.description_watcher import Known
     from onebot_bringup.launch.robots import PlacedRobot
     from onebot_description.description import Description
+    from onebot_description.description_files import Source
 
 # Where processors are short, the robot comes before what shows it (see nice(2)).
-NICE_VIEWER, NICE_WATCHER = 5, 10
+NICE_VIEWER = 5
 # The address of the steering page is the one to open: it is printed when the page's view is there.
 AWAIT_VIEW = 15.0  # s at most
 # Of joint_state_publisher without a file: Hz, and seconds for one swing.
@@ -37,9 +37,8 @@ class NodeFactory:
     folder: Path  # where the nodes' parameter files are written
     values: Mapping[str, str]  # of the launch arguments
     description: Description  # of the robot
-    xacro_arguments: Mapping[str, str]  # with which it was read
     ros_args: Sequence[str]  # for every node, after its own
-    known: Known  # the files that the description was read from
+    source: Source  # what the description was read from
     robots: Sequence[PlacedRobot] = ()  # in one world; none for a single one
 
     @property
@@ -55,7 +54,9 @@ class NodeFactory:
         module = "onebot_description.robot_state_publisher"
         if self.robots:
             return self._of_robots("robot_state_publisher", module, NodeFactory._state_parameters)
-        return self._node("robot_state_publisher", module, self._state_parameters())
+        followed = self.values["reload"] == "true"
+        words = ["--follow", self.source.to_json()] if followed else []
+        return self._node("robot_state_publisher", module, self._state_parameters(), words)
 
     def _state_parameters(self) -> dict[str, object]:
         return {
@@ -151,15 +152,6 @@ class NodeFactory:
         parameters = {"folder": str(output_path(self.values["record"]))}
         module = "onebot_bringup.bags.bag_recorder"
         return self._node("bag_recorder", module, parameters, on_exit="ignore")
-
-    def description_watcher(self) -> NodeProcess:
-        """Return the node that applies edits of the model; it only serves those who edit."""
-        words = ["--known", self.known.to_json(), self.values["model"]]
-        words += [f"{name}:={value}" for name, value in self.xacro_arguments.items()]
-        module = "onebot_bringup.launch.description_watcher"
-        return self._node(
-            "description_watcher", module, {}, words, on_exit="ignore", nice=NICE_WATCHER
-        )
 
     def _of_robots(
         self,

@@ -6,7 +6,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from onebot_bringup.introspection.interfaces import message_class
-from onebot_bringup.viewer.displays.display import WantedTopic
+from onebot_bringup.viewer.inbox import WantedTopic
 from onebot_description.clock_check import StampCheck
 from onebot_description.errors import OneBotError
 from onebot_description.topic_subscription import (

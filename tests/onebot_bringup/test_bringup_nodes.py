@@ -3,7 +3,6 @@
 What the nodes then do is tested by bringing robots up (``test_bringup``, ``test_onebot_bringup``).
 """
 
-import json
 import os
 import subprocess
 import sys
@@ -32,11 +31,11 @@ from onebot_bringup.launch.bringup import (
     summary_text,
     with_params_file,
 )
-from onebot_bringup.launch.description_watcher import Known
 from onebot_bringup.launch.nodes import NodeFactory, output_path
 from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess, module_command
 from onebot_description.description import load_description
+from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError
 from tests.support import PATIENCE
 
@@ -74,12 +73,11 @@ def make(arm: Path) -> Make:
         if simulated:
             declared += simulation_arguments(str(arm.parent / "control.yaml"))
         description = load_description(arm)
-        known = Known.of("<known/>", [arm], {})
+        source = Source(str(arm), {"height": "2.0"}, (str(arm),), 1)
         nodes = arm.parent / "nodes"
         nodes.mkdir(exist_ok=True)
         values = checked_values(declared, given)
-        arguments = {"height": "2.0"}
-        return NodeFactory(nodes, values, description, arguments, ros_args, known)
+        return NodeFactory(nodes, values, description, ros_args, source)
 
     return factory
 
@@ -101,16 +99,16 @@ def parameters(node: NodeProcess) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("sim", "given", "wanted"),
     [
-        (True, {}, "velocity_controller robot_state_publisher rerun_viewer description_watcher"),
+        (True, {}, "velocity_controller robot_state_publisher rerun_viewer"),
         (
             True,
             {"sim": "false"},
-            "robot_state_publisher joint_state_publisher rerun_viewer description_watcher",
+            "robot_state_publisher joint_state_publisher rerun_viewer",
         ),
         (
             False,
             {},
-            "robot_state_publisher joint_state_publisher rerun_viewer description_watcher",
+            "robot_state_publisher joint_state_publisher rerun_viewer",
         ),
         (False, {"joint_states": "false", "reload": "false"}, "robot_state_publisher rerun_viewer"),
         (False, {"viewer": "none", "reload": "0"}, "robot_state_publisher joint_state_publisher"),
@@ -122,8 +120,7 @@ def parameters(node: NodeProcess) -> dict[str, Any]:
         (
             True,
             {"record": "bag", "viewer": "none", "steer": "true", "port": "0"},
-            "bag_recorder velocity_controller robot_state_publisher steering_page"
-            " description_watcher",
+            "bag_recorder velocity_controller robot_state_publisher steering_page",
         ),
     ],
 )
@@ -141,7 +138,6 @@ def test_whose_end_matters(make: Make) -> None:
         "robot_state_publisher": "shutdown",
         "steering_page": "restart",
         "rerun_viewer": "ignore",
-        "description_watcher": "ignore",
     }
     assert make().joint_state_publisher().on_exit == "shutdown"
 
@@ -149,11 +145,7 @@ def test_whose_end_matters(make: Make) -> None:
 def test_what_shows_the_robot_gives_way_to_what_moves_it(make: Make) -> None:
     """In processor time; the recorder is to miss nothing, so it does not."""
     nice = {node.name: node.nice for node in nodes_to_start(make(record="bag"))}
-    assert nice["description_watcher"] > nice["rerun_viewer"] > 0
-    assert not {name for name, value in nice.items() if value} - {
-        "description_watcher",
-        "rerun_viewer",
-    }
+    assert {name for name, value in nice.items() if value > 0} == {"rerun_viewer"}
 
 
 def test_each_node_is_a_python_module_of_its_own(make: Make) -> None:
@@ -480,13 +472,12 @@ def test_the_recorder_s_folder_is_absolute(make: Make, monkeypatch: pytest.Monke
     assert output_path("bag") == Path.cwd() / "bag"
 
 
-def test_the_watcher_knows_the_files_and_the_arguments(make: Make, arm: Path) -> None:
-    """So that an edit while everything starts is found, and xacro gets the same again."""
-    words = make().description_watcher().command[_MODULE + 1 :]
-    before = words[: words.index("--ros-args")]
-    assert before[0] == "--known" and before[2:] == (str(arm), "height:=2.0")
-    known = json.loads(before[1])
-    assert list(known["files"]) == [str(arm)]
+def test_robot_state_publisher_follows_the_files(make: Make) -> None:
+    """It gets what the robot was read from, unless edits are not to count."""
+    factory = make()
+    words = factory.robot_state_publisher().command[_MODULE + 1 :]
+    assert words[0] == "--follow" and Source.from_json(words[1]) == factory.source
+    assert "--follow" not in make(reload="false").robot_state_publisher().command
 
 
 def test_a_world_is_the_controller_s(make: Make) -> None:

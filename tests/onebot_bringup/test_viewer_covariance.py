@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.covariance import (
+from onebot_bringup.viewer.displays.poses import (
     Ellipse,
     ellipse_outline,
     heading_deviation,
@@ -19,7 +19,7 @@ from onebot_bringup.viewer.displays.covariance import (
 from onebot_bringup.viewer.pictures import headless_viewer, render, still
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
-from tests.onebot_bringup.drive_support import chunks, column, odometry
+from tests.onebot_bringup.drive_support import chunks, column, frames, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
@@ -231,16 +231,15 @@ def test_it_follows_the_covariance_and_goes_when_that_is_unknown(tmp_path):
 
 
 def test_a_steady_covariance_is_logged_once_however_far_the_robot_drives(tmp_path):
-    """It costs a shape, and two rows in what /tf is logged with anyway."""
+    """It costs a shape, and where it lies."""
     view = VIEW.replace("heading: 0,", "heading: 0.5,")
     file = _recorded(tmp_path, [_covariance(0.01, 0.01, yaw=0.01)] * 200, view)
     for shape in ("place", "heading"):
         entity = f"/covariance/pose/{shape}"
-        assert len(chunks(file, entity)) == 2, "its look, and its shape"
-        assert column(file, entity, "CoordinateFrame:frame") == [[entity[1:]]]
-    children = [row[0] for row in column(file, "/tf", "Transform3D:child_frame")]
-    assert children.count("covariance/pose/place") in range(150, 201)
-    assert len(chunks(file, "/tf")) <= 201
+        assert len(chunks(file, entity)) == 1
+        assert frames(file, entity) == [entity[1:]]
+        children = column(file, f"/placed{entity}", "Transform3D:child_frame")
+        assert children == [[entity[1:]]] * 200
 
 
 def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
@@ -265,9 +264,7 @@ def test_one_in_an_unknown_frame_waits_and_says_so(tmp_path):
 def test_a_late_viewer_of_a_full_server_has_the_ellipse(tmp_path, monkeypatch):
     """With the memory limit reached many times over, it is still shown."""
     require_renderer()
-    from onebot_bringup.viewer.displays import covariance
-
-    monkeypatch.setattr(covariance, "REPEAT_AFTER", 0.05)
+    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", 0.05)
     recording = open_recording(0, memory_limit="1MB")
     live = RobotView(recording.stream, parse_view(VIEW))
     describe(live, ARM)

@@ -193,7 +193,7 @@ def test_curves_are_in_plots_by_name(tmp_path):
         "a: {topic: t, field: x}, b: {topic: t, field: y, plot: Battery}, c: {topic: t, field: z}"
     )
     shown = Shown(tmp_path, f"curves: {{window: 5.0, lines: {{{lines}}}}}")
-    displays = shown.view._robots[0].displays  # noqa: SLF001
+    displays = shown.view.stage.robots[0].displays
     [display] = [each for each in displays if isinstance(each, CurvesDisplay)]
     assert display.layout().views == (
         Plot("curves", "Curves", 5.0, ("curves/a", "curves/c")),

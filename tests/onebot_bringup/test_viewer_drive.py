@@ -226,7 +226,7 @@ def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
     now[0] = 4.0
     [message] = live.tick(START_NS)
     assert 'the fixed frame "odom" is not on /tf' in message and 'shown in "base"' in message
-    assert live.fixed_frame == "base"
+    assert live.stage.fixed_frame == "base"
     recording.stream.flush(timeout_sec=5.0)
     early = tmp_path / "early.rrd"
     early.write_bytes((tmp_path / "x.rrd").read_bytes())
@@ -234,7 +234,7 @@ def test_the_robot_is_shown_before_and_after_its_fixed_frame_is_there(tmp_path):
     take_tf(live, transforms("odom", "base", 2.0, START_NS + TENTH))
     take_tf(live, transforms("base", "tip", 1.0, START_NS + TENTH))
     assert live.tick(START_NS + TENTH) == []
-    assert live.fixed_frame == "odom"
+    assert live.stage.fixed_frame == "odom"
     recording.close()
     assert center(colored(_picture(tmp_path / "x.rrd"), BLUE))[0] == pytest.approx(0.5, abs=0.1)
 
@@ -246,13 +246,13 @@ def test_the_fixed_frame_is_found_under_the_prefix(tmp_path):
     describe(live, ARM)
     take_tf(live, transforms("r1/odom", "r1/base", 1.0))
     live.tick(START_NS)
-    assert live.fixed_frame == "r1/odom"
+    assert live.stage.fixed_frame == "r1/odom"
     take_tf(live, transforms("odom", "base", 2.0))
     live.tick(START_NS)
-    assert live.fixed_frame == "r1/odom"  # the other robot's is no frame of this one
+    assert live.stage.fixed_frame == "r1/odom"  # the other robot's is no frame of this one
     take_tf(live, transforms("odom", "r1/odom", 2.0))
     live.tick(START_NS)
-    assert live.fixed_frame == "odom"
+    assert live.stage.fixed_frame == "odom"
     recording.close()
 
 

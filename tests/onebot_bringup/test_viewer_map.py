@@ -13,7 +13,7 @@ from onebot_bringup.viewer.pictures import render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import column
+from tests.onebot_bringup.drive_support import column, frames
 from tests.onebot_bringup.viewer_support import (
     ARM,
     START_NS,
@@ -99,7 +99,7 @@ def test_a_map_is_where_its_origin_is(tmp_path):
     [[quaternion]] = column(file, "/map/map", "GridMap:quaternion")
     assert quaternion == pytest.approx([0.0, 0.0, 0.5**0.5, 0.5**0.5])
     assert column(file, "/map/map", "GridMap:opacity") == [[0.5]]
-    assert column(file, "/map/map", "CoordinateFrame:frame") == [["tip"]]
+    assert frames(file, "/map/map") == ["tip"]
     [time] = column(file, "/map/map", "ros_time")
     assert np.datetime64(time, "ns").astype(int) == START_NS
 

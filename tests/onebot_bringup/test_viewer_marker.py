@@ -10,7 +10,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays.marker import MarkerDisplay
+from onebot_bringup.viewer.displays.marker import MarkerDrawing
 from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
@@ -27,7 +27,7 @@ from tests.onebot_bringup.viewer_support import (
 )
 from tests.support_rendering import center, colored, pixels, require_renderer
 
-ONE, ARRAY = MarkerDisplay.message_types
+ONE, ARRAY = MarkerDrawing.message_types
 SECOND = 10**9
 SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0)]
 RED, GREEN, HALF_BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.5)
@@ -80,8 +80,8 @@ class Shown:
 
     def spaces(self, topic):
         """The namespaces of which something is drawn."""
-        displays = self.view._of_all  # noqa: SLF001
-        [drawing] = [each.items[topic] for each in displays if isinstance(each, MarkerDisplay)]
+        displays = self.view.stage.message_displays
+        [drawing] = [each.items[topic] for each in displays if each.draws is MarkerDrawing]
         return {space for space, _ in drawing._where}  # noqa: SLF001
 
     def end(self):
@@ -334,7 +334,7 @@ def test_what_has_not_changed_is_not_logged_again(tmp_path):
 
 def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
     """A server with a memory limit drops the oldest data."""
-    monkeypatch.setattr("onebot_bringup.viewer.displays.marker.REPEAT_AFTER", -1.0)
+    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", -1.0)
     shown = Shown(tmp_path)
     shown.send(marker())
     for tick in range(3):
@@ -355,7 +355,7 @@ def test_markers_are_deleted(tmp_path):
     shown.send(marker(action=Marker.DELETEALL), marker(number=7, ns="b"), at=START_NS + 4)
     file = shown.end()
     counts = [len(row or ()) for row in rows(file, "a/cubes", "InstancePoses3D:translations")]
-    assert (counts, times(file, "a/cubes")) == ([3, 2, 3], [0, 1, 2, 3, 4])
+    assert (counts, times(file, "a/cubes")) == ([3, 2, 3], [0, 1, 2, 2, 3, 4, 4])
     cleared = rows(file, "a/cubes", "Clear:is_recursive")
     assert cleared == [[False], [False]]
     counts = [len(row or ()) for row in rows(file, "b/cubes", "InstancePoses3D:translations")]
@@ -528,7 +528,7 @@ def test_without_a_robot_the_markers_frame_is_the_fixed_one(tmp_path):
     shown = Shown(tmp_path, robot=False)
     shown.send(marker(frame="map"))
     shown.view.tick(START_NS + 1)
-    assert shown.view.fixed_frame == "map"
+    assert shown.view.stage.fixed_frame == "map"
     assert rows(shown.end(), "cubes", "CoordinateFrame:frame") == [["map"]]
 
 
@@ -543,7 +543,7 @@ def test_namespaces_may_be_hidden(tmp_path):
         for space in ("noise", "goals")
     }
     assert drawn == {"noise": 1, "goals": 1}
-    assert chunks(file, "/marker/marks")[-1].to_record_batch()["Clear:is_recursive"][0].as_py()
+    assert rows(file, "goals/cubes", "Clear:is_recursive") == [[False]]
 
 
 @pytest.mark.parametrize(

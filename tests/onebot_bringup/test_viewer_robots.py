@@ -18,7 +18,7 @@ from onebot_bringup.viewer.shown_robot import RobotToShow
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.wire.tf_message import TFMessage
-from tests.onebot_bringup.drive_support import chunks, column, odometry
+from tests.onebot_bringup.drive_support import chunks, column, frames, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
     BLUE,
@@ -91,7 +91,7 @@ def test_each_robot_is_logged_under_its_namespace_in_its_frames(tmp_path):
     assert fleet.show() == []
     assert list(fleet.view.robots) == ["/left", "/right"]
     assert fleet.view.robots["/left"] is fleet.view.robots["/right"]  # parsed once
-    assert (fleet.view.fixed_frame, fleet.view.missing) == ("world", [])
+    assert (fleet.view.stage.fixed_frame, fleet.view.stage.missing) == ("world", [])
     for step in range(5):
         stamp = START_NS + step * TENTH
         for space in ("left", "right"):
@@ -103,7 +103,7 @@ def test_each_robot_is_logged_under_its_namespace_in_its_frames(tmp_path):
     file = tmp_path / "x.rrd"
     for space in ("left", "right"):
         assert column(file, f"/{space}/robot/visual/tip/0", FRAME) == [[f"{space}/tip"]]
-        assert column(file, f"/{space}/trails/way", FRAME) == [[f"{space}/odom"]]
+        assert frames(file, f"/{space}/trails/way") == [f"{space}/odom"]
         assert column(file, f"/{space}/speeds/linear/measured", "Scalars:scalars")
         axes = [bool(chunks(file, rf"/frames/{space}\/{link}")) for link in ("base", "tip")]
         assert axes == [True, False]
@@ -188,11 +188,11 @@ def test_the_world_is_shown_around_one_robot_and_around_many(tmp_path):
     fleet.show()
     take(fleet.view, "/world_description", String(data=WORLD))
     fleet.view.tick(START_NS)
-    assert "wall" in fleet.view.missing  # which a snapshot waits for
+    assert "wall" in fleet.view.stage.missing  # which a snapshot waits for
     take_tf(fleet.view, transforms("world", "wall", 3.0), static=True)
     fleet.now += 10.0
     assert fleet.view.tick(START_NS) == []
-    assert not fleet.view.missing
+    assert not fleet.view.stage.missing
     fleet.end()
     assert column(tmp_path / "x.rrd", "/world/robot/visual/wall/0", FRAME) == [["wall"]]
     assert "/world_description" in RobotView(fleet.recording.stream).topics

@@ -253,7 +253,7 @@ def test_static_transforms_all_survive_in_a_file(tmp_path):
 def test_a_late_viewer_of_a_full_server_still_sees_what_was_sent_once(monkeypatch):
     """With the memory limit reached many times over, layout, shapes and slow frames remain."""
     require_renderer()
-    monkeypatch.setattr("onebot_bringup.viewer.displays.tf.REPEAT_AFTER", 0.2)
+    monkeypatch.setattr("onebot_bringup.viewer.displays.display.REPEAT_AFTER", 0.2)
     recording = open_recording(0, memory_limit="1MB")
     live = RobotView(recording.stream)
     describe(live, ARM)
@@ -288,10 +288,10 @@ def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     live = RobotView(recording.stream)
     describe(live, ARM)
     live.tick(START_NS)
-    assert live.fixed_frame == "base"
+    assert live.stage.fixed_frame == "base"
     take_tf(live, transforms("odom", "base", 0.0))
     live.tick(START_NS)
-    assert live.fixed_frame == "odom"
+    assert live.stage.fixed_frame == "odom"
 
     now = [0.0]
     live = RobotView(recording.stream, ViewConfig(fixed_frame="odm"), clock=lambda: now[0])
@@ -302,7 +302,7 @@ def test_the_fixed_frame_is_the_top_one_or_the_one_asked_for(tmp_path):
     now[0] = 4.0
     [message] = live.tick(START_NS)
     assert '"odm" is not on /tf' in message and 'did you mean "odom"' in message
-    assert 'shown in "odom"' in message and live.fixed_frame == "odom"
+    assert 'shown in "odom"' in message and live.stage.fixed_frame == "odom"
     assert live.tick(START_NS) == [], "said once"
     recording.close()
 
@@ -334,7 +334,7 @@ def test_frames_carry_the_prefix(tmp_path):
     take_tf(live, transforms("r1/base", "r1/tip", 1.0))
     take_tf(live, transforms("r2/base", "r2/tip", 1.0))
     assert live.tick(START_NS) == []
-    assert live.fixed_frame == "r1/base"
+    assert live.stage.fixed_frame == "r1/base"
     recording.close()
     with headless_viewer(str(tmp_path / "x.rrd")) as client:
         assert ("r1/base", "r1/tip") in _graph(client)

@@ -2,7 +2,7 @@
 
 from nav_msgs.msg import Path
 
-from onebot_bringup.viewer.displays.display import MessageType, WantedTopic, one_by_one
+from onebot_bringup.viewer.inbox import MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.topics import TopicSubscriptions
 from onebot_description.errors import OneBotError
 from tests.ros_support import Peer
