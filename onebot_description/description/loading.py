@@ -59,17 +59,17 @@ def _read(
     path: Path, arguments: Mapping[str, str]
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
     """Return the document in a file, xacro expanded, the files read, and warnings."""
-    given = {name: str(value) for name, value in arguments.items()}
-    shown = xml.shown_path(path)
-    data, blank = xml.declaration_first(xml.read_bytes(path), shown)
-    document = xml.parse(data, shown, path.parent)
+    values = {name: str(value) for name, value in arguments.items()}
+    name = xml.shown_path(path)
+    data, blank = xml.declaration_first(xml.read_bytes(path), name)
+    document = xml.parse(data, name, path.parent)
     if document.has_xacro or path.suffix == ".xacro":
         from onebot_description.description.xacro import expand
 
-        return expand(path, given)
-    if given:
-        names = ", ".join(sorted(given))
-        raise DescriptionError([f"{shown}: is plain URDF and takes no arguments (given: {names})"])
+        return expand(path, values)
+    if values:
+        names = ", ".join(sorted(values))
+        raise DescriptionError([f"{name}: is plain URDF and takes no arguments (given: {names})"])
     return document, (path,), blank
 
 
@@ -79,7 +79,7 @@ class SensorFile(NamedTuple):
     sensors: tuple[Sensor, ...]
     bad_sensors: tuple[str, ...]  # names of those that could not be read
     notices: tuple[str, ...]  # why, and warnings
-    files: tuple[Path, ...]  # that were read
+    files: tuple[Path, ...]  # all files read
 
 
 def load_sensors(source: str | Path, links: Collection[str]) -> SensorFile:
@@ -117,9 +117,9 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     except UnicodeEncodeError as error:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
     document = xml.parse(data, name, _folder(name), "utf-8")
-    known = kept_places(urdf)
-    if len(known) == len(document.places):
-        document.places.update(zip(document.root.iter(), known, strict=True))
+    places = kept_places(urdf)
+    if len(places) == len(document.places):
+        document.places.update(zip(document.root.iter(), places, strict=True))
     files = (Path(name).absolute(),) if document.folder is not None else ()
     return _check(document, name, files, blank)
 
@@ -163,9 +163,9 @@ def _check(
     for name in check_mimics(findings, joints, elements):
         joints[name] = replace(joints[name], mimic=None)
     materials = read_materials(findings)
-    read = read_links(findings, materials)
+    link_elements = read_links(findings, materials)
     check_meshes(findings)
-    for element, link in read.items():
+    for element, link in link_elements.items():
         if link.inertial is not None:
             check_inertial(findings, element, link.inertial)
     check_materials(findings, materials)
@@ -178,7 +178,7 @@ def _check(
         source=source,
         files=files,
         root_link=root_link,
-        links=tuple(read[element] for element in links.values()),
+        links=tuple(link_elements[element] for element in links.values()),
         joints=tuple(joints.values()),
         problems=condensed(findings.of("problem")),
         warnings=condensed([*map(printable, warnings), *findings.of("warning")]),

@@ -7,7 +7,7 @@ from onebot_description.description.packages import Resources
 from onebot_description.description.xml import missing_file, shown_path
 from onebot_description.errors import OneBotError
 
-_MOST_HINTS = 20  # of one description; each compares the names of a folder
+_MOST_HINTS = 20  # a description; each compares the names of a folder
 
 
 def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0)) -> Mesh:

@@ -19,7 +19,7 @@ from onebot_description.errors import OneBotError
 LARGEST = 20.0
 _LARGEST_WORLD = 200.0
 _MILLIMETRES = 100.0  # m, from which on centimetres are as unlikely
-_TIMES = 100.0  # by which a shape may be larger than most others
+_TIMES = 100.0  # a shape may be larger than most others by this
 
 
 def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str]]:
@@ -28,7 +28,7 @@ def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str
     Meshes are opened; those that cannot be read have no size.
     """
     sizes: dict[Shape, Triple] = {}
-    faults: dict[str, str] = {}  # by what is wrong
+    faults: dict[str, str] = {}  # key: what is wrong
     for link in description.links:
         for part in (*link.visuals, *link.collisions):
             shape = part.shape
@@ -63,21 +63,21 @@ def _large_shapes(
     description: Description, sizes: Mapping[Shape, Triple], largest: float
 ) -> Iterator[str]:
     usual = _usual(sizes)
-    shown: set[Shape] = set()
+    reported: set[Shape] = set()
     for link in description.links:
         for part in (*link.visuals, *link.collisions):
             size, kind = sizes.get(part.shape, ZERO), type(part.shape).__name__.lower()
             length = max(size)
-            if part.shape in shown or length <= min(largest, _TIMES * usual):
+            if part.shape in reported or length <= min(largest, _TIMES * usual):
                 continue
-            shown.add(part.shape)
+            reported.add(part.shape)
             sides = " x ".join(f"{side:.4g}" for side in size)
-            others = "" if length > largest else f", over {_TIMES:g} times the other shapes"
+            excess = "" if length > largest else f", over {_TIMES:g} times the other shapes"
             factor = "0.001" if length >= _MILLIMETRES else "0.01"
             scale = f'write scale="{factor} {factor} {factor}"'
             remedy = scale if isinstance(part.shape, Mesh) else "lengths are in m"
             yield (
-                f'{part.where}: link "{link.name}": its {kind} is {sides} m large{others}; is it '
+                f'{part.where}: link "{link.name}": its {kind} is {sides} m large{excess}; is it '
                 f"in {_unit(length)}? {remedy}"
             )
 

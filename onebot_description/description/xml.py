@@ -22,7 +22,7 @@ XACRO_NAMESPACES = (
     "http://wiki.ros.org/xacro",
     "https://www.ros.org/wiki/xacro",
 )
-_SEPARATOR = "\1"  # of namespace, name and prefix; no document can hold it
+_SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
 _MOST_BYTES = 50_000_000
 _DEEPEST = 100
 _MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
@@ -41,7 +41,7 @@ class Document:
     root: ElementTree.Element
     places: dict[ElementTree.Element, str]  # ``file:line`` of each element, in document order
     shown: str  # its name for messages
-    folder: Path | None  # where relative paths start; None for text that is in no file
+    folder: Path | None  # relative paths start here; None for text that is in no file
     has_xacro: bool = False  # the xacro namespace is declared
 
 
@@ -56,11 +56,11 @@ def shown_path(path: str | Path) -> str:
 
 def read_bytes(path: Path) -> bytes:
     """Return what is in the file ``path``, unless it is missing, too large or no regular file."""
-    shown = shown_path(path)
+    name = shown_path(path)
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise DescriptionError([f"{shown}: is a folder; name the file{_choices(path, '')}"])
+            raise DescriptionError([f"{name}: is a folder; name the file{_choices(path, '')}"])
         if not stat.S_ISREG(mode):  # a pipe would have the reader wait, a device may never end
             raise DescriptionError([missing_file(path)])
         with path.open("rb") as file:
@@ -69,20 +69,20 @@ def read_bytes(path: Path) -> bytes:
         raise DescriptionError([missing_file(path)]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise DescriptionError([f"{shown}: cannot be read: {reason}"]) from None
+        raise DescriptionError([f"{name}: cannot be read: {reason}"]) from None
     if len(data) > _MOST_BYTES:
-        raise DescriptionError([f"{shown}: is larger than {_MOST_BYTES // 1_000_000} MB"])
+        raise DescriptionError([f"{name}: is larger than {_MOST_BYTES // 1_000_000} MB"])
     return data
 
 
 def missing_file(path: Path) -> str:
     """Return the message about a ``path`` that is no file, with what is there."""
-    folder, shown = path.parent, shown_path(path)
+    folder, name = path.parent, shown_path(path)
     if not folder.is_dir():
-        return f"{shown}: no such file (there is no folder {shown_path(folder)})"
+        return f"{name}: no such file (there is no folder {shown_path(folder)})"
     if path.exists():
-        return f"{shown}: is a {'folder' if path.is_dir() else 'device or pipe'}, not a file"
-    return f"{shown}: no such file{_choices(folder, path.name)}"
+        return f"{name}: is a {'folder' if path.is_dir() else 'device or pipe'}, not a file"
+    return f"{name}: no such file{_choices(folder, path.name)}"
 
 
 def _choices(folder: Path, name: str) -> str:
@@ -101,12 +101,12 @@ def declaration_first(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
 
     The elements stay on their lines. If the document was changed, there is a warning of it.
     """
-    rest = data.lstrip(b" \t\r\n")
-    blank, end = data[: len(data) - len(rest)], rest.find(b"?>") + 2
-    if not blank or not rest.startswith(b"<?xml ") or end < 2:
+    document = data.lstrip(b" \t\r\n")
+    blank, end = data[: len(data) - len(document)], document.find(b"?>") + 2
+    if not blank or not document.startswith(b"<?xml ") or end < 2:
         return data, ()
     warning = f"{shown}:1: blank lines before <?xml ...?>, which some programs refuse: delete them"
-    return rest[:end] + blank + rest[end:], (warning,)
+    return document[:end] + blank + document[end:], (warning,)
 
 
 def parse(
@@ -155,7 +155,7 @@ def parse(
         )
 
     def declare(prefix: str | None, uri: str | None) -> None:
-        if "}" in (uri or ""):  # which ElementTree has behind a namespace
+        if "}" in (uri or ""):  # ElementTree ends a namespace by it
             raise DescriptionError([f'{place()}: the namespace "{uri}" holds a }}'])
         namespaces.add(uri or "")
 

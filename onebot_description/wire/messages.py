@@ -58,7 +58,7 @@ class OdometrySample(NamedTuple):
     """An Odometry message without the covariance of its velocities."""
 
     stamp_ns: int
-    frame_id: str  # in which the pose is given
+    frame_id: str  # the pose's frame
     child_frame_id: str  # the frame that moves, in which the velocities are given
     translation: Floats  # (3,) metres
     rotation: Floats  # (4,) quaternion x y z w
@@ -163,7 +163,9 @@ def deserialize_message(data: bytes, kind: type) -> Any:
     try:
         return serialization.deserialize_message(data, kind)
     except Exception as error:
-        reason = " ".join(str(error).split()).partition("., at /")[0]  # of rclpy's source code
+        reason = " ".join(str(error).split()).partition("., at /")[
+            0
+        ]  # a place in rclpy's source code
         raise ValueError(f"it is no {kind.__name__}: {reason}") from error
 
 

@@ -44,7 +44,7 @@ from onebot_description.wire.tf_message import TFMessage
 Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]
 
-_KNOWN = MOST  # as in _state_converter.c
+_KNOWN = MOST  # the same in _state_converter.c
 # A stamp this much older than the last one is of another clock, or the last one was wrong. Messages
 # are under way for less, and tf2 takes none that is so old.
 _OTHER_CLOCK_NS = 10 * NANO
@@ -212,8 +212,8 @@ class _Known(NamedTuple):
 
     layout: _Layout  # holds addresses of the rest
     key: tuple[str, tuple[str, ...]]  # frame_id and names of its messages
-    size: int  # of all of it, bytes
-    plan: JointStatePlan  # what the names mean
+    size: int  # bytes of all of it
+    plan: JointStatePlan  # the names' meaning
     joints: NDArray[np.void]  # (K,) of ``_JOINT``
 
     @classmethod
@@ -281,7 +281,7 @@ class _CompiledCall:
         if any(known.key == (frame_id, plan.names) for known in self._known):
             return
         known = _Known.of(frame_id, plan)
-        if known.size + sum(other.size for other in self._known) > MOST_BYTES:
+        if known.size + sum(layout.size for layout in self._known) > MOST_BYTES:
             self._forget()
         place = self._next % _KNOWN
         self._next += 1
