@@ -24,9 +24,9 @@ from onebot_control.parameters import ControlConfig, ControlParameters
 from onebot_control.poses import PlanarPose, yaw_of
 from onebot_control.publishing import Frames, Publishers, ScenePublisher
 from onebot_control.real_time import Pace, PaceMeter
-from onebot_control.sensing.publishing import RobotSensors
-from onebot_control.sensing.scene import SensedRobot
-from onebot_control.sensing.sensors import Instrument, Sensing
+from onebot_control.sensing.instruments import Instrument, Sensing
+from onebot_control.sensing.robot_sensors import RobotSensors
+from onebot_control.sensing.surroundings import SensedRobot
 from onebot_control.simulation.engine import logger as simulation_log
 from onebot_control.simulation.scene import load_scene
 from onebot_description.description import Description, load_description, parse_description
@@ -449,7 +449,7 @@ class RobotDriving:
                 robot = loop.fleet.robots[self._row]
                 robot.fitted(config)
                 if config.sensors and config.sensors != self._settings.config.sensors:
-                    load_sensors(config.sensors, robot.description.link_names)
+                    load_sensors(config.sensors, robot.description)
                 self.check_frames(config)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))

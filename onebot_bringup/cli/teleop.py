@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_bringup.cli.options import Parser, not_negative, positive
+from onebot_bringup.cli.options import Parser, flag, not_negative, option, positive
 from onebot_bringup.cli.robots import chosen_commands
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
@@ -98,9 +98,9 @@ class TeleopTwist:
     """The velocity to publish."""
 
     x: float = 0.0  # forward, m/s
-    y: float = 0.0  # to the left, m/s
+    y: float = 0.0  # left, m/s
     z: float = 0.0  # up, m/s
-    turn: float = 0.0  # to the left, rad/s
+    turn: float = 0.0  # counterclockwise, rad/s
 
 
 class Driver:
@@ -177,7 +177,7 @@ def single_keys() -> Iterator["Keys"]:
     if sys.stdin is None or not sys.stdin.isatty():
         raise OneBotError("this reads keys from a terminal, but standard input is not a terminal")
     fd = sys.stdin.fileno()
-    before = termios.tcgetattr(fd)
+    old_mode = termios.tcgetattr(fd)
     mode = termios.tcgetattr(fd)
     mode[3] &= ~(termios.ICANON | termios.ECHO)
     # Ctrl-S would block the output, and with it the loop that publishes.
@@ -190,7 +190,7 @@ def single_keys() -> Iterator["Keys"]:
         yield Keys(fd)
     finally:
         with contextlib.suppress(termios.error):  # the terminal's window is closed
-            termios.tcsetattr(fd, termios.TCSADRAIN, before)
+            termios.tcsetattr(fd, termios.TCSADRAIN, old_mode)
 
 
 class Keys:
@@ -230,12 +230,7 @@ def split_keys(text: str) -> list[str]:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: stdin is not a terminal, the command line is wrong, or it is not clear which of
-            several robots is meant.
-    """
+    """Run the command and return its exit code."""
     args = _parse(argv)
     with single_keys() as keys, Session(args.ros_args, "teleop") as session:
         teleop = _Teleop(session, args)
@@ -249,39 +244,29 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _parse(argv: Sequence[str]) -> Namespace:
-    parser = Parser("onebot teleop", "drive a robot from the keyboard, while a key is held")
-    parser.add_argument(
-        "robot",
-        nargs="?",
-        default="",
-        metavar="ROBOT|TOPIC",
-        help="the robot, such as robot2, or the topic to publish on (the only robot's)",
+    options = (
+        option(
+            "robot",
+            "ROBOT|TOPIC",
+            "the robot, such as robot2, or the topic to publish on (the only robot's)",
+            default="",
+            nargs="?",
+        ),
+        flag("--stamped", "publish TwistStamped instead of Twist"),
+        option("--speed", "M/S", "initial speed (0.5 m/s)", positive, 0.5),
+        option("--turn", "RAD/S", "initial turn rate (1 rad/s)", positive, 1.0),
+        option("--frame-id", "FRAME", "of TwistStamped", default=""),
+        option("--rate", "HZ", "messages per second (20)", positive, 20.0),
+        option(
+            "--hold",
+            "S",
+            "how long one press counts as held; longer than the keyboard's repeat delay (0.7)",
+            not_negative,
+            0.7,
+        ),
     )
-    parser.add_argument(
-        "--stamped", action="store_true", help="publish TwistStamped instead of Twist"
-    )
-    parser.add_argument(
-        "--speed", type=positive, default=0.5, metavar="M/S", help="initial speed (0.5 m/s)"
-    )
-    parser.add_argument(
-        "--turn",
-        type=positive,
-        default=1.0,
-        metavar="RAD/S",
-        help="initial turn rate (1 rad/s)",
-    )
-    parser.add_argument("--frame-id", default="", metavar="FRAME", help="of TwistStamped")
-    parser.add_argument(
-        "--rate", type=positive, default=20.0, metavar="HZ", help="messages per second (20)"
-    )
-    parser.add_argument(
-        "--hold",
-        type=not_negative,
-        default=0.7,
-        metavar="S",
-        help="how long one press counts as held; longer than the keyboard's repeat delay (0.7)",
-    )
-    return parser.parse(argv)
+    summary = "drive a robot from the keyboard, while a key is held"
+    return Parser("onebot teleop", summary, options).parse(argv)
 
 
 class _Teleop:
@@ -305,7 +290,7 @@ class _Teleop:
         zeros, due = 0, time.monotonic()
         while True:
             self._show()
-            self._session.spin(lambda: False, _SPIN)
+            self._session.spin_for(_SPIN)
             pressed = keys.read(due - time.monotonic())
             now = time.monotonic()
             if pressed is None or any(key in _QUIT for key in pressed):
@@ -374,8 +359,8 @@ class _Teleop:
     def _subscriber_note(self) -> str:
         if self._publisher.get_subscription_count():
             return ""
-        found = self._session.node.get_subscriptions_info_by_topic(self._topic)
-        types = sorted({info.topic_type for info in found})
+        ends = self._session.node.get_subscriptions_info_by_topic(self._topic)
+        types = sorted({end.topic_type for end in ends})
         if any(name.endswith("/TwistStamped") for name in types) and not self._args.stamped:
             return "\t(the robot subscribes to TwistStamped: use --stamped)"
         if any(name.endswith("/Twist") for name in types) and self._args.stamped:

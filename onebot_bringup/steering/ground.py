@@ -16,7 +16,7 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
 
-from onebot_bringup.introspection.transforms import TransformBuffer, TransformError
+from onebot_bringup.introspection.transforms import FrameTree, TransformError
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_bringup.steering.odometry import OdometryTopic
 from onebot_control.poses import Transform, compose, yaw_of
@@ -66,7 +66,7 @@ class Ground:
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
         self._topics = FollowedTopics(node, _DEPTH, self._subscription)
-        self._transforms = TransformBuffer()
+        self._transforms = FrameTree()
         self._used = self._since = -math.inf  # the last request, and the first one of its row
         self.grid: PublishedMap | None = None
 
@@ -83,7 +83,7 @@ class Ground:
             topics = {"/tf": _TF, "/tf_static": _TF, grid: _GRID}
         left = self._topics.update(topics)
         if _TF in left:
-            self._transforms = TransformBuffer()
+            self._transforms = FrameTree()
         if _GRID in left:
             self.grid = None
 

@@ -18,6 +18,7 @@ from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.displays.display import SELDOM, Display
 from onebot_bringup.viewer.displays.drawing import MessageDisplay
 from onebot_bringup.viewer.displays.tf import TfDisplay
+from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.inbox import (
     DESCRIPTION,
     WARN_AFTER,
@@ -271,7 +272,7 @@ class RobotView:
         stage, wanted = self.stage, self.stage.wanted_frame
         if self.robot is None:
             fixed, wanted = stage.fixed_frame, stage.view.fixed_frame
-            return [] if wanted in ("", fixed) else [stage.frames.unknown(wanted, fixed)]
+            return [] if wanted in ("", fixed) else [unknown_frame(stage.frames, wanted, fixed)]
         missing = []
         for robot in (*stage.robots, stage.world):
             if robot.description is not None:

@@ -8,9 +8,9 @@ import numpy as np
 import rerun as rr
 
 from onebot_bringup.introspection.interfaces import full_definition
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
 from onebot_bringup.viewer.displays.tf import TransformStream
-from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.inbox import MessageType, message_type
 from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig

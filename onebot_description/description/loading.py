@@ -1,7 +1,9 @@
 """From a file or a text to a Description."""
 
+import json
 import os
-from collections.abc import Collection, Mapping
+import zlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +21,6 @@ from onebot_description.description.checks import (
 )
 from onebot_description.description.description import Description, Sensor
 from onebot_description.description.packages import resolve
-from onebot_description.description.places import kept_places
 from onebot_description.description.reading import (
     Findings,
     read_ends,
@@ -29,6 +30,10 @@ from onebot_description.description.reading import (
 )
 from onebot_description.description.sensors import read_sensors
 from onebot_description.errors import DescriptionError, OneBotError, condensed, printable
+
+# The environment variable with a folder that says where the elements of each URDF were written: a
+# bringup knows its files, and its nodes get the text alone.
+PLACES = "ONEBOT_PLACES"
 
 
 def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
@@ -82,7 +87,7 @@ class SensorFile(NamedTuple):
     files: tuple[Path, ...]  # all files read
 
 
-def load_sensors(source: str | Path, links: Collection[str]) -> SensorFile:
+def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
 
     Raises:
@@ -92,7 +97,7 @@ def load_sensors(source: str | Path, links: Collection[str]) -> SensorFile:
     document, files, warnings = _read(path, {})
     _drop_namespace(document)
     findings = Findings(document)
-    sensors, bad = read_sensors(findings, links)
+    sensors, bad = read_sensors(findings, robot.link_names, robot.joints)
     if not sensors and not bad:
         text = 'holds no sensor; write <robot><gazebo reference="LINK"><sensor name="" type="">'
         raise DescriptionError([f"{document.shown}: {text}"])
@@ -117,11 +122,31 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     except UnicodeEncodeError as error:
         raise DescriptionError([f"{name}: holds a character that is none ({error})"]) from None
     document = xml.parse(data, name, _folder(name), "utf-8")
-    places = kept_places(urdf)
+    places = _kept_places(urdf)
     if len(places) == len(document.places):
         document.places.update(zip(document.root.iter(), places, strict=True))
     files = (Path(name).absolute(),) if document.folder is not None else ()
     return _check(document, name, files, blank)
+
+
+def keep_places(description: Description) -> None:
+    """Have processes that get the description's text know where it was written."""
+    if file := _places_file(description.urdf):
+        file.write_text(json.dumps(description.places))
+
+
+def _kept_places(urdf: str) -> list[str]:
+    """Return where each element of a text was written; none if that is not known."""
+    try:
+        file = _places_file(urdf)
+        return list(json.loads(file.read_text())) if file else []
+    except (OSError, UnicodeEncodeError):
+        return []
+
+
+def _places_file(urdf: str) -> Path | None:
+    folder = os.environ.get(PLACES)
+    return Path(folder, f"{len(urdf):x}-{zlib.crc32(urdf.encode()):08x}") if folder else None
 
 
 def _folder(name: str) -> Path | None:
@@ -170,7 +195,7 @@ def _check(
             check_inertial(findings, element, link.inertial)
     check_materials(findings, materials)
     check_schema(findings)
-    sensors, bad_sensors = read_sensors(findings, links)
+    sensors, bad_sensors = read_sensors(findings, links, joints.values())
     findings.raise_errors(warnings)
     return Description(
         urdf=xml.to_text(findings.document.root),

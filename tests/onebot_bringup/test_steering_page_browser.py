@@ -5,6 +5,7 @@ import http.server
 import itertools
 import json
 import math
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -24,9 +25,11 @@ from std_msgs.msg import Bool, String
 from onebot_bringup.steering.server import STATIC
 from onebot_control.poses import yaw_of
 from onebot_control.speed_limiter import SpeedLimiter, SpeedLimits
+from onebot_description.description import load_description
 from onebot_description.description.packages import package_share
 from tests.onebot_bringup.steering_support import PageClient, Way
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
+from tests.onebot_control.test_sensors_process import room
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, steering
 from tests.support import wait_for
@@ -791,6 +794,35 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
         page.enter("#parameters-filter", "LIGHT")
         assert not row("parameters", "speed").is_displayed()
         assert row("parameters", "lights").is_displayed()
+
+
+def test_it_shows_the_camera_and_an_obstacle_in_the_way(
+    peer: Peer, page: Page, tmp_path: Path
+) -> None:
+    """The camera is subscribed to while its picture is shown; too near for braking is red."""
+    urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
+    (tmp_path / "onebot.urdf").write_text(urdf)
+    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.2)
+    camera = "/camera/image_raw"
+    with NodeProcess("onebot_control.velocity_controller", *robot), steering(**LIMITS) as node:
+        page.open(node.address)
+        peer.publisher(String, "robot_description", LATCHED).publish(String(data=urdf))
+        width = "return document.querySelector('#camera img').naturalWidth"
+        wait_for(lambda: page.driver.execute_script(width) == 160, "a picture")
+        assert page.find("#camera img").get_property("alt") == camera
+        page.driver.execute_script("document.querySelector('#camera').open = false")
+        wait_for(lambda: not peer.node.count_subscribers(camera), "the camera to be left")
+        distance = page.find("#braking output")
+
+        def redness() -> int:
+            red, green, blue = re.findall(r"\d+", distance.value_of_css_property("color"))[:3]
+            return int(red) - max(int(green), int(blue))
+
+        wait_for(lambda: "m" in page.text("#braking output"), "the braking distance")
+        assert redness() < 30 and not page.text("#braking small")
+        page.drive_by_keys("w", lambda: page.text("#braking small").startswith("obstacle at"))
+        wait_for(lambda: redness() > 60, "red")
+        page.release_keys("w")
 
 
 def test_a_finger_drives(peer: Peer, page: Page) -> None:

@@ -1,7 +1,7 @@
 """Measures with the sensors of a world's robots, in a thread of its own.
 
-The control loop gives a snapshot when a sensor is due, and never waits. What is due while a sensor
-still has enough to do is dropped, the newest first.
+The control loop gives a snapshot when a measurement is due that somebody subscribes to, and never
+waits. What is due while a sensor still has enough to do is dropped, the newest first.
 """
 
 import threading
@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from queue import SimpleQueue
 from typing import Any, NamedTuple, Protocol
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,14 @@ from onebot_control.poses import Transform
 from onebot_control.sensing import camera, imu, lidar
 from onebot_control.sensing.noise import NoiseSource, add_noise, bias
 from onebot_control.sensing.rays import NOTHING, Hits, Rays, cast
-from onebot_control.sensing.scene import Placed, Pose, RobotState, Scene, SensedRobot, matrices
+from onebot_control.sensing.surroundings import (
+    LinkPose,
+    Placed,
+    RobotState,
+    SensedRobot,
+    Surroundings,
+    matrices,
+)
 from onebot_control.simulation.bodies import matrix
 from onebot_description.description import Description
 from onebot_description.description.description import Camera, Imu, Lidar, Sensor
@@ -31,8 +37,10 @@ Floats = NDArray[np.float64]
 
 # z ahead, x to the right, y down (REP-103), of a camera that looks along x.
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-_WAITING = {Imu: 50, Lidar: 4, Camera: 1}  # measurements of a sensor that may wait
+# Measurements of a sensor that may wait, in the order in which those of a robot are made.
+_WAITING = {Imu: 50, Lidar: 4, Camera: 1}
 _FIRST_REPORT, _REPORT = 10.0, 60.0  # s between reports of dropped measurements
+_ENOUGH = 0.95  # of the measurements due; fewer are reported
 _PATIENCE = 10.0  # s for the thread to end
 _LEAP = 0.01  # m: a robot that has moved farther than by its speed was put there
 
@@ -58,11 +66,11 @@ class Outlet(Protocol):
         """Publish arrays by output, measured at ``stamp``, ns."""
 
 
-class World(NamedTuple):
-    """A scene at the time of a frame."""
+class SensedWorld(NamedTuple):
+    """A world at the time of a frame."""
 
     frame: Frame
-    scene: Scene
+    surroundings: Surroundings
     placed: Placed
     painter: camera.Painter
     period: float  # of a control cycle, s
@@ -78,7 +86,7 @@ class Instrument:
         divider: picks the control cycles in which it is due.
         given: measurements that the control thread has asked for.
         done: those that were made.
-        dropped: those that were not asked for.
+        dropped: those that were not asked for, although somebody subscribes to them.
     """
 
     def __init__(
@@ -101,12 +109,30 @@ class Instrument:
             noisy: add the noise of the description.
         """
         self.sensor, self.row, self._outlet, self._noisy = sensor, row, outlet, noisy
-        self.rate = min(sensor.rate or cycles, cycles)
-        self.divider = Divider(self.rate, cycles)
+        self._rate = min(sensor.rate or cycles, cycles)
+        self.divider = Divider(self._rate, cycles)
         self.given = self.done = self.dropped = 0
-        self.waiting = _WAITING[type(sensor.model)]
+        self._next_report, self._reported = 0.0, (0, 0)  # monotonic s; done and dropped before
         self._source = NoiseSource(f"{namespace}/{sensor.link}/{sensor.name}")
         self._mount = matrix(sensor.origin)
+
+    @property
+    def busy(self) -> bool:
+        """Whether no more measurements may wait."""
+        return self.given - self.done > _WAITING[type(self.sensor.model)]
+
+    def warning(self, now: float) -> str:
+        """Return what to warn of at a time, s: once a minute, if too few measurements were made."""
+        self._next_report = self._next_report or now + _FIRST_REPORT
+        if now < self._next_report:
+            return ""
+        done, dropped = self.done - self._reported[0], self.dropped - self._reported[1]
+        self._next_report, self._reported = now + _REPORT, (self.done, self.dropped)
+        share = done / (done + dropped)
+        if share >= _ENOUGH:
+            return ""
+        text = f'sensor "{self.sensor.name}" reaches {share * self._rate:.3g} of {self._rate:g} Hz'
+        return f"{text}: measuring takes too long; lower its rate or its size"
 
     @cached_property
     def _rays(self) -> Rays:
@@ -120,22 +146,19 @@ class Instrument:
         model, once = self.sensor.model, self._source.at(-1)
         if isinstance(model, Camera):
             return np.zeros(1)
-        noises = (
-            [model.noise]
-            if isinstance(model, Lidar)
-            else [*model.angular_velocity, *model.linear_acceleration]
-        )
+        noises = [model.noise] if isinstance(model, Lidar) else imu.noises(model)
         return np.array([bias(noise, once) for noise in noises])
 
     def wanted(self) -> frozenset[str]:
         """Return the outputs that somebody wants."""
         return self._outlet.wanted()
 
-    def measure(self, world: World, wanted: frozenset[str]) -> None:
+    def measure(self, world: SensedWorld, wanted: frozenset[str]) -> None:
         """Measure, and publish, the outputs ``wanted``."""
-        link = world.placed.links[self.row][self.sensor.link]
+        link = world.placed.link(self.row, self.sensor.link)
+        assert link is not None
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
-        pose = Pose(link.rotation @ turn, link.rotation @ at + link.position)
+        pose = LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
         generator = self._source.at(world.frame.tick) if self._noisy else None
         model = self.sensor.model
         if isinstance(model, Imu):
@@ -146,26 +169,30 @@ class Instrument:
             outputs = self._picture(model, world, pose, wanted, generator)
         self._outlet.publish(world.frame.stamp, outputs)
 
-    def _cast(self, world: World, pose: Pose, reach: float) -> Hits:
-        own = world.scene.target(self.row, self.sensor.link)
-        return cast(self._rays, *pose, world.scene.still, world.placed.targets, reach, own)
+    def _cast(self, world: SensedWorld, pose: LinkPose, reach: float) -> Hits:
+        own = world.surroundings.target(self.row, self.sensor.link)
+        return cast(self._rays, *pose, world.surroundings.still, world.placed.targets, reach, own)
 
     def _ranges(
-        self, model: Lidar, world: World, pose: Pose, generator: np.random.Generator | None
+        self,
+        model: Lidar,
+        world: SensedWorld,
+        pose: LinkPose,
+        generator: np.random.Generator | None,
     ) -> dict[str, Any]:
         hits = self._cast(world, pose, lidar.reach(model))
         hit = hits.surfaces != NOTHING
-        found = lidar.ranges(model, hits.distances, hit, self._offsets[0], generator)
+        ranges = lidar.ranges(model, hits.distances, hit, self._offsets[0], generator)
         if "scan" in self.sensor.topics:
-            return {"scan": found}
-        seen = self._seen_from(world, pose, np.eye(3))
-        return {"points": lidar.cloud(model, self._rays, found, seen)}
+            return {"scan": ranges}
+        seen_from = self._seen_from(world, pose, np.eye(3))
+        return {"points": lidar.cloud(model, self._rays, ranges, seen_from)}
 
     def _picture(
         self,
         model: Camera,
-        world: World,
-        pose: Pose,
+        world: SensedWorld,
+        pose: LinkPose,
         wanted: frozenset[str],
         generator: np.random.Generator | None,
     ) -> dict[str, Any]:
@@ -180,46 +207,45 @@ class Instrument:
         if wanted & {"depth", "points"}:
             outputs["depth"] = camera.depths(model, hits, generator)
         if "points" in wanted:
-            seen = self._seen_from(world, pose, _OPTICAL)
+            seen_from = self._seen_from(world, pose, _OPTICAL)
             picture = outputs.get("image")
-            outputs["points"] = camera.cloud(self._rays, outputs["depth"], picture, seen)
+            outputs["points"] = camera.cloud(self._rays, outputs["depth"], picture, seen_from)
         return outputs
 
-    def _seen_from(self, world: World, pose: Pose, otherwise: Floats) -> tuple[Floats, Floats]:
+    def _seen_from(
+        self, world: SensedWorld, pose: LinkPose, otherwise: Floats
+    ) -> tuple[Floats, Floats]:
         """Return the sensor's pose in the frame of its messages; ``otherwise`` if it is no link."""
-        frame = world.placed.links[self.row].get(self.sensor.frame)
+        frame = world.placed.link(self.row, self.sensor.frame)
         if frame is None:
             return otherwise, np.zeros(3)
         back = frame.rotation.T
         return back @ pose.rotation, back @ (pose.position - frame.position)
 
     def _inertia(
-        self, model: Imu, world: World, pose: Pose, generator: np.random.Generator | None
+        self, model: Imu, world: SensedWorld, pose: LinkPose, generator: np.random.Generator | None
     ) -> dict[str, Any]:
         frame = world.frame
         now = frame.snapshots[self.row]
         before = frame.before[self.row] if frame.before else None
         if before and _was_put(before, now, world.period):
             before = None
-        body = matrices(now.pose.rotation[None])[0]
+        motion = _motion(now)
+        body = motion.rotation
         mount = body.T @ pose.rotation, body.T @ (pose.position - now.pose.translation)
         values = np.concatenate(
-            imu.measure(
-                before and imu.Motion(*before.velocity),
-                imu.Motion(*now.velocity),
-                world.period,
-                body,
-                mount,
-                world.gravity,
-            )
+            imu.measure(before and _motion(before), motion, world.period, mount, world.gravity)
         )
         if generator is not None:
-            noises = [*model.angular_velocity, *model.linear_acceleration]
-            for axis, noise in enumerate(noises):
+            for axis, noise in enumerate(imu.noises(model)):
                 part = values[axis : axis + 1]
                 part[:] = add_noise(part, noise, self._offsets[axis], generator)
         orientation = quaternions.from_rpy(quaternions.to_rpy(pose.rotation))
         return {"imu": (orientation, values[:3], values[3:])}
+
+
+def _motion(snapshot: Snapshot) -> imu.Motion:
+    return imu.Motion(*snapshot.velocity, matrices(snapshot.pose.rotation[None])[0])
 
 
 def _was_put(before: Snapshot, now: Snapshot, period: float) -> bool:
@@ -256,18 +282,18 @@ class Sensing:
         self._warn, self._failed = warn, failed
         self._robots: tuple[SensedRobot, ...] = ()
         self._instruments: dict[int, list[Instrument]] = {}
-        self._due: list[Instrument] = []
+        self._due: list[tuple[Instrument, frozenset[str]]] = []
         self._last: tuple[int, Sequence[Snapshot]] | None = None
-        self._jobs: SimpleQueue[tuple[Instrument, Frame] | None] = SimpleQueue()
-        self._reported: WeakKeyDictionary[Instrument, tuple[float, int, int]] = WeakKeyDictionary()
-        self._scene: tuple[Sequence[SensedRobot], Scene, camera.Painter] | None = None
+        self._jobs: SimpleQueue[tuple[Instrument, frozenset[str], Frame] | None] = SimpleQueue()
+        self._built: tuple[Sequence[SensedRobot], Surroundings, camera.Painter] | None = None
         self._stopped = False
         self._thread = threading.Thread(target=self._run, name="sensing", daemon=True)
 
     def start(self) -> None:
         """Start to measure.
 
-        The scene of robots with sensors is built here: reading meshes would hold up the loop.
+        The surroundings of robots with sensors are built here: reading meshes would hold up the
+        loop.
         """
         if any(self._instruments.values()):
             self._build(self._robots)
@@ -282,21 +308,23 @@ class Sensing:
 
     def enter(self, row: int, robot: SensedRobot, instruments: Sequence[Instrument]) -> None:
         """Sense with these ``instruments`` of the robot of ``row`` from now on."""
-        known = self._robots[row] if row < len(self._robots) else None
-        if known is None or known.description is not robot.description:  # else the scene stays
+        last = self._robots[row] if row < len(self._robots) else None
+        if last is None or last.description is not robot.description:  # else what is built stays
             self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
-        costs = list(_WAITING)
+        order = list(_WAITING)
         self._instruments[row] = sorted(
-            instruments, key=lambda each: costs.index(type(each.sensor.model))
+            instruments, key=lambda instrument: order.index(type(instrument.sensor.model))
         )
 
     def due(self, tick: int) -> frozenset[int]:
-        """Return the rows of the robots of which a sensor is due in a control cycle."""
+        """Return the rows of the robots of which measurements are due in a control cycle."""
         self._due = []
         if self._last is None or self._last[0] != tick:  # else simulated time stands still
             for instruments in self._instruments.values():
-                self._due += [each for each in instruments if each.divider.due()]
-        return frozenset(each.row for each in self._due)
+                for instrument in instruments:
+                    if instrument.divider.due() and (wanted := instrument.wanted()):
+                        self._due.append((instrument, wanted))
+        return frozenset(instrument.row for instrument, _ in self._due)
 
     def take(self, stamp: int, snapshots: Sequence[Snapshot], boxes: Sequence[Transform]) -> None:
         """Have what is due measured.
@@ -310,54 +338,37 @@ class Sensing:
         if self._due:
             before = last[1] if last and last[0] == tick - 1 else None
             frame = Frame(tick, stamp, snapshots, before, boxes, self._robots)
-            for each in self._due:
-                if each.given - each.done > each.waiting:
-                    each.dropped += 1
+            for instrument, wanted in self._due:
+                if instrument.busy:
+                    instrument.dropped += 1
                 else:
-                    each.given += 1
-                    self._jobs.put((each, frame))
+                    instrument.given += 1
+                    self._jobs.put((instrument, wanted, frame))
         self._last = tick, snapshots
 
     def _run(self) -> None:
         try:
-            world: World | None = None
+            world: SensedWorld | None = None
             while (job := self._jobs.get()) and not self._stopped:
-                instrument, frame = job
-                if wanted := instrument.wanted():
-                    world = self._at(frame, world)
-                    instrument.measure(world, wanted)
+                instrument, wanted, frame = job
+                if world is None or world.frame is not frame:
+                    world = self._world_of(frame)
+                instrument.measure(world, wanted)
                 instrument.done += 1
-                self._report(instrument)
+                if text := instrument.warning(time.monotonic()):
+                    self._warn(text)
         except BaseException as error:
             self._failed(error)
 
-    def _build(self, robots: Sequence[SensedRobot]) -> tuple[Scene, camera.Painter]:
-        """Return the scene with these robots, which is built where they are other ones."""
-        if self._scene is None or self._scene[0] is not robots:
-            scene = Scene(self._world, robots)
-            self._scene = robots, scene, camera.Painter(scene.still)
-        return self._scene[1:]
+    def _build(self, robots: Sequence[SensedRobot]) -> tuple[Surroundings, camera.Painter]:
+        """Return the surroundings with these robots, built where they are other ones."""
+        if self._built is None or self._built[0] is not robots:
+            surroundings = Surroundings(self._world, robots)
+            self._built = robots, surroundings, camera.Painter(surroundings.still)
+        return self._built[1:]
 
-    def _at(self, frame: Frame, last: World | None) -> World:
-        """Return the world of a frame; ``last`` is that of the last one."""
-        if last is not None and last.frame is frame:
-            return last
-        scene, painter = self._build(frame.robots)
+    def _world_of(self, frame: Frame) -> SensedWorld:
+        surroundings, painter = self._build(frame.robots)
         states = [RobotState(*each.pose, each.joints.positions) for each in frame.snapshots]
-        placed = scene.place(frame.boxes, states)
-        return World(frame, scene, placed, painter, 1.0 / self._cycles, self._gravity)
-
-    def _report(self, instrument: Instrument) -> None:
-        """Warn once a minute if measurements were dropped."""
-        now, made, dropped = time.monotonic(), instrument.done, instrument.dropped
-        self._reported.setdefault(instrument, (now - _REPORT + _FIRST_REPORT, 0, 0))
-        since, before, dropped_before = self._reported[instrument]
-        if now - since < _REPORT:
-            return
-        self._reported[instrument] = now, made, dropped
-        made, dropped = made - before, dropped - dropped_before
-        if dropped:
-            reached = instrument.rate * made / (made + dropped)
-            name = instrument.sensor.name
-            text = f'sensor "{name}" reaches {reached:.3g} of {instrument.rate:g} Hz'
-            self._warn(f"{text}: measuring takes too long; lower its rate or its size")
+        placed = Placed(surroundings, frame.boxes, states)
+        return SensedWorld(frame, surroundings, placed, painter, 1.0 / self._cycles, self._gravity)

@@ -17,9 +17,9 @@ from std_msgs.msg import Header
 from onebot_control.parameters import ControlConfig
 from onebot_control.poses import prefixed
 from onebot_control.sensing.camera import focal_length
+from onebot_control.sensing.instruments import Instrument
 from onebot_control.sensing.lidar import angles
 from onebot_control.sensing.rays import HAS_EMBREE
-from onebot_control.sensing.sensors import Instrument
 from onebot_description.description import Description
 from onebot_description.description.description import Camera, Fan, Imu, Lidar, Sensor
 from onebot_description.description.loading import SensorFile, load_sensors
@@ -235,7 +235,7 @@ class RobotSensors:
             return
         logger = self._node.get_logger()
         try:
-            read = load_sensors(file, description.link_names)
+            read = load_sensors(file, description)
         except OneBotError as error:
             if file != self._file:
                 raise
