@@ -139,17 +139,6 @@ def test_a_joint_that_can_follow_nothing_moves_by_itself(
     assert moved(description, j=0.5)["a"] == "base"
 
 
-def test_a_mimic_on_a_fixed_joint_is_ignored() -> None:
-    """As in robot_state_publisher's own test, and in TALOS."""
-    urdf = robot(
-        hinge("second", "a", '<origin xyz="0 1 0"/>', "fixed"),
-        hinge("third", "b", '<mimic joint="second" multiplier="1" offset="0"/>', "fixed"),
-    )
-    description = taken(urdf, "a fixed joint has no single position, so it cannot mimic")
-    assert moved(description) == {"a": "base", "b": "base"}
-    assert at_rest(description) == {}
-
-
 def test_loose_links_have_joint_states_but_no_transforms() -> None:
     """As with the standard nodes: joint_state_publisher wants joints only, TF wants one tree."""
     arm = '<link name="arm"/>' + hinge("j", "hand").replace('link="base"', 'link="arm"')

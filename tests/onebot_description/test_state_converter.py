@@ -97,31 +97,7 @@ def test_the_compiled_call_equals_ordinary_messages(urdf, data, ignore_timestamp
             assert norm == pytest.approx(1.0, abs=1e-12)
 
 
-def test_every_named_joint_is_published_at_its_angle():
-    """A known angle gives the known half-angle quaternion, stamped as the message."""
-    model = _model(chain(2).replace('rpy="0.1 0.2 0.3"', ""))
-    [_, (compiled, _)] = _both(model, [_message(["joint_1"], [1.0], (7, 9))] * 2)
-    [edge] = compiled.transforms
-    assert (edge.header.frame_id, edge.child_frame_id) == ("link_1", "link_2")
-    assert (edge.header.stamp.sec, edge.header.stamp.nanosec) == (7, 9)
-    assert edge.transform.rotation.z == pytest.approx(np.sin(0.5))
-    assert edge.transform.rotation.w == pytest.approx(np.cos(0.5))
-    assert edge.transform.translation.z == 0.2
-
-
 LATEST = (2**31 - 1, 2**32 - 1)  # a stamp beyond what the number of seconds can hold
-
-
-def test_a_stamp_in_the_future_does_not_silence_tf():
-    """Both ways copy the stamp as it came, and publish the next message by its own."""
-    warnings = []
-    options = {"warn": lambda key, _: warnings.append(key)}
-    states = [_message(["joint_0"], [0.5], stamp) for stamp in ((1, 0), LATEST, (2, 0), (3, 0))]
-    for state, both in zip(states, _both(_model(chain(1)), states, **options), strict=True):
-        for message in both:
-            [edge] = message.transforms
-            assert edge.header.stamp == state.header.stamp
-    assert warnings == ["back", "back"]
 
 
 def test_a_stamp_beyond_all_seconds_with_a_bad_position_is_published():
@@ -307,21 +283,6 @@ def test_what_is_not_usual_takes_ordinary_messages(monkeypatch):
     assert ordinary(0.0, (5, 0)) == 1
     assert ordinary(0.0, (4, 0), NOW - 1) == 1
     assert ordinary(0.0, (4, 1), NOW - 1) == 0
-
-
-def test_what_is_not_moderate_is_found_anywhere(monkeypatch):
-    calls = _count_ordinary(monkeypatch)
-    model = _model(chain(5))
-    for frame in ("", "f", "frames", "frame_id"):
-        converter = StateConverter(model, ignore_timestamp=True)
-        for place in [None, *range(5), None]:
-            positions = [0.0 if at != place else np.nan for at in range(5)]
-            calls.clear()
-            message = _message(model.joints, positions, frame_id=frame)
-            data = converter.convert_bytes(serialize_message(message), NOW)
-            assert len(_read(data).transforms) == 5 - (place is not None)
-            assert (len(calls) == 1) or place is None
-    assert not calls
 
 
 @pytest.mark.parametrize(
