@@ -173,6 +173,12 @@ EQUIVALENT = (
         "the times begin at 0 or later",
     ),
     Equivalent(
+        "onebot_description/joints/motions.py",
+        "_keyframes",
+        "factor = 1.0 if motion.blend <= LINEAR else MINIMUM_JERK_PEAK",
+        "no blend comes before linear",
+    ),
+    Equivalent(
         "onebot_description/joints/source.py",
         "JointStateSource._toward",
         "near = np.abs(way) < reach * (1.0 + _ROUNDING)",
