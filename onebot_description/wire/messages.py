@@ -15,11 +15,13 @@ from rclpy import serialization
 from std_msgs.msg import Header
 
 from onebot_description.wire.cdr import NANO, Floats, nanoseconds
-from onebot_description.wire.remembered import Remembered, size_of_names
 from onebot_description.wire.schema import Message, Schema
 from onebot_description.wire.tf_message import TFMessage
 
 BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
+
+# Bytes. Nothing is kept of a larger message: how large they are is up to whoever publishes.
+LARGEST_KEPT = 2**19
 
 _COVARIANCE = 36
 _UNKNOWN: Floats = np.zeros(_COVARIANCE)
@@ -107,15 +109,14 @@ def tf_arrays(data: bytes) -> TfArrays:
     header = transforms.header
     values = transforms.transform.array()
     stamps = header.stamp.sec.astype(np.int64) * NANO + header.stamp.nanosec
-    parents, children = _names((tuple(header.frame_id), tuple(transforms.child_frame_id)))
+    lists = _lists if len(data) <= LARGEST_KEPT else _lists.__wrapped__
+    parents, children = lists(tuple(header.frame_id), tuple(transforms.child_frame_id))
     return TfArrays(parents, children, stamps, values[:, :3], values[:, 3:])
 
 
-def _lists(names: tuple[tuple[str, ...], tuple[str, ...]]) -> tuple[list[str], list[str]]:
-    return list(names[0]), list(names[1])
-
-
-_names = Remembered(_lists, lambda names: sum(map(size_of_names, names)))
+@functools.lru_cache(maxsize=64)
+def _lists(parents: tuple[str, ...], children: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    return list(parents), list(children)
 
 
 def one_joint_state(data: bytes) -> JointStateArrays:
