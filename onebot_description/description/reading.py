@@ -605,20 +605,30 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> _Limits:
                 limit, f"{text}; delete them, or if it must stop there make it revolute"
             )
         return None, None, effort, velocity
-    # The last joints of real arms turn by more than a turn, but not by whole numbers of radians.
-    ends = [end for end in (lower, upper) if end is not None and kind == "revolute"]
-    if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
-        _radians(findings, limit, "", ends)
     if velocity == 0:
         findings.warning(limit, "velocity is 0, so the joint cannot move")
+    if kind == "revolute":
+        _check_degrees(findings, limit, [end for end in (lower, upper) if end is not None])
+    return *_ordered(findings, limit, lower, upper), effort, velocity
+
+
+def _check_degrees(findings: Findings, limit: Element, ends: Sequence[float]) -> None:
+    # The last joints of real arms turn by more than a turn, but not by whole numbers of radians.
+    if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
+        _radians(findings, limit, "", ends)
+
+
+def _ordered(
+    findings: Findings, limit: Element, lower: float | None, upper: float | None
+) -> tuple[float | None, float | None]:
+    """Return the least and the greatest position; None if either cannot be read."""
     if lower is None or upper is None:
-        return None, None, effort, velocity
+        return None, None
     if lower > upper:
         findings.problem(limit, f"lower {lower:g} is above upper {upper:g}; swap them")
-        lower, upper = upper, lower
     elif lower == upper == 0:
         findings.warning(limit, "lower and upper are both 0, so the joint cannot move")
-    return lower, upper, effort, velocity
+    return min(lower, upper), max(lower, upper)
 
 
 def _read_mimic(findings: Findings, element: Element) -> Mimic | None:

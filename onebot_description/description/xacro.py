@@ -143,10 +143,7 @@ def _files(file: Path) -> Iterator[tuple[Path, Element]]:
     packages: dict[Path, Resources] = {}
     while waiting:
         file = waiting.pop(0)
-        try:
-            real = os.path.realpath(file)
-        except ValueError:
-            real = str(file)
+        real = os.path.realpath(file)
         if real not in names:
             names.add(real)
             root = root_of(file)

@@ -151,6 +151,15 @@ def test_kinds_without_limits_have_none(kind):
     assert (read.lower, read.upper, read.velocity, read.effort) == (None, None, 1.0, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("written", "damping", "friction"),
+    [('damping="0.5"', 0.5, 0.0), ('friction="0.25"', 0.0, 0.25)],
+)
+def test_damping_and_friction_are_none_where_none_is_written(written, damping, friction):
+    (read,) = parse_description(joint(f"{LIMIT}<dynamics {written}/>")).joints
+    assert (read.damping, read.friction) == (damping, friction)
+
+
 def test_a_limit_that_is_missing():
     """The joint's own line, and only where one is needed."""
     for kind in ("revolute", "prismatic"):
@@ -397,6 +406,13 @@ def test_a_mass_of_zero_is_a_warning(mass, found):
     assert warnings(inertial(mass)) == expected
 
 
+def test_a_mass_below_zero_is_one_problem():
+    description = parse_description(inertial('<mass value="-1"/>'), "r")
+    [problem] = description.problems
+    assert problem == 'r:3: link "a" <inertial> <mass>: value="-1" is negative; it must not be'
+    assert description.warnings == ()
+
+
 @pytest.mark.parametrize(
     ("shape", "count"),
     [
@@ -478,6 +494,9 @@ def test_every_origin_is_checked():
         f'link "a" <{tag}> <origin>' for tag in ("collision", "inertial", "visual") for _ in "12"
     ]
     assert len(problems(joint(wrong + LIMIT))) == 2
+    for half in ('<origin xyz="0 0"/>', '<origin rpy="0"/>'):
+        [read] = parse_description(link(f"<visual>{half}{box}</visual>")).links
+        assert read.visuals == ()
 
 
 # ------------------------------------------------------------------------------------- materials
