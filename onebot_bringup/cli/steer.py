@@ -130,8 +130,8 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
     """
     from onebot_bringup.cli.param import frame_prefix
 
-    own = f"/{namespace}".rstrip("/")
-    topics = session.spin(lambda: description_topics(session, own), PATIENCE)
+    space = f"/{namespace}".rstrip("/")
+    topics = session.spin(lambda: description_topics(session, space), PATIENCE)
     if len(topics) > 1:
         return {"robots": [topic.rpartition("/")[0] for topic in topics]}
     if not topics:
@@ -141,20 +141,20 @@ def _robots(session: Session, namespace: str) -> dict[str, object]:
 
 
 def _finds_viewer(session: Session) -> bool:
-    """Whether the robot has a viewer; that there is none is reported."""
+    """Whether the robot has a viewer; prints a notice if not."""
     from std_msgs.msg import String
 
     from onebot_description.node import LATCHED
 
     pages: list[String] = []
     session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
-    found = session.look_for(
+    is_there = session.look_for(
         lambda: any(_answers(page.data) for page in pages),
         "the robot's view, a rerun_viewer with a page",
     )
-    if not found:
+    if not is_there:
         print("no viewer found: starting one")
-    return bool(found)
+    return bool(is_there)
 
 
 def _answers(address: str) -> bool:

@@ -155,8 +155,8 @@ def _divide(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Sort the arguments given into those of the launcher and those of the model's xacro."""
     ours = {argument.name for argument in declared}
-    known = [*ours, *(argument.name for argument in of_model.arguments)]
-    problems = [unknown(name, known) for name in given if name not in known]
+    names = [*ours, *(argument.name for argument in of_model.arguments)]
+    problems = [unknown(name, names) for name in given if name not in names]
     if problems and of_model.complete:  # else expanding it shows whether they exist
         raise UsageError("\n".join(problems))
     own = {name: value for name, value in given.items() if name in ours}
