@@ -31,32 +31,19 @@ NUMBERS = [
 ]
 
 
-def test_values_may_hold_anything() -> None:
-    """Only the first := separates; empty values and values with spaces or dashes are kept."""
-    given_ = split(["a:=b:=c", "empty:=", "text:=-1 m = x"]).given
-    assert given_ == {"a": "b:=c", "empty": "", "text": "-1 m = x"}
-
-
 @given(st.dictionaries(st.from_regex(r"[a-z_]{1,9}", fullmatch=True), st.text(max_size=20)))
 def test_what_is_written_is_what_is_read(values: dict[str, str]) -> None:
     assert split([f"{name}:={value}" for name, value in values.items()]).given == values
 
 
-def test_the_last_of_two_wins() -> None:
-    """An argument given twice counts as written last, as in roslaunch."""
-    assert split(["a:=1", "a:=2"]).given == {"a": "2"}
-
-
-def test_ros_args_are_kept_apart() -> None:
-    """What stands between --ros-args and -- goes to the nodes, remaps with := included."""
-    parts = split(["a:=1", "--ros-args", "-r", "tf:=my_tf", "--", "b:=2"])
-    assert parts.given == {"a": "1", "b": "2"} and parts.ros_args == ("-r", "tf:=my_tf")
-
-
-@pytest.mark.parametrize("word", ["-h", "--help"])
-def test_help_is_known(word: str) -> None:
-    """Both ways to ask for help work, among arguments too."""
-    assert split(["a:=1", word]).help
+def test_words_are_split() -> None:
+    """The first := separates, the last of two counts, and --ros-args has its own words."""
+    parts = split(
+        ["a:=1", "a:=b:=c", "empty:=", "t:=-1 m = x", "f", "-h", "--ros-args", "-r", "x:=y", "--"]
+    )
+    assert parts.given == {"a": "b:=c", "empty": "", "t": "-1 m = x"}
+    assert parts.positional == ("f",) and parts.ros_args == ("-r", "x:=y")
+    assert parts.help and not parts.show and split(["--help"]).help
 
 
 @pytest.mark.parametrize(
