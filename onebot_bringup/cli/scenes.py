@@ -179,7 +179,7 @@ class RunningRobots:
             report=self._report,
         )
         self._feed = ViewFeed(session.node, self._view)
-        self._broken: OneBotError | None = None  # what is wrong with the description
+        self._broken: OneBotError | None = None  # a broken description
         self._next_tick = 0.0
 
     def _report(self, _: str, error: Exception) -> None:
@@ -287,40 +287,40 @@ def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
     Raises:
         OneBotError: there is none; or there are several, and one prefix.
     """
-    own = session.node.get_namespace().rstrip("/")
+    namespace = session.node.get_namespace().rstrip("/")
     topic = session.full_name(ROBOT_DESCRIPTION)
-    topics = session.look_for(lambda: description_topics(session, own), f"a robot on {topic}")
+    topics = session.look_for(lambda: description_topics(session, namespace), f"a robot on {topic}")
     if not topics:
         raise OneBotError(
             f"no robot is running: nothing on {topic}{_elsewhere(session)}; start one "
             "(onebot_bringup), or name its URDF or xacro file"
         )
     session.discover()
-    topics = description_topics(session, own) or topics
+    topics = description_topics(session, namespace) or topics
     if prefix and len(topics) > 1:
         spaces = [topic.rpartition("/")[0] or "/" for topic in topics]
         raise OneBotError(
             f"--frame-prefix is one robot's, and several run, in {listing(spaces)}: choose one by "
             "--ros-args -r __ns:=NAMESPACE"
         )
-    found = []
+    robots = []
     for topic in topics:
         space, of_robot = topic.rpartition("/")[0], prefix
         if not prefix:
             published = frame_prefix(session, session.publishers(topic))
             # Of several robots each has another one.
             of_robot = prefixed("", len(topics) > 1, "", space) if published is None else published
-        found.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
-    return found
+        robots.append(RobotToShow(space, of_robot, plotted=len(topics) == 1))
+    return robots
 
 
 def _elsewhere(session: Session) -> str:
     """Where descriptions are published, if in other namespaces."""
-    there = description_topics(session)
-    if not there:
+    topics = description_topics(session)
+    if not topics:
         return ""
-    space = there[0].rpartition("/")[0] or "/"
-    return f" (there: {listing(there)}; --ros-args -r __ns:={space} goes there)"
+    space = topics[0].rpartition("/")[0] or "/"
+    return f" (there: {listing(topics)}; --ros-args -r __ns:={space} goes there)"
 
 
 # --- a description at given joint positions -----------------------------------------------------
@@ -353,7 +353,7 @@ def record_pose(
     config = source.view
     if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
-    shown = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
+    robot_view = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
     joints = JointState(
         header=Header(stamp=time_message(_NOW_NS)), name=model.joints, position=positions.tolist()
     )
@@ -363,8 +363,8 @@ def record_pose(
         ("/tf", TF, _tf_message(model.moving, model.moving.transforms(positions))),
         ("joint_states", JOINT_STATE, serialize_message(joints)),
     ):
-        shown.take(topic, kind.name, bytes(data), _NOW_NS)
-    return notices + shown.tick(_NOW_NS) + shown.finish()
+        robot_view.take(topic, kind.name, bytes(data), _NOW_NS)
+    return notices + robot_view.tick(_NOW_NS) + robot_view.finish()
 
 
 def _tf_message(joints: JointArrays, values: Floats) -> bytes:
@@ -374,7 +374,7 @@ def _tf_message(joints: JointArrays, values: Floats) -> bytes:
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
     description = args.description
-    lacking = _mesh_problems(description)  # of which the view warns
+    lacking = _mesh_problems(description)  # the view warns of them
     for text in description.notices:
         if not text.endswith(lacking):
             _warn(text)
@@ -428,8 +428,8 @@ def server_of(page: str) -> str:
     Args:
         page: the page's address, as rerun_viewer publishes it.
     """
-    found = _SERVER.search(unquote(page))
-    return found.group() if found else ""
+    match = _SERVER.search(unquote(page))
+    return match.group() if match else ""
 
 
 @dataclass(frozen=True)

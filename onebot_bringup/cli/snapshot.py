@@ -114,10 +114,10 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
         help="of the robot's frames (default: as its robot_state_publisher has it; of a "
         "recording: as its frames are)",
     )
-    words, given = _take_out_arguments(argv)
+    words, arguments = _take_out_arguments(argv)
     args = parser.parse(words)
-    args.package_path = given.pop(PACKAGE_PATH, "")
-    args.arguments = given
+    args.package_path = arguments.pop(PACKAGE_PATH, "")
+    args.arguments = arguments
     args.joints = dict(_joint(word) for word in args.joints)
     _check(args)
     return args
@@ -127,17 +127,17 @@ def _take_out_arguments(argv: Sequence[str]) -> tuple[list[str], dict[str, str]]
     """Return the words for argparse, and the ``name:=value`` among them before ``--ros-args``."""
     words = list(argv)
     end = words.index("--ros-args") if "--ros-args" in words else len(words)
-    given: dict[str, str] = {}
-    rest: list[str] = []
+    arguments: dict[str, str] = {}
+    options: list[str] = []
     for word in words[:end]:
         name, assigned, value = word.partition(":=")
         if assigned and name and not name.startswith("-"):
-            given[name] = value
-        elif rest and rest[-1] == "--camera":
-            rest[-1] = f"--camera={word}"  # argparse takes -1,0,1 for an option
+            arguments[name] = value
+        elif options and options[-1] == "--camera":
+            options[-1] = f"--camera={word}"  # argparse takes -1,0,1 for an option
         else:
-            rest.append(word)
-    return [*rest, *words[end:]], given
+            options.append(word)
+    return [*options, *words[end:]], arguments
 
 
 def _check(args: Namespace) -> None:
@@ -216,10 +216,10 @@ def parse_camera(text: str) -> tuple[Triple, Triple | None]:
         ValueError: it is written otherwise, or it looks nowhere; the message has the right form.
     """
     eye, colon, target = text.partition(":")
-    found = _vector(eye, text), _vector(target, text) if colon else None
-    if found[0] == found[1]:
+    camera = _vector(eye, text), _vector(target, text) if colon else None
+    if camera[0] == camera[1]:
         raise ValueError(f'"{text}": eye and target are the same point')
-    return found
+    return camera
 
 
 def _vector(text: str, whole: str) -> Triple:

@@ -66,10 +66,10 @@ def full_name(name: str, kind: str) -> str:
     """
     parts = name.split("/")
     full = f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name
-    known = installed(kind)
-    if full in known:
+    names = installed(kind)
+    if full in names:
         return full
-    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{_suggestion(full, known)}')
+    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{_suggestion(full, names)}')
 
 
 def _suggestion(name: str, known: tuple[str, ...]) -> str:
@@ -106,13 +106,13 @@ def installed(kind: str) -> tuple[str, ...]:
 def _index() -> list[tuple[str, str]]:
     """Return (package, its index entry) of all packages with interfaces."""
     use_environment_prefix()
-    found: dict[str, str] = {}
+    entries: dict[str, str] = {}
     for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep):
         folder = Path(prefix) / "share/ament_index/resource_index/rosidl_interfaces"
         if folder.is_dir():
             for entry in folder.iterdir():
-                found.setdefault(entry.name, entry.read_text(encoding="utf-8"))
-    return sorted(found.items())
+                entries.setdefault(entry.name, entry.read_text(encoding="utf-8"))
+    return sorted(entries.items())
 
 
 def definition(name: str) -> str:
@@ -130,7 +130,7 @@ def definition(name: str) -> str:
         path = Path(prefix) / "share" / package / kind / f"{type_name}.{kind}"
         if path.is_file():
             return path.read_text(encoding="utf-8")
-    if name == _TF_MESSAGE:  # of this project, if tf2_msgs is not installed
+    if name == _TF_MESSAGE:  # this project has it where tf2_msgs is not installed
         return "geometry_msgs/TransformStamped[] transforms\n"
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
 

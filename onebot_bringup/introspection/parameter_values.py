@@ -48,12 +48,12 @@ def type_label(kind: int) -> str:
 
 def text_of(value: Any) -> str:
     """Return a ParameterValue as YAML that ``parse_value`` reads; "" if it is not set."""
-    found = _yaml_value(value_of(value))
-    if found is None:
+    plain = _yaml_value(value_of(value))
+    if plain is None:
         return ""
-    if isinstance(found, str) and _unquoted(found) == found:
-        return found
-    return quoted(found)
+    if isinstance(plain, str) and _unquoted(plain) == plain:
+        return plain
+    return quoted(plain)
 
 
 def quoted(value: Any) -> str:
@@ -93,8 +93,8 @@ def is_finite(value: Any) -> bool:
 
 def _unquoted(text: str) -> str:
     """Remove quotes as YAML does, and change nothing else."""
-    found = _load(text)
-    return found if isinstance(found, str) and text.strip()[:1] in "'\"" else text
+    content = _load(text)
+    return content if isinstance(content, str) and text.strip()[:1] in "'\"" else text
 
 
 def _load(text: str) -> Any:

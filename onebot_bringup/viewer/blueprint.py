@@ -47,10 +47,10 @@ class Layout:
     background: Color | None
     camera: CameraSettings
     panels: PanelsSettings
-    parts: tuple[LayoutPart, ...]  # of the robots and of the displays
+    parts: tuple[LayoutPart, ...]  # one for each robot and display
     fixed_frame: str
     complete: bool  # transforms lead to every link
-    robots: tuple[str, ...]  # where those are whose description is known
+    robots: tuple[str, ...]  # namespaces of the robots whose description is known
 
     @classmethod
     def of(
@@ -62,9 +62,9 @@ class Layout:
         robots: Iterable[ShownRobot],
     ) -> "Layout":
         """Return the layout for a view, and the robots as they are now."""
-        whole = view.grid, view.background, view.camera, view.panels
-        known = tuple(str(shown.names) for shown in robots if shown.description is not None)
-        return cls(*whole, tuple(parts), fixed_frame, complete, known)
+        settings = view.grid, view.background, view.camera, view.panels
+        names = tuple(str(shown.names) for shown in robots if shown.description is not None)
+        return cls(*settings, tuple(parts), fixed_frame, complete, names)
 
     def without_plots(self) -> "Layout":
         """Return the layout with nothing beside the robot."""
@@ -123,7 +123,7 @@ class BlueprintSender:
             frame: length for shown in self._robots for frame, length in shown.axes_lengths.items()
         }
         for shown in self._robots:
-            shown.axes_lengths = lengths  # of all: one display draws them
+            shown.axes_lengths = lengths  # one display draws the axes of all
         bounds = box_around(np.concatenate(boxes)) if boxes else None
         eye = target = None
         size = 0.0

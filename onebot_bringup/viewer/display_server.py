@@ -264,7 +264,7 @@ class RecordingFile:
         self._thread.join()
         try:
             self._file.close()
-        except OSError as error:  # of a file on another host, for one
+        except OSError as error:  # such as of a file on another host
             self._error = self._error or error
         self.check()
 
@@ -288,11 +288,11 @@ APPLICATION = "onebot"
 class Recording:
     """An open recording; the server lives as long as ``stream`` is referenced."""
 
-    stream: rr.RecordingStream  # to log to
-    file: RecordingFile | None  # what is written, or None
-    port: int | None = None  # for native viewers, on 127.0.0.1; None if nothing is served
+    stream: rr.RecordingStream
+    file: RecordingFile | None
+    port: int | None = None  # on 127.0.0.1, for native viewers; None if nothing is served
     server: tuple[str, int] = ("", 0)  # address and port of Rerun's server, which that leads to
-    gate: GrpcGate | None = None  # which listens on the port
+    gate: GrpcGate | None = None  # listens on the port
 
     @property
     def uri(self) -> str:
@@ -344,8 +344,8 @@ def open_recording(
             raise OneBotError(f"the recording cannot be served: {error}") from None
     if listener is None:
         return Recording(stream, file)
-    known = int(listener.getsockname()[1])
-    return Recording(stream, file, known, server, GrpcGate(listener, server))
+    own_port = int(listener.getsockname()[1])
+    return Recording(stream, file, own_port, server, GrpcGate(listener, server))
 
 
 _RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying

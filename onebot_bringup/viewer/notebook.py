@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_SLIDERS = {"max_height": "320px", "overflow": "auto"}  # of many, the list scrolls
+_SLIDERS = {"max_height": "320px", "overflow": "auto"}  # a long list scrolls
 
 
 class NotebookRobot:

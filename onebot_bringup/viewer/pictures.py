@@ -60,8 +60,8 @@ class Framing:
     """How to frame a picture."""
 
     dashboard: bool = True  # the whole layout with its plots; False: the robot alone
-    eye: Triple | None = None  # where to look from, m in the fixed frame; None: as in the layout
-    target: Triple | None = None  # where to look at
+    eye: Triple | None = None  # eye, m in the fixed frame; None: as in the layout
+    target: Triple | None = None  # point in the middle of the picture
     time_panel: bool = True  # the dashboard's, in which a growing recording is never still
 
     @property
@@ -414,7 +414,7 @@ def _load(client: ViewerClient, source: str, progress: Progress) -> None:
 
     if not _wait(is_shown, progress, lambda: _unfinished(state)) and not state.views:
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")
-    if _reports(state):  # what a user would see, too
+    if _reports(state):  # a user would see them, too
         progress(f"the picture shows an error: {_unfinished(state)}")
 
 

@@ -133,11 +133,11 @@ class ViewerParameters:
         for space in plotted:
             if space not in spaces:
                 raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
-        found = [
+        robots = [
             RobotToShow(space, prefixed("", True, "", space), plotted=space in plotted)
             for space in spaces
         ]
-        return found or [RobotToShow(frame_prefix=self.frame_prefix)]
+        return robots or [RobotToShow(frame_prefix=self.frame_prefix)]
 
     @property
     def recording(self) -> Path | None:

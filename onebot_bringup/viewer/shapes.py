@@ -162,7 +162,7 @@ def _shade(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     smooth: trimesh.Trimesh = trimesh.graph.smooth_shade(joined, angle=np.radians(30.0))
     if mesh.visual.kind == "texture":
         smooth.visual = trimesh.visual.TextureVisuals(material=mesh.visual.material)
-    elif mesh.visual.defined:  # by corner or face: the split has reordered both
+    elif mesh.visual.defined:  # the split has reordered corners and faces
         return _flat(mesh)
     return smooth
 

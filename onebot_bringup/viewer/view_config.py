@@ -13,7 +13,7 @@ Example (every key may be left out)::
       follow: base_link           # the link the camera moves with
     joint_plot: {positions: true, velocities: true, limits: false, window: 30.0}   # seconds
     joint_ranges: {visible: false, radius: 0.45}   # how far each joint can go, in the robot; metres
-    trails:                       # where it has been, by Odometry topics, under any names
+    trails:                       # trails by Odometry topics, under any names
       odometry: {topic: velocity_controller/odom, color: [255, 176, 32], length: 60.0}   # seconds
     covariance:                   # how sure it is of its pose, by Odometry topics, under any names
       odometry: {topic: velocity_controller/odom, sigma: 3.0, heading: 0.4}   # deviations, metres
@@ -26,9 +26,9 @@ Example (every key may be left out)::
       lines:
         charge: {topic: battery, field: percentage, plot: Battery}
     automatic: true               # show every topic of a type that has a display, up to some
-    hidden: [/local_plan]         # but for these topics,
-    shown: [/camera/points]       # and these in any case
-    path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # of nav_msgs/Path; metres
+    hidden: [/local_plan]         # topics that are not shown
+    shown: [/camera/points]       # topics that are shown in any case
+    path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # nav_msgs/Path; metres
     map: {alpha: 0.7, color_scheme: auto, draw_behind: false}
     odometry: {keep: 100, position_tolerance: 0.1, angle_tolerance: 0.1}   # metres, rad
     pose: {shape: Axes, axes_length: 0.5}          # metres, as all lengths
@@ -38,12 +38,12 @@ Example (every key may be left out)::
     polygon: {color: [25, 255, 0]}
     laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
     point_cloud2: {color_transformer: Intensity, channel_name: ring}
-    image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # of 16 or 32 bits
+    image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # pixels of 16 or 32 bits
     camera_info: {far_clip: 0.5}  # metres
     imu: {axes: true, axes_scale: 0.3, acceleration: true, acceleration_scale: 0.05}  # metres
     range: {color: [255, 255, 255], alpha: 0.5}
-    marker: {hidden_namespaces: [debug]}   # of visualization_msgs/Marker and MarkerArray
-    log: {visible: true, level: warn}   # of rcl_interfaces/Log
+    marker: {hidden_namespaces: [debug]}   # visualization_msgs/Marker and MarkerArray
+    log: {visible: true, level: warn}   # rcl_interfaces/Log
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
@@ -105,9 +105,9 @@ def _with_displays(kind: type[T]) -> type[T]:
         else (display.key, display.Settings, group(display.Settings))
         for display in DISPLAYS
     ]
-    made = make_dataclass(kind.__name__, entries, bases=(kind,), frozen=True)
-    made.__doc__, made.__module__ = kind.__doc__, kind.__module__
-    return made
+    config = make_dataclass(kind.__name__, entries, bases=(kind,), frozen=True)
+    config.__doc__, config.__module__ = kind.__doc__, kind.__module__
+    return config
 
 
 @_with_displays

@@ -75,15 +75,15 @@ class ViewSource:
         Raises:
             OneBotError: it is wrong.
         """
-        before = self.file
+        old_file = self.file
         if self._of_robot:
             self.file = view_for(name, in_world=in_world)
-        if self.file == before:
+        if self.file == old_file:
             return False
         try:
             self.reload()
         except OneBotError:
-            self.file = before
+            self.file = old_file
             raise
         self._watch.watch(self._files)
         return True
@@ -100,14 +100,14 @@ class ViewSource:
         Raises:
             OneBotError: the file is wrong; the view stays.
         """
-        before, base = self.view, self._loaded()
+        old_view, base = self.view, self._loaded()
         edited = changed_settings(self._base, base)
         view = base
-        for name, value in changed_settings(self._base, before).items():
+        for name, value in changed_settings(self._base, old_view).items():
             if name not in edited:
                 view = replaced(view, name, value)
         self._base, self.view = base, view
-        return view != before
+        return view != old_view
 
     def change(self, name: str, value: Any) -> None:
         """Change a setting until its file is read anew.
