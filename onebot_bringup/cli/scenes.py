@@ -57,15 +57,7 @@ if TYPE_CHECKING:
 
 
 def draw(args: Namespace, scene: Path) -> None:
-    """Draw what the command line asks for.
-
-    Args:
-        args: as ``parse_command_line`` returns them, with the ``description`` to draw, if any.
-        scene: where a recording can be put.
-
-    Raises:
-        OneBotError: what is to be drawn is not there, or nothing can draw.
-    """
+    """Draw what the command line asks for; ``scene`` is where a recording can be put."""
     kind = kind_of(args.source)
     if kind == "rrd":
         source = Path(args.source)
@@ -155,17 +147,7 @@ class RunningRobots:
         recording: "rr.RecordingStream",
         robots: Sequence[RobotToShow],
     ) -> None:
-        """Subscribe, relative to the session's namespace.
-
-        Args:
-            session: whose node subscribes.
-            view: as for ``ViewSource``.
-            recording: where to log.
-            robots: those to show.
-
-        Raises:
-            OneBotError: there is no such view, or it is wrong.
-        """
+        """Subscribe, relative to the session's namespace; ``view`` is as for ``ViewSource``."""
         self._session = session
         self._robots = robots
         self._warnings: list[str] = []
@@ -201,11 +183,7 @@ class RunningRobots:
         return bool(self._session.spin(is_done, timeout))
 
     def await_descriptions(self) -> Description:
-        """Return the first robot's description, once those of all have come.
-
-        Raises:
-            OneBotError: one is missing or broken.
-        """
+        """Return the first robot's description, once those of all have come."""
         count = len(self._robots)
         self._wait(lambda: len(self._view.robots) >= count or self._broken is not None, _FRAMES)
         lacking = [str(robot) for robot in self._robots if str(robot) not in self._view.robots]
@@ -218,14 +196,7 @@ class RunningRobots:
         return self._view.robot
 
     def record(self) -> list[str]:
-        """Log the robots as they are now.
-
-        Returns:
-            What could not be drawn, a sentence each.
-
-        Raises:
-            OneBotError: there is no robot, one is broken, or links have no transform.
-        """
+        """Log the robots as they are now; return what could not be drawn, a sentence each."""
         robot = self.await_descriptions()
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
@@ -278,15 +249,7 @@ class RunningRobots:
 
 
 def running_robots(session: Session, prefix: str = "") -> list[RobotToShow]:
-    """Return the robots that run in the session's namespace and below.
-
-    Args:
-        session: whose node discovers them.
-        prefix: of the frames of one robot; "" for the one that its publisher has.
-
-    Raises:
-        OneBotError: there is none; or there are several, and one prefix.
-    """
+    """Return the robots that run in the session's namespace and below, with their prefixes."""
     namespace = session.node.get_namespace().rstrip("/")
     topic = session.full_name(ROBOT_DESCRIPTION)
     topics = session.look_for(lambda: description_topics(session, namespace), f"a robot on {topic}")
@@ -342,9 +305,6 @@ def record_pose(
         view: as for ``ViewSource``. A fixed frame that only a running robot has, such as odom, is
             replaced by the robot's root link.
         recording: where to log.
-
-    Returns:
-        What could not be drawn, a sentence each.
     """
     model = RobotModel.from_description(description)
     notices: list[str] = []
@@ -423,11 +383,7 @@ _SERVER = re.compile(r"rerun\+http://127\.0\.0\.1:\d{1,5}/proxy(?![\w/.])")
 
 
 def server_of(page: str) -> str:
-    """Return the address of the recording's server that a viewer's page shows; "" if there is none.
-
-    Args:
-        page: the page's address, as rerun_viewer publishes it.
-    """
+    """Return the address of the recording's server from that of a viewer's page; "" for none."""
     match = _SERVER.search(unquote(page))
     return match.group() if match else ""
 
@@ -443,12 +399,7 @@ class RunningViewer:
 
 
 def running_viewer(session: Session, patience: float = PATIENCE) -> RunningViewer | None:
-    """Return the running viewer; None if there is none, or none with a page.
-
-    Args:
-        session: that subscribes to what it publishes.
-        patience: seconds for the page of one that is starting.
-    """
+    """Return the running viewer; None for none with a page within ``patience`` seconds."""
     pages: list[str] = []
     stamps: list[int] = []
 

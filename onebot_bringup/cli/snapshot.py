@@ -16,12 +16,7 @@ from onebot_description.signals import KeyboardInterrupts
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: what is to be drawn is not there, or nothing can draw; or the command line is
-            wrong.
-    """
+    """Run the command and return its exit code."""
     args = parse_command_line(argv)
     check_picture(args.file)
     use_package_path(args.package_path)
@@ -40,11 +35,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def check_picture(png: Path) -> None:
-    """Refuse a picture that cannot be written, before any work is done for it.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
+    """Refuse a picture that cannot be written, before any work is done for it."""
     if png.suffix.lower() != ".png":
         raise OneBotError(f"{png}: a picture's name must end in .png")
     if not png.parent.is_dir():

@@ -86,11 +86,7 @@ def _faults(transforms: "_Transforms") -> list[str]:
 
 
 def echo(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the pose of one frame in another; return the exit code.
-
-    Raises:
-        OneBotError: there is no transform within ``--timeout``.
-    """
+    """Print the pose of one frame in another; return the exit code."""
     parser.add_argument("target", metavar="A", help="a frame, such as odom")
     parser.add_argument("source", metavar="B", help="the frame whose pose in A is shown")
     parser.add_argument(
@@ -243,11 +239,7 @@ class _Transforms:
         return int(self._session.node.get_clock().now().nanoseconds)
 
     def await_first(self) -> None:
-        """Wait for the first transform.
-
-        Raises:
-            OneBotError: nobody publishes one.
-        """
+        """Wait for the first transform; raise an OneBotError if nobody publishes one."""
         if not self._session.look_for(lambda: self.frames.names, "transforms"):
             nodes = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
             named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in nodes)
@@ -265,9 +257,5 @@ COMMANDS = {
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code.
-
-    Raises:
-        OneBotError: there are no such transforms, or the command line is wrong.
-    """
+    """Run the command and return its exit code."""
     return dispatch("tf", COMMANDS, argv)

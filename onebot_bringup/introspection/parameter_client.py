@@ -103,11 +103,7 @@ class ParameterClient:
         return value
 
     def delete(self, name: str) -> Any:
-        """Unset a parameter; return a SetParametersResult.
-
-        Raises:
-            OneBotError: as ``get`` does.
-        """
+        """Unset a parameter; return a SetParametersResult. It raises as ``get`` does."""
         from rcl_interfaces.msg import Parameter
 
         self.require([name])

@@ -160,13 +160,7 @@ def _int64(value: int) -> int:
 
 
 def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
-    """Return a node's parameters as a parameter file has them: those that have a value.
-
-    Args:
-        node: its full name.
-        names: of the parameters; a dot separates levels.
-        values: a ParameterValue each.
-    """
+    """Return a node's parameters as a parameter file has them: those that have a value."""
     tree: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
         if value.type != NOT_SET:  # rcl reads no file with a null in it

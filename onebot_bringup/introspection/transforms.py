@@ -82,10 +82,6 @@ class _Block:
         """Return translation and rotation at a time, interpolated.
 
         Before the history they are its first, unless that is of another clock; after it the latest.
-
-        Args:
-            row: of the frame.
-            time_ns: nanoseconds.
         """
         history = self.history
         first, last = self.span(row) if history else (0, 0)
@@ -127,11 +123,7 @@ class FrameTree:
     # --- what is received -----------------------------------------------------------------------
 
     def add(self, message: TfArrays, *, static: bool) -> list[str]:
-        """Add a message frame by frame, with each frame's history its own.
-
-        Returns:
-            Why some of its transforms are ignored, a sentence each.
-        """
+        """Add a message, each frame with its own history; return why transforms are ignored."""
         ignored = []
         for row, (parent, child) in enumerate(zip(message.parents, message.children, strict=True)):
             parent, child = parent.removeprefix("/"), child.removeprefix("/")
@@ -266,13 +258,7 @@ class FrameTree:
     # --- poses ----------------------------------------------------------------------------------
 
     def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
-        """Return the (4, 4) pose of ``frame`` in ``fixed``; None when they are not connected.
-
-        Args:
-            frame: whose.
-            fixed: in which.
-            time_ns: nanoseconds; 0 for the latest.
-        """
+        """Return the (4, 4) pose of ``frame`` in ``fixed``, None without one; time 0 is the latest."""
         top = self.top(fixed)
         if self.top(frame) != top:
             return None

@@ -173,13 +173,7 @@ def _same_frames(layout: Layout, other: Layout) -> bool:
 def make_blueprint(
     layout: Layout, follow: str | None = None, from_start: bool = False
 ) -> rrb.Blueprint:
-    """Return the blueprint of ``layout``.
-
-    Args:
-        layout: with the camera and grid to use.
-        follow: the entity that the camera moves with.
-        from_start: the viewer plays from the beginning, in place of following the end.
-    """
+    """Return the blueprint of ``layout``; the camera moves with the entity ``follow``, if any."""
     robot: rrb.View | rrb.Container = _robot_view(layout, follow)
     wide = [view.view() for part in layout.parts for view in part.wide]
     if wide:

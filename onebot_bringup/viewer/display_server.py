@@ -209,11 +209,7 @@ class RecordingFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open it, replacing what was there.
-
-        Raises:
-            OneBotError: it cannot be written.
-        """
+        """Open it, replacing what was there."""
         self._path = path
         self._file = _open_recording_file(path)
         self._error: OSError | None = None
@@ -247,20 +243,12 @@ class RecordingFile:
             self._error = error
 
     def check(self) -> None:
-        """Check that all so far could be written.
-
-        Raises:
-            OneBotError: it could not, and why; what was written before is kept.
-        """
+        """Raise an OneBotError if the file could not be written; the beginning is kept."""
         if self._error is not None:
             raise OneBotError(f"save:={self._path}: {self._error.strerror}")
 
     def close(self) -> None:
-        """Write the rest of a recording that has ended.
-
-        Raises:
-            OneBotError: the file was not written to its end.
-        """
+        """Write the rest of a recording that has ended; as ``check``."""
         self._thread.join()
         try:
             self._file.close()
@@ -300,11 +288,7 @@ class Recording:
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     def close(self) -> None:
-        """Write out everything and end the server.
-
-        Raises:
-            OneBotError: the file was not written to its end.
-        """
+        """Write out everything and end the server; as ``RecordingFile.check``."""
         if self.gate is not None:
             self.gate.stop()
         self.stream.disconnect()
@@ -473,11 +457,7 @@ class DisplayServer:
             self._log.info(f"waiting for the page's server on port {page.port}")
 
     def close(self) -> None:
-        """End what shows the recording, then write it out.
-
-        Raises:
-            OneBotError: it was not written to its end.
-        """
+        """End what shows the recording, then write it out; as ``RecordingFile.check``."""
         for shown in (self._page, self._window):
             if shown is not None:
                 shown.stop()

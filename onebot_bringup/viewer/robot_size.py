@@ -16,11 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def corners(geometry: Geometry) -> Floats:
-    """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame.
-
-    Raises:
-        OneBotError: its mesh cannot be read.
-    """
+    """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame."""
     low, high = load_shape(geometry.shape).bounds
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     local = np.where(grid == 1, high, low)

@@ -12,11 +12,7 @@ _PROPERTIES = "/__properties"  # the recording's name and start
 
 
 def check_rrd(rrd: Path) -> None:
-    """Refuse what is no recording of Rerun's, at the price of reading its first bytes.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
+    """Raise an OneBotError if the first bytes of the file are not those of a recording of Rerun."""
     try:
         with open_regular(rrd) as file:
             start = file.read(4)

@@ -40,11 +40,7 @@ class RvizConfig:
     """
 
     def __init__(self, content: Properties) -> None:
-        """Take the file's content.
-
-        Raises:
-            ValueError: it is no RViz file.
-        """
+        """Take the file's content; raise a ValueError if it is no RViz file."""
         manager = content.get("Visualization Manager")
         if not isinstance(manager, Mapping):
             raise ValueError('it has no "Visualization Manager"')

@@ -53,11 +53,7 @@ class FileState(NamedTuple):
 
 
 def file_state(shape: Shape) -> FileState | None:
-    """Return the file of a mesh; None for other shapes.
-
-    Raises:
-        OneBotError: it has none.
-    """
+    """Return the file of a mesh, None for other shapes; raise an OneBotError if it is not there."""
     if not isinstance(shape, Mesh):
         return None
     if shape.path is None:

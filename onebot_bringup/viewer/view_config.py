@@ -134,21 +134,12 @@ class ViewConfig:
 
 
 def load_view(path: Path) -> ViewConfig:
-    """Read the saved view at ``path``.
-
-    Raises:
-        ConfigError: there is no such file, or an entry is wrong; names it, its line and what would
-            be right.
-    """
+    """Read the saved view at ``path``; a ConfigError names the file, the entry and its line."""
     return parse_view(read_text(path), str(path))
 
 
 def parse_view(text: str, name: str = "view") -> ViewConfig:
-    """Read a saved view from YAML text; ``name`` is the file's, for errors.
-
-    Raises:
-        ConfigError: an entry is wrong.
-    """
+    """Read a saved view from YAML text; ``name`` is the file's, for ConfigErrors."""
     found = read_map(text, name)
     return read(ViewConfig, found.values, found.places)
 

@@ -71,9 +71,6 @@ class ViewSource:
         Args:
             name: as the robot's URDF has it.
             in_world: something stands around the robot.
-
-        Raises:
-            OneBotError: it is wrong.
         """
         old_file = self.file
         if self._of_robot:
@@ -110,22 +107,11 @@ class ViewSource:
         return view != old_view
 
     def change(self, name: str, value: Any) -> None:
-        """Change a setting until its file is read anew.
-
-        Raises:
-            ConfigError: it cannot have that value.
-        """
+        """Change a setting until its file is read anew; raise a ConfigError if it cannot be."""
         self.view = replaced(self.view, name, value)
 
     def save(self, to: Path | None = None) -> Path:
-        """Write the view into its file or into another one, without what is as by default.
-
-        Returns:
-            The file written.
-
-        Raises:
-            OneBotError: there is no file to write to, or it cannot be written.
-        """
+        """Write the view into its file or another one, without defaults; return the file."""
         target = to or self.file
         if target is None:
             raise OneBotError("this view has no file: name one with the parameter save_view_to")
@@ -142,11 +128,7 @@ class ViewSource:
 
 
 def check_blueprint_file(path: Path) -> None:
-    """Refuse what is no layout saved in the viewer.
-
-    Raises:
-        OneBotError: with what is wrong.
-    """
+    """Raise an OneBotError if the file is no layout saved in the viewer."""
     if not path.is_file():
         raise OneBotError(f"view:={path}: there is no such file")
     with path.open("rb") as file:
