@@ -163,24 +163,16 @@ def dump(node: str, names: Sequence[str], values: Sequence[Any]) -> str:
     """Return a node's parameters as a parameter file has them: those that have a value."""
     tree: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
-        if value.type != NOT_SET:  # rcl reads no file with a null in it
-            _insert(tree, name.split("."), _yaml_value(value_of(value)))
+        if value.type == NOT_SET:
+            continue  # rcl reads no file with a null in it
+        *groups, last = name.split(".")
+        if any(name.startswith(f"{other}.") for other in names):
+            groups, last = [], name  # "a" and "a.b" are parameters, both
+        level = tree
+        for group in groups:
+            level = level.setdefault(group, {})
+        level[last] = _yaml_value(value_of(value))
     return yaml.safe_dump({node: {"ros__parameters": tree}}, default_flow_style=False)
-
-
-def _insert(tree: dict[str, Any], path: list[str], value: Any) -> None:
-    for depth, step in enumerate(path[:-1]):
-        inner = tree.setdefault(step, {})
-        if not isinstance(inner, dict):
-            # Both "a" and "a.b" exist: the rest of the path stays one name.
-            tree[".".join(path[depth:])] = value
-            return
-        tree = inner
-    last = path[-1]
-    if isinstance(tree.get(last), dict):
-        for key, nested in tree.pop(last).items():
-            tree[f"{last}.{key}"] = nested
-    tree[last] = value
 
 
 def _yaml_value(value: Any) -> Any:

@@ -258,7 +258,7 @@ class FrameTree:
     # --- poses ----------------------------------------------------------------------------------
 
     def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
-        """Return the (4, 4) pose of ``frame`` in ``fixed``, None without one; time 0 is the latest."""
+        """Return the (4, 4) pose of ``frame`` in ``fixed``, None without one; at 0, the latest."""
         top = self.top(fixed)
         if self.top(frame) != top:
             return None

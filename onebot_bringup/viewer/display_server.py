@@ -339,11 +339,8 @@ _REMIND_AFTER = 5.0  # seconds
 class Log(Protocol):
     """Where messages to the user go; an rclpy logger is one."""
 
-    def info(self, message: str, /) -> object:
-        """Say what is going on."""
-
-    def warning(self, message: str, /) -> object:
-        """Say what is not as it should be."""
+    def info(self, message: str, /) -> object: ...
+    def warning(self, message: str, /) -> object: ...
 
 
 class DisplayServer:
@@ -365,21 +362,7 @@ class DisplayServer:
         embedded: bool = False,
         log: Log,
     ) -> None:
-        """Open the recording, then what shows it; call it from the main thread.
-
-        Args:
-            viewer: "web", "native" or "none".
-            save: a file to write as well.
-            grpc_port: wanted port of the recording's server, 0 for any.
-            web_port: wanted port of the page, 0 for any.
-            memory_limit: what the server keeps for late viewers, such as "256MB".
-            open_browser: open the page, if there is a display.
-            embedded: another page holds this one, whose address is nobody's to open.
-            log: where to say what happens.
-
-        Raises:
-            OneBotError: a file, a port or a display that cannot be had.
-        """
+        """Open the recording, then what shows it; call it from the main thread."""
         self._log = log
         self._open_browser, self._embedded = open_browser, embedded
         self._page: WebPage | None = None
@@ -458,7 +441,7 @@ class DisplayServer:
 
     def close(self) -> None:
         """End what shows the recording, then write it out; as ``RecordingFile.check``."""
-        for shown in (self._page, self._window):
-            if shown is not None:
-                shown.stop()
+        for process in (self._page, self._window):
+            if process is not None:
+                process.stop()
         self._recording.close()

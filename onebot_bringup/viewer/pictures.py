@@ -160,7 +160,7 @@ def still(client: ViewerClient, progress: Progress = print, view: str | None = N
 
 
 def _wait(done: Callable[[], T], progress: Progress, what: Callable[[], str]) -> T:
-    """Return the value of ``done()`` once it is true, or after a minute; report ``what()`` lacks."""
+    """Return ``done()`` once it is true, or after a minute; report ``what()`` it waits for."""
     start = reported = time.monotonic()
     while True:
         value, now = done(), time.monotonic()
