@@ -5,43 +5,37 @@ import sys
 import time
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from onebot_bringup.cli.options import Parser, Subcommand, dispatch, natural, positive
-from onebot_bringup.cli.session import PATIENCE, Session
+from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive
+from onebot_bringup.cli.session import PATIENCE, Session, in_session
 from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
 _TOPICS = ("/tf", "/tf_static")
-_DEPTH = 100  # as tf2's subscriptions have it
+_DEPTH = 100  # of the subscriptions, as tf2's
 _WINDOW = 1000  # samples of a rate
 _NANO = 1e-9
 
 
-def tree(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the tree of frames, with rate and age; return the exit code."""
-    parser.add_argument(
-        "-w", "--wait-time", type=positive, default=2.0, metavar="S",
-        help="how long transforms are collected (2 s)",
-    )  # fmt: skip
-    args = parser.parse(argv)
-    with Session(args.ros_args) as session:
-        transforms = _Transforms(session)
-        transforms.await_first()
-        transforms.spin(lambda: False, args.wait_time)
-        print("\n".join(_drawn(transforms)))
-        for warning in _faults(transforms):
-            transforms.warn(warning)
-    return 0
+@in_session
+def tree(session: Session, args: Namespace) -> None:
+    """Print the tree of frames, with rate and age."""
+    transforms = _Transforms(session)
+    transforms.await_first()
+    session.spin_for(args.wait_time)
+    print("\n".join(_drawn(transforms)))
+    for warning in _faults(transforms):
+        transforms.warn(warning)
 
 
 def received_frames(session: Session) -> list[str]:
     """Return the names of the frames that are received within a second of the first."""
     transforms = _Transforms(session)
     transforms.await_first()
-    transforms.spin(lambda: False, 1.0)
+    session.spin_for(1.0)
     return sorted(transforms.frames.names)
 
 
@@ -70,58 +64,39 @@ def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, 
 def _faults(transforms: "_Transforms") -> list[str]:
     """What is wrong with the tree as a whole."""
     roots, children = transforms.frames.roots, transforms.frames.edges
-    faults = []
+    found = []
     if len(roots) > 1:
-        faults.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
+        found.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
     for root in roots:
         if root in children:
-            faults.append(f"{cell(root)} is in a loop: it is below itself")
+            found.append(f"{cell(root)} is in a loop: it is below itself")
     for name, count in Counter(transforms.publishers("/tf")).items():
         if count > 1:
-            faults.append(
+            found.append(
                 f"/tf is published by {count} nodes named {name}: their frames jump between two "
                 "robots. Stop one, or start one with namespace:=NAME"
             )
-    return faults
+    return found
 
 
-def echo(parser: Parser, argv: Sequence[str]) -> int:
-    """Print the pose of one frame in another; return the exit code."""
-    parser.add_argument("target", metavar="A", help="a frame, such as odom")
-    parser.add_argument("source", metavar="B", help="the frame whose pose in A is shown")
-    parser.add_argument(
-        "echo_rate",
-        nargs="?",
-        type=positive,
-        metavar="RATE",
-        help="the same as --rate HZ",
-    )
-    parser.add_argument(
-        "-r", "--rate", type=positive, default=1.0, metavar="HZ", help="prints per second (1)"
-    )
-    parser.add_argument("-1", "-o", "--once", action="store_true", help="print it once and exit")
-    parser.add_argument("-t", "--timeout", type=positive, metavar="S", help="give up after S s")
-    parser.add_argument(
-        "-p", "--precision", type=digits, default=3, metavar="N", help="digits after the point (3)"
-    )
-    args = parser.parse(argv)
-    with Session(args.ros_args) as session:
-        transforms = _Transforms(session)
-        _await_transform(transforms, args, args.timeout)
-        due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
-        while True:
-            result = transforms.frames.lookup(args.target, args.source)
-            print(_shown(result.stamp_ns, result.transform, args.precision))
-            if args.once:
-                return 0
-            due = max(due + period, time.monotonic())
-            transforms.spin(lambda: False, due - time.monotonic())
-            _await_transform(transforms, args, None)
+@in_session
+def echo(session: Session, args: Namespace) -> None:
+    """Print the pose of one frame in another.
 
-
-def digits(text: str) -> int:
-    """Parse a number of digits, for ``type=``."""
-    return natural(text, most=100)
+    Raises:
+        OneBotError: there is no transform within ``--timeout``.
+    """
+    transforms = _Transforms(session)
+    _await_transform(transforms, args, args.timeout)
+    due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
+    while True:
+        found = transforms.frames.lookup(args.a, args.b)
+        print(_shown(found.stamp_ns, found.transform, args.precision))
+        if args.once:
+            return
+        due = max(due + period, time.monotonic())
+        session.spin_until(due)
+        _await_transform(transforms, args, None)
 
 
 def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float | None) -> None:
@@ -129,7 +104,7 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
 
     def problem() -> str:
         try:
-            transforms.frames.lookup(args.target, args.source)
+            transforms.frames.lookup(args.a, args.b)
         except OneBotError as error:
             return str(error)
         return ""
@@ -138,10 +113,10 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
     transforms.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
     while why := problem():
         if timeout is not None and time.monotonic() - began >= timeout:
-            raise OneBotError(f"no transform {args.target} -> {args.source}: {why}")
+            raise OneBotError(f"no transform {args.a} -> {args.b}: {why}")
         if why != printed:
             printed = why
-            text = f"Waiting for transform {args.target} ->  {args.source}: {why}"
+            text = f"Waiting for transform {args.a} ->  {args.b}: {why}"
             print(text, file=sys.stderr)
         transforms.spin(lambda: not problem(), 0.1)
 
@@ -164,10 +139,10 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
         " " + "".join(f" {number:{precision + 3}.{precision}f}" for number in row)
         for row in (*matrix, [0.0, 0.0, 0.0, 1.0])
     ]
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    seconds, rest = divmod(stamp_ns, 1_000_000_000)
     return "\n".join(
         (
-            f"At time {seconds}.{nanoseconds:09d}",
+            f"At time {seconds}.{rest:09d}",
             f"- Translation: {vector(translation)}",
             f"- Rotation: in Quaternion (xyzw) {vector(quaternion)}",
             f"- Rotation: in RPY (radian) {vector(angles)}",
@@ -239,10 +214,10 @@ class _Transforms:
         return int(self._session.node.get_clock().now().nanoseconds)
 
     def await_first(self) -> None:
-        """Wait for the first transform; raise an OneBotError if nobody publishes one."""
+        """Wait for the first transform."""
         if not self._session.look_for(lambda: self.frames.names, "transforms"):
-            nodes = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
-            named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in nodes)
+            found = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
+            named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in found)
             raise OneBotError(f"no transform was received on /tf and /tf_static ({named})")
 
     def publishers(self, topic: str) -> list[str]:
@@ -251,11 +226,20 @@ class _Transforms:
 
 
 COMMANDS = {
-    "tree": Subcommand("show the tree of frames, with rates and ages", tree),
-    "echo": Subcommand("print the pose of one frame in another, like tf2_echo", echo),
+    "tree": Subcommand(
+        "show the tree of frames, with rates and ages",
+        tree,
+        option("-w --wait-time", "S", "how long transforms are collected (2 s)", positive, 2.0),
+    ),
+    "echo": Subcommand(
+        "print the pose of one frame in another, like tf2_echo",
+        echo,
+        positional("A", "a frame, such as odom"),
+        positional("B", "the frame whose pose in A is shown"),
+        option("echo_rate", "RATE", "the same as --rate HZ", positive, nargs="?"),
+        option("-r --rate", "HZ", "prints per second (1)", positive, 1.0),
+        flag("-1 -o --once", "print it once and exit"),
+        option("-t --timeout", "S", "give up after S s", positive),
+        option("-p --precision", "N", "digits after the point (3)", natural, 3),
+    ),
 }
-
-
-def run(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code."""
-    return dispatch("tf", COMMANDS, argv)
