@@ -3,12 +3,13 @@
 import argparse
 import math
 import os
+import re
 import tempfile
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.options import Parser
+from onebot_bringup.cli.options import Option, Parser, flag, option, positional
 from onebot_description.description.description import Triple
 from onebot_description.description.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
@@ -60,75 +61,79 @@ _WIDTH, _HEIGHT = 1280, 720
 _SMALLEST, _LARGEST = 100, 4096
 
 
+def _pixels(text: str) -> int:
+    if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
+        raise argparse.ArgumentTypeError(f"{text} is no number from {_SMALLEST} to {_LARGEST}")
+    return int(text)
+
+
+def _camera(text: str) -> object:
+    try:
+        return parse_camera(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+OPTIONS = (
+    Option(
+        "file",
+        {
+            "metavar": "FILE.png",
+            "type": Path,
+            "help": "the picture; one that exists is replaced",
+        },
+    ),
+    positional("SOURCE", "what to draw (default: the running robot)", nargs="?"),
+    option(
+        "--joints",
+        "NAME=VALUE",
+        "positions in rad or m; 0 for the others, or mid-range where 0 is out of range",
+        default=[],
+        nargs="+",
+        action="extend",
+    ),
+    option("--width", "PIXELS", f"({_WIDTH})", _pixels, _WIDTH),
+    option("--height", "PIXELS", f"({_HEIGHT})", _pixels, _HEIGHT),
+    option(
+        "--camera",
+        "X,Y,Z[:X,Y,Z]",
+        "where to look from, and at, in metres in the fixed frame (default: the view's)",
+        _camera,
+    ),
+    flag("--dashboard", "the whole layout with its plots"),
+    option(
+        "--view",
+        "FILE",
+        "how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
+        default="",
+    ),
+    option(
+        "--frame-prefix",
+        "PREFIX",
+        "of the robot's frames (default: as its robot_state_publisher has it; of a recording: as "
+        "its frames are)",
+        default="",
+    ),
+)
+
+
 def parse_command_line(argv: Sequence[str]) -> Namespace:
     """Return the options of the command.
 
     Returns:
         file, source, joints (by name), width, height, camera (eye and target, or None), dashboard,
         view, frame_prefix, package_path, arguments (by name; of xacro, or of a bag) and ros_args.
-
-    Raises:
-        UsageError: the command line is not understood.
     """
-    parser = Parser("onebot snapshot", _SUMMARY)
+    parser = Parser("onebot snapshot", _SUMMARY, OPTIONS)
     parser.usage = "onebot snapshot FILE.png [SOURCE] [options] [name:=value ...]"
-    add = parser.add_argument
-    add("file", type=Path, metavar="FILE.png", help="the picture; one that exists is replaced")
-    add("source", nargs="?", metavar="SOURCE", help="what to draw (default: the running robot)")
-    add(
-        "--joints",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="NAME=VALUE",
-        help="positions in rad or m; 0 for the others, or mid-range where 0 is out of range",
-    )
-    add("--width", type=_pixels, default=_WIDTH, metavar="PIXELS", help=f"({_WIDTH})")
-    add("--height", type=_pixels, default=_HEIGHT, metavar="PIXELS", help=f"({_HEIGHT})")
-    add(
-        "--camera",
-        type=_camera,
-        metavar="X,Y,Z[:X,Y,Z]",
-        help="where to look from, and at, in metres in the fixed frame (default: the view's)",
-    )
-    add("--dashboard", action="store_true", help="the whole layout with its plots")
-    add(
-        "--view",
-        default="",
-        metavar="FILE",
-        help="how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
-    )
-    add(
-        "--frame-prefix",
-        default="",
-        metavar="PREFIX",
-        help="of the robot's frames (default: as its robot_state_publisher has it; of a "
-        "recording: as its frames are)",
-    )
-    words, arguments = _take_out_arguments(argv)
-    args = parser.parse(words)
-    args.package_path = arguments.pop(PACKAGE_PATH, "")
-    args.arguments = arguments
+    end = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
+    pairs = [word for word in argv[:end] if re.match(r"[^-:][^:]*:=", word)]
+    args = parser.parse([word for word in argv if word not in pairs])
+    args.arguments = dict(word.split(":=", 1) for word in pairs)
+    args.package_path = args.arguments.pop(PACKAGE_PATH, "")
     args.joints = dict(_joint(word) for word in args.joints)
     _check(args)
     return args
-
-
-def _take_out_arguments(argv: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return the words for argparse, and the ``name:=value`` among them before ``--ros-args``."""
-    words = list(argv)
-    end = words.index("--ros-args") if "--ros-args" in words else len(words)
-    arguments: dict[str, str] = {}
-    options: list[str] = []
-    for word in words[:end]:
-        name, assigned, value = word.partition(":=")
-        if assigned and name and not name.startswith("-"):
-            arguments[name] = value
-        elif options and options[-1] == "--camera":
-            options[-1] = f"--camera={word}"  # argparse takes -1,0,1 for an option
-        else:
-            options.append(word)
-    return [*options, *words[end:]], arguments
 
 
 def _check(args: Namespace) -> None:
@@ -185,19 +190,6 @@ def _joint(word: str) -> tuple[str, float]:
     if not equals or not name or not abs(position) < float("inf"):
         raise UsageError(f'--joints: "{word}" is not NAME=VALUE with a number in rad or m')
     return name, position
-
-
-def _pixels(text: str) -> int:
-    if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"{text} is no number from {_SMALLEST} to {_LARGEST}")
-    return int(text)
-
-
-def _camera(text: str) -> object:
-    try:
-        return parse_camera(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def parse_camera(text: str) -> tuple[Triple, Triple | None]:
