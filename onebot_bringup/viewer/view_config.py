@@ -1,6 +1,6 @@
 """A saved view, in the place of RViz's config.rviz: a short YAML file, checked with clear errors.
 
-Example (every key may be left out)::
+Example (every key may be left out; the settings of a display are below its key)::
 
     fixed_frame: base_link        # "" is the frame above all others
     axes: {visible: true, length: 0.5, names: true, frames: []}   # metres; [] is all frames
@@ -11,39 +11,12 @@ Example (every key may be left out)::
       eye: [3.0, -3.0, 2.0]       # metres, in the fixed frame
       target: [0.0, 0.0, 0.5]
       follow: base_link           # the link the camera moves with
-    joint_plot: {positions: true, velocities: true, limits: false, window: 30.0}   # seconds
-    joint_ranges: {visible: false, radius: 0.45}   # how far each joint can go, in the robot; metres
     trails:                       # trails by Odometry topics, under any names
       odometry: {topic: velocity_controller/odom, color: [255, 176, 32], length: 60.0}   # seconds
-    covariance:                   # how sure it is of its pose, by Odometry topics, under any names
-      odometry: {topic: velocity_controller/odom, sigma: 3.0, heading: 0.4}   # deviations, metres
-    speeds:                       # linear.x and angular.z, under any names
-      window: 20.0                # seconds
-      lines:
-        commanded: {topic: velocity_controller/cmd_vel, type: auto}
-        measured: {topic: velocity_controller/odom, type: Odometry, color: [255, 176, 32]}
-    curves:                       # numbers of any messages, under any names
-      lines:
-        charge: {topic: battery, field: percentage, plot: Battery}
     automatic: true               # show every topic of a type that has a display, up to some
     hidden: [/local_plan]         # topics that are not shown
     shown: [/camera/points]       # topics that are shown in any case
     path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # nav_msgs/Path; metres
-    map: {alpha: 0.7, color_scheme: auto, draw_behind: false}
-    odometry: {keep: 100, position_tolerance: 0.1, angle_tolerance: 0.1}   # metres, rad
-    pose: {shape: Axes, axes_length: 0.5}          # metres, as all lengths
-    pose_array: {shape: Arrow (Flat), arrow_length: 0.3}
-    pose_with_covariance: {covariance: true, sigma: 3.0}
-    point_stamped: {radius: 0.2, history_length: 10}
-    polygon: {color: [25, 255, 0]}
-    laser_scan: {color_transformer: auto, size: 0.05, decay_time: 0.0}   # metres, seconds
-    point_cloud2: {color_transformer: Intensity, channel_name: ring}
-    image: {normalize_range: false, min_value: 0.0, max_value: 5000.0}   # pixels of 16 or 32 bits
-    camera_info: {far_clip: 0.5}  # metres
-    imu: {axes: true, axes_scale: 0.3, acceleration: true, acceleration_scale: 0.05}  # metres
-    range: {color: [255, 255, 255], alpha: 0.5}
-    marker: {hidden_namespaces: [debug]}   # visualization_msgs/Marker and MarkerArray
-    log: {visible: true, level: warn}   # rcl_interfaces/Log
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
