@@ -15,7 +15,7 @@ from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 
 _TOPICS = ("/tf", "/tf_static")
-_DEPTH = 100  # of the subscriptions, as tf2's
+_DEPTH = 100  # as tf2's subscriptions have it
 _WINDOW = 1000  # samples of a rate
 _NANO = 1e-9
 
@@ -64,19 +64,19 @@ def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, 
 def _faults(transforms: "_Transforms") -> list[str]:
     """What is wrong with the tree as a whole."""
     roots, children = transforms.frames.roots, transforms.frames.edges
-    found = []
+    faults = []
     if len(roots) > 1:
-        found.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
+        faults.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
     for root in roots:
         if root in children:
-            found.append(f"{cell(root)} is in a loop: it is below itself")
+            faults.append(f"{cell(root)} is in a loop: it is below itself")
     for name, count in Counter(transforms.publishers("/tf")).items():
         if count > 1:
-            found.append(
+            faults.append(
                 f"/tf is published by {count} nodes named {name}: their frames jump between two "
                 "robots. Stop one, or start one with namespace:=NAME"
             )
-    return found
+    return faults
 
 
 @in_session
@@ -90,8 +90,8 @@ def echo(session: Session, args: Namespace) -> None:
     _await_transform(transforms, args, args.timeout)
     due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
     while True:
-        found = transforms.frames.lookup(args.a, args.b)
-        print(_shown(found.stamp_ns, found.transform, args.precision))
+        result = transforms.frames.lookup(args.a, args.b)
+        print(_shown(result.stamp_ns, result.transform, args.precision))
         if args.once:
             return
         due = max(due + period, time.monotonic())
@@ -139,10 +139,10 @@ def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
         " " + "".join(f" {number:{precision + 3}.{precision}f}" for number in row)
         for row in (*matrix, [0.0, 0.0, 0.0, 1.0])
     ]
-    seconds, rest = divmod(stamp_ns, 1_000_000_000)
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     return "\n".join(
         (
-            f"At time {seconds}.{rest:09d}",
+            f"At time {seconds}.{nanoseconds:09d}",
             f"- Translation: {vector(translation)}",
             f"- Rotation: in Quaternion (xyzw) {vector(quaternion)}",
             f"- Rotation: in RPY (radian) {vector(angles)}",
@@ -216,8 +216,8 @@ class _Transforms:
     def await_first(self) -> None:
         """Wait for the first transform."""
         if not self._session.look_for(lambda: self.frames.names, "transforms"):
-            found = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
-            named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in found)
+            nodes = ((topic, sorted(set(self.publishers(topic)))) for topic in _TOPICS)
+            named = "; ".join(f"publishers of {t}: {' or '.join(n) or 'none'}" for t, n in nodes)
             raise OneBotError(f"no transform was received on /tf and /tf_static ({named})")
 
     def publishers(self, topic: str) -> list[str]:

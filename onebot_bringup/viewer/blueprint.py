@@ -63,7 +63,7 @@ class Layout:
     ) -> "Layout":
         """Return the layout for a view, and the robots as they are now."""
         settings = view.grid, view.background, view.camera, view.panels
-        names = tuple(str(shown.names) for shown in robots if shown.description is not None)
+        names = tuple(str(robot.names) for robot in robots if robot.description is not None)
         return cls(*settings, tuple(parts), fixed_frame, complete, names)
 
     def without_plots(self) -> "Layout":
@@ -117,13 +117,13 @@ class BlueprintSender:
             self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def _made(self, layout: Layout) -> rrb.Blueprint:
-        found = [self._fitted(shown, layout.fixed_frame) for shown in self._robots]
-        boxes = [box for box in found if box is not None]
+        boxes_of_robots = [self._fitted(robot, layout.fixed_frame) for robot in self._robots]
+        boxes = [box for box in boxes_of_robots if box is not None]
         lengths = {
-            frame: length for shown in self._robots for frame, length in shown.axes_lengths.items()
+            frame: length for robot in self._robots for frame, length in robot.axes_lengths.items()
         }
-        for shown in self._robots:
-            shown.axes_lengths = lengths  # one display draws the axes of all
+        for robot in self._robots:
+            robot.axes_lengths = lengths  # one display draws the axes of all
         bounds = box_around(np.concatenate(boxes)) if boxes else None
         eye = target = None
         size = 0.0

@@ -113,8 +113,8 @@ def load_view(path: Path) -> ViewConfig:
 
 def parse_view(text: str, name: str = "view") -> ViewConfig:
     """Read a saved view from YAML text; ``name`` is the file's, for ConfigErrors."""
-    found = read_map(text, name)
-    return read(ViewConfig, found.values, found.places)
+    parameters = read_map(text, name)
+    return read(ViewConfig, parameters.values, parameters.places)
 
 
 def view_text(view: ViewConfig) -> str:
