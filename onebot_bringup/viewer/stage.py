@@ -8,9 +8,10 @@ import numpy as np
 import rerun as rr
 
 from onebot_bringup.introspection.interfaces import full_definition
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
 from onebot_bringup.viewer.displays.tf import TransformStream
-from onebot_bringup.viewer.frames import FrameTree
+from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.inbox import MessageType, message_type
 from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
@@ -126,7 +127,7 @@ class Stage:
         wanted = self.wanted_frame
         if not self.descriptions:
             fixed, wanted = self.fixed_frame, self.view.fixed_frame
-            return [] if wanted in ("", fixed) else [self.frames.unknown(wanted, fixed)]
+            return [] if wanted in ("", fixed) else [unknown_frame(self.frames, wanted, fixed)]
         sentences = []
         for robot in (*self.robots, self.world):
             if robot.description is not None:

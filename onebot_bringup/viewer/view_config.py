@@ -155,7 +155,14 @@ def parse_view(text: str, name: str = "view") -> ViewConfig:
 
 def view_text(view: ViewConfig) -> str:
     """Return ``view`` as YAML text that ``parse_view`` reads, without what is as by default."""
-    return str(yaml.safe_dump(as_map(view), sort_keys=False, default_flow_style=None))
+    return str(yaml.dump(as_map(view), Dumper=_Dumper, sort_keys=False, default_flow_style=False))
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes maps as blocks, and lists, such as vectors and colours, on a line."""
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: Any = None) -> Any:
+        return super().represent_sequence(tag, sequence, flow_style=True)
 
 
 def changed_settings(before: ViewConfig, after: ViewConfig) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.marker import MarkerDrawing
-from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
@@ -25,7 +24,6 @@ from tests.onebot_bringup.viewer_support import (
     take_tf,
     transforms,
 )
-from tests.support_rendering import center, colored, pixels, require_renderer
 
 ONE, ARRAY = MarkerDrawing.message_types
 SECOND = 10**9
@@ -694,51 +692,3 @@ def test_any_sequence_of_arrays_ends_as_in_rviz(tmp_path, seed):
     for (space, _), (kind, x) in state.items():
         expected[space, kind].append(x)
     assert found == {key: sorted(values) for key, values in expected.items()}
-
-
-PICTURE = """
-fixed_frame: base
-axes: {visible: false}
-grid: {visible: false}
-camera: {eye: [0.0, -7.0, 5.0], target: [0.0, 0.5, 0.0]}
-joint_plot: {positions: false, velocities: false}
-"""
-
-
-@pytest.mark.slow
-def test_the_picture_has_the_markers(tmp_path):
-    """All types, each in its colour and place, and without an error."""
-    require_renderer()
-    box().export(tmp_path / "box.stl")
-    mesh = f"file://{tmp_path / 'box.stl'}"
-    line = [(0.0, 0.0, 0.0), (0.3, 0.5, 0.0), (0.6, 0.0, 0.0)]
-    colors = [RED, GREEN, (1.0, 1.0, 0.0, 1.0)]
-    size = {"scale": (0.6, 0.6, 0.6)}
-    thin = {"scale": (0.08, 0.15, 0.2)}
-    every = [
-        marker(Marker.CUBE, 0, (-3, 2, 0), color=GREEN, **size),
-        marker(Marker.SPHERE, 1, (-2, 2, 0), color=HALF_BLUE, **size),
-        marker(Marker.CYLINDER, 2, (-1, 2, 0), color=(1.0, 0.0, 1.0, 1.0), scale=(0.6, 0.2, 0.6)),
-        marker(Marker.ARROW, 3, (0, 2, 0), scale=(0.8, 0.1, 0.1)),
-        marker(Marker.ARROW, 4, (1, 2, 0), points=line[:2], **thin),
-        marker(Marker.ARROW_STRIP, 5, (2, 2, 0), points=line, **thin),
-        marker(Marker.LINE_STRIP, 6, (-3, -1, 0), points=line, colors=colors, **thin),
-        marker(Marker.LINE_LIST, 7, (-2, -1, 0), points=line[:2], **thin),
-        marker(Marker.CUBE_LIST, 8, (-1, -1, 0), points=line, colors=colors, scale=(0.2, 0.2, 0.2)),
-        marker(Marker.SPHERE_LIST, 9, (0, -1, 0), points=line, scale=(0.2, 0.2, 0.2)),
-        marker(Marker.POINTS, 10, (1, -1, 0), points=line, colors=colors, scale=(0.1, 0.1, 0.0)),
-        marker(Marker.TEXT_VIEW_FACING, 11, (2, -1, 0), text="dock", color=GREEN, **size),
-        marker(Marker.TRIANGLE_LIST, 12, (3, -1, 0), points=line, colors=colors, scale=(1.0,) * 3),
-        marker(Marker.MESH_RESOURCE, 13, (3, 2, 0), mesh_resource=mesh, scale=(0.5, 1.0, 2.0)),
-    ]
-    shown = Shown(tmp_path, PICTURE)
-    assert shown.send(*every) == []
-    file = shown.end()
-    with headless_viewer(str(file), 900, 600) as client:
-        assert [view.reports for view in client.get_state().views] == [[]]
-    render(file, tmp_path / "x.png", 900, 600)
-    picture = pixels(tmp_path / "x.png")
-    assert center(colored(picture, (255, 0, 255)))[0] == pytest.approx(0.44, abs=0.05)
-    assert colored(picture, (0, 255, 0)).sum() > 800
-    red = colored(picture, (255, 0, 0))
-    assert red[:300, 550:].sum() > 500  # the mesh

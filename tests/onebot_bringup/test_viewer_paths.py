@@ -10,7 +10,6 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import headless_viewer, render
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.wire.messages import time_message
@@ -19,9 +18,7 @@ from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
 from tests.onebot_bringup.viewer_support import ARM, START_NS, describe, take, take_tf, transforms
 from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
-from tests.support_rendering import center, colored, pixels, require_renderer
 
-GREEN = (0, 220, 60)
 SECOND = 10**9
 # From behind and above: +y is to the left in the picture, +x up.
 VIEW = """
@@ -221,24 +218,6 @@ def test_a_topic_that_is_shown_otherwise_stays_so(tmp_path):
     live, end = _begun(tmp_path, "trails: {a: {topic: /plan}}")
     assert live.wants("/plan", "nav_msgs/msg/Odometry") and not live.wants("/plan", PATH)
     end()
-
-
-def test_the_picture_has_the_line(tmp_path):
-    """A metre to the right of the robot, as long as it is; hidden and shown again."""
-    require_renderer()
-    live, end = _begun(tmp_path)
-    for visible in (True, False, True):
-        live.set_view(parse_view(VIEW + "hidden: [/plan]" * (not visible)))
-        take(live, "/plan", path(LINE))  # as it is latched, at the very time of the first
-        live.tick(START_NS)
-    file = end()
-    with headless_viewer(str(file), 600, 600) as client:
-        assert [view.reports for view in client.get_state().views] == [[]]
-    render(file, tmp_path / "x.png", 600, 600)
-    green = colored(pixels(tmp_path / "x.png"), GREEN)
-    rows, columns = np.nonzero(green)
-    assert center(green)[0] > 0.55
-    assert np.ptp(rows) > 5 * np.ptp(columns)
 
 
 @pytest.mark.parametrize("qos", [10, LATCHED])

@@ -11,7 +11,6 @@ from std_msgs.msg import String
 from onebot_bringup.cli.scenes import RunningRobots, running_robots
 from onebot_bringup.cli.session import Session
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.pictures import headless_viewer, still
 from onebot_bringup.viewer.rerun_viewer import ViewerParameters
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.shown_robot import RobotToShow
@@ -21,8 +20,6 @@ from onebot_description.wire.tf_message import TFMessage
 from tests.onebot_bringup.drive_support import chunks, column, frames, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
-    BLUE,
-    ORANGE,
     START_NS,
     describe,
     take,
@@ -31,8 +28,6 @@ from tests.onebot_bringup.viewer_support import (
     transforms,
 )
 from tests.ros_support import LATCHED, Peer
-from tests.support import wait_for
-from tests.support_rendering import center, colored, pixels, require_renderer
 
 FRAME = "CoordinateFrame:frame"
 TENTH = 100_000_000
@@ -196,28 +191,6 @@ def test_the_world_is_shown_around_one_robot_and_around_many(tmp_path):
     fleet.end()
     assert column(tmp_path / "x.rrd", "/world/robot/visual/wall/0", FRAME) == [["wall"]]
     assert "/world_description" in RobotView(fleet.recording.stream).topics
-
-
-@pytest.mark.slow
-def test_both_are_in_the_picture_each_at_its_place():
-    """Without a report: every entity has a frame that leads to the fixed one."""
-    require_renderer()
-    view = VIEW.replace("axes: {frames: [base]}", "axes: {visible: false}")
-    fleet = Fleet(None, view.replace("follow: base", "follow: ''").replace("[0.1,", "[6.0,"))
-    fleet.show()
-    with headless_viewer(fleet.recording.uri, 640, 480) as client:
-
-        def one_in_each_half():
-            image = pixels(still(client))
-            for half in (image[:, :260], image[:, 260:]):  # the plots are on the right
-                blue, orange = colored(half, BLUE), colored(half, ORANGE)
-                if not (blue.any() and orange.any() and center(blue)[0] < center(orange)[0]):
-                    return False
-            return True
-
-        wait_for(one_in_each_half, "both robots in the picture")
-        assert [view.reports for view in client.get_state().views if view.name == "Robot"] == [[]]
-    fleet.end()
 
 
 def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path):

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import rerun.chunk as rc
 
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.displays.tf import TransformStream
-from onebot_bringup.viewer.frames import FrameTree
 from onebot_bringup.viewer.robot_view import RobotView
 from tests.onebot_bringup.viewer_support import START_NS, take_joints, transforms
 

@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ColumnMaker, ReadyColumn, ready, time_column
 from onebot_bringup.viewer.displays.display import (
     LARGEST,
@@ -17,7 +18,6 @@ from onebot_bringup.viewer.displays.display import (
     LayoutPart,
     is_old,
 )
-from onebot_bringup.viewer.frames import FrameTree, Transforms
 from onebot_bringup.viewer.inbox import OTHER_CLOCK_NS, MessageType, WantedTopic, one_by_one
 from onebot_bringup.viewer.settings import name_list, setting
 from onebot_description.wire.messages import TfArrays, tf_arrays
@@ -242,7 +242,7 @@ class TransformStream:
     def __init__(self, recording: rr.RecordingStream, frames: FrameTree) -> None:
         self.recording = recording
         self._frames = frames
-        self._pending: list[tuple[int, Transforms]] = []
+        self._pending: list[tuple[int, TfArrays]] = []
         self._static: dict[str, tuple[object, ...]] = {}
         self._names = NameColumns()
         # Lists of children, by identity, and when each came last; sorted into _logged later.
@@ -252,7 +252,7 @@ class TransformStream:
         self._repeated_at = 0.0
         self.ignored = ""  # the first frame whose transform was none
 
-    def add(self, stamp_ns: int, transforms: Transforms) -> None:
+    def add(self, stamp_ns: int, transforms: TfArrays) -> None:
         """Add a message of /tf; it is logged at the next ``flush``.
 
         Args:
@@ -262,7 +262,7 @@ class TransformStream:
         if transforms.children:
             self._pending.append((stamp_ns, transforms))
 
-    def add_static(self, transforms: Transforms) -> None:
+    def add_static(self, transforms: TfArrays) -> None:
         """Log a message of /tf_static: what changed in it, an entity a frame.
 
         Several static chunks on one entity would survive in a file only in part.
@@ -286,7 +286,7 @@ class TransformStream:
                 static=True,
             )
 
-    def _only_usable(self, transforms: Transforms) -> Transforms:
+    def _only_usable(self, transforms: TfArrays) -> TfArrays:
         """Leave out what tf2 ignores, too: its numbers are no transform."""
         usable = _usable(transforms.translations, transforms.rotations)
         if usable.all():
@@ -332,11 +332,11 @@ class TransformStream:
         self._remember(batch, int(stamps.max()))
         return True
 
-    def _remember(self, batch: Sequence[Transforms], latest_ns: int) -> None:
+    def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
         """Update ``frames``, and log anew the frames that have not come for a while."""
         now = time.monotonic()
         # Of each list of frames, in the order in which they came last.
-        found: dict[int, list[Transforms]] = {}
+        found: dict[int, list[TfArrays]] = {}
         for item in batch:
             same = found.pop(id(item.children), [])
             same.append(item)
@@ -384,7 +384,7 @@ class TransformStream:
         )
 
 
-def _columns(transforms: Transforms) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
+def _columns(transforms: TfArrays) -> tuple[Sequence[str], Sequence[str], Floats, Floats]:
     return (
         transforms.parents,
         transforms.children,
