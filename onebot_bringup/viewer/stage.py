@@ -11,16 +11,18 @@ from onebot_bringup.introspection.interfaces import full_definition
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.columns import ReadyColumn, joinable, joined, one_row, time_column
 from onebot_bringup.viewer.displays.tf import TransformStream
+from onebot_bringup.viewer.frames import unknown_frame
 from onebot_bringup.viewer.inbox import MessageType, message_type
 from onebot_bringup.viewer.shown_robot import WORLD_DESCRIPTION, RobotToShow, ShownRobot
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
-from onebot_description.errors import did_you_mean
+from onebot_description.errors import did_you_mean, listing
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.displays.drawing import MessageDisplay
 
 _TRANSFORM_TIMEOUT_NS = 200_000_000
+_LISTED = 5  # names of robots
 
 
 class Stage:
@@ -119,6 +121,21 @@ class Stage:
             return []
         hint = did_you_mean(follow, links, "links")
         return [f'camera.follow: the robot has no link "{follow}"{hint}']
+
+    def late(self) -> list[str]:
+        """Return which frames and descriptions are missing, a sentence each."""
+        wanted = self.wanted_frame
+        if not self.descriptions:
+            fixed, wanted = self.fixed_frame, self.view.fixed_frame
+            return [] if wanted in ("", fixed) else [unknown_frame(self.frames, wanted, fixed)]
+        sentences = []
+        for robot in (*self.robots, self.world):
+            if robot.description is not None:
+                sentences += robot.resolution.warnings(robot.description, wanted)
+        lacking = [str(robot.names) for robot in self.robots if robot.description is None]
+        if lacking:
+            sentences.append(f"no description yet of the robots in {listing(lacking, _LISTED)}")
+        return sentences
 
     # --- frames -----------------------------------------------------------------------------------
 

@@ -154,7 +154,9 @@ class _JointSet:
     def add(self, stamp_ns: int, state: JointStateArrays) -> None:
         """Add the numbers that are there for each joint."""
         if len(state.positions) == self._count:
-            positions = np.concatenate([state.positions, self._edges])
+            positions = state.positions
+            if len(self._edges):
+                positions = np.concatenate([positions, self._edges])
             self._pending[self._position].append((stamp_ns, positions))
         if len(state.velocities) == self._count:
             self._pending[self._velocity].append((stamp_ns, state.velocities))
