@@ -93,10 +93,6 @@ class BlueprintSender:
         self._from_start = from_start
         self._sent: Layout | None = None
 
-    def forget(self) -> None:
-        """Send the next blueprint in any case."""
-        self._sent = None
-
     def update(self, layout: Layout, *, send: bool = True) -> None:
         """Make the blueprint anew if the layout has changed.
 

@@ -287,14 +287,10 @@ class RobotView:
         self._changed = self.stage.clock()
         return problems + self.stage.wrong_names()
 
-    def use_blueprint(self, blueprint: Path | None) -> None:
-        """Arrange the viewer as a ``.rbl`` file that was saved in it; None: as the view has it."""
-        self._own_blueprint = blueprint is None
-        self._laid_out_ns = 0
-        if blueprint is None:
-            self._blueprint.forget()
-        else:
-            self.stage.recording.log_file_from_path(blueprint)
+    def use_blueprint(self, blueprint: Path) -> None:
+        """Arrange the viewer as a ``.rbl`` file that was saved in it."""
+        self._own_blueprint = False
+        self.stage.recording.log_file_from_path(blueprint)
 
     def _set_descriptions(self) -> list[str]:
         """Show the robots of the descriptions that have come, each in place of the one before."""
