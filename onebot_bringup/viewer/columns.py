@@ -110,7 +110,7 @@ class BytesMaker:
 
 
 def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
-    """Return what Rerun has made as columns of one row; one that is made already as it is."""
+    """Return an archetype as columns of one row; a column that is made already stays."""
     if isinstance(archetype, ReadyColumn):
         return [archetype]
     return [_one_row(batch) for batch in archetype.as_component_batches()]

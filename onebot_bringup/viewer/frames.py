@@ -32,8 +32,8 @@ class FrameResolution:
     def known_as(self, robot: Description, wanted: str) -> str:
         """Return the name by which a frame is known, also with the prefix; "" if it is not.
 
-        Another robot's frame may have the name without the prefix: of both, the one that a
-        transform connects with this robot counts, and the name as it is if both are.
+        Another robot's frame may have the name without the prefix. The frame that is connected with
+        this robot counts; if both are, the name without the prefix.
         """
         if not wanted:
             return ""

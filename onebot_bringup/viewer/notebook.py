@@ -40,7 +40,7 @@ class NotebookRobot:
     Attributes:
         model: its kinematics.
         recording: what the viewer shows; more can be logged into it, in the frames of the links.
-        sliders: by joint, of those that follow no other one.
+        sliders: by the names of the joints that do not mimic another.
     """
 
     def __init__(self, description: Description, *, height: int = 480) -> None:

@@ -42,7 +42,7 @@ PATIENCE = 60.0  # seconds
 _REPORT_AFTER = 2.0  # seconds
 _PAUSE = 0.05  # seconds
 Progress = Callable[[str], None]
-# A view may report an error for a moment, while its data come in; one that lasts belongs to the
+# A view may report an error for a moment, while its data come in; a lasting error belongs to the
 # picture. It has to outlast both, so that neither a slow nor a quick machine ends it early.
 _LASTING = 5.0  # seconds
 _POLLS = 20
@@ -401,7 +401,7 @@ def _raise_logged(client: ViewerClient, source: str) -> None:
 
 
 class _Errors:
-    """Tells errors that views report for a moment, while data come in, from those that last."""
+    """Tells lasting errors of views from errors for a moment, while data come in."""
 
     def __init__(self) -> None:
         self._reports: list[str] = []

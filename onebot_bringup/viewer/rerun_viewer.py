@@ -105,7 +105,7 @@ class ViewerParameters:
         """Return the robots to show; ``resolve`` returns the full name of a topic.
 
         Raises:
-            OneBotError: ``plots`` has one that ``robots`` has not.
+            OneBotError: ``plots`` names a robot that ``robots`` does not.
         """
         spaces = [resolve(name) for name in self.robots]
         plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]
@@ -211,7 +211,7 @@ class RerunViewer(Node):
         self._update_feed()
 
     def _update_feed(self) -> None:
-        """Show what others publish now, and publish what of it is shown."""
+        """Show the topics that are published now, and publish which are shown."""
         for problem in self._feed.update():
             self._warn(problem, problem, every=60.0)
         offered = [topic._asdict() for topic in self._view.offered]

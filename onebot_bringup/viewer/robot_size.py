@@ -46,7 +46,7 @@ def link_corners(link: Link, marker: float) -> Floats | None:
 
     Args:
         link: has the visuals.
-        marker: the size of the boxes in place of those that cannot be drawn, m.
+        marker: the size of the box in place of a visual that cannot be drawn, m.
     """
     clouds = []
     for geometry in link.visuals:

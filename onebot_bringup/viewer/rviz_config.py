@@ -132,7 +132,7 @@ class RvizConfig:
 
 
 def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
-    """Read an RViz file as a view; ``notice`` gets what of it has no counterpart.
+    """Read an RViz file as a view; ``notice`` gets what has no counterpart here.
 
     Raises:
         OneBotError: there is no such file, or it is none of RViz's.
