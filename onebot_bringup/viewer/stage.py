@@ -63,7 +63,7 @@ class Stage:
         self.world = ShownRobot(self, RobotToShow(description=WORLD_DESCRIPTION), "world")
         self.message_displays: Sequence[MessageDisplay] = ()
         self.now_ns = 0  # on the timeline, nanoseconds
-        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # that a message waits for transforms
+        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # messages wait for transforms so long
         self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
 
     def message_type(self, name: str, *, live: bool = True) -> MessageType[Any]:

@@ -20,7 +20,7 @@ from onebot_description.description.description import Description, Joint, Tripl
 from onebot_description.model.quaternions import from_rpy, to_matrix
 
 RANGES_ENTITY = "joint_ranges"
-_STEP = math.radians(5.0)  # of an arc
+_STEP = math.radians(5.0)  # between two points of an arc
 # On the screen, whatever the zoom (points).
 _ARC_WIDTH, _NEEDLE_WIDTH = 1.5, 2.0
 
@@ -45,7 +45,7 @@ class JointLimitsDisplay(Display[JointRangesSettings]):
         super().__init__(*arguments)
         self._settings = JointRangesSettings()
         self._made_of: tuple[object, ...] = ()
-        self._drawn: dict[str, object] = {}  # what lies on each entity
+        self._drawn: dict[str, object] = {}  # by entity
 
     def topics(self) -> Sequence[WantedTopic]:
         """Return none: the colours of the joints are those of their curves."""

@@ -49,8 +49,8 @@ class LaserScanDrawing(PointsDrawing):
         """Return the directions (N, 2) of the rays, which seldom change."""
         rays = (start, step, count)
         if self._directions[0] != rays:
-            with np.errstate(all="ignore"):  # of what is not finite there is no point
+            with np.errstate(all="ignore"):  # what is not finite is left out later
                 angles = start + step * np.arange(count)
-                found = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
-            self._directions = (rays, found)
+                directions = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
+            self._directions = (rays, directions)
         return self._directions[1]

@@ -47,10 +47,10 @@ if TYPE_CHECKING:
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of no lifetime
 _NOT_DRAWN = -1  # the type of a marker that is left out
-_UNIT = 0.01  # that the square of a quaternion's length may be off
+_UNIT = 0.01  # tolerance of the square of a quaternion's length
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # between the first and the last of single markers that are logged as one
-_STEP_NS = 1_000_000_000  # that the time goes back if the clock was set back
+_STEP_NS = 1_000_000_000  # the clock was set back if the time goes back by this
 _SAME_NS = 1_000_000  # between stamps that one transform serves: each marker may have its own
 _MOST_WAITING = 2000  # markers, while no transform leads to their frames
 
@@ -76,7 +76,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    stamps_ns: Callable[[], Integers]  # of their headers, which few need; 0 for none
+    stamps_ns: Callable[[], Integers]  # the headers', which few need; 0 for none
     points: Integers  # how many
     poses: Floats  # (N, 7) metres and x y z w; may be written to
     scales: Floats  # (N, 3) metres
@@ -96,7 +96,7 @@ class Incoming(NamedTuple):
             _nanoseconds(markers.lifetime),
             lambda: _nanoseconds(markers.header.stamp),
             markers.points.counts,
-            markers.pose.array().copy(),  # in one piece, since all that follows takes less then
+            markers.pose.array().copy(),  # one piece makes all that follows faster
             markers.scale.array().copy(),
             markers.color.array().copy(),
             markers,
@@ -146,7 +146,7 @@ class LayerKey(NamedTuple):
     space: str
     kind: str
     frame: str
-    variant: object  # of a mesh, or the opacity of triangles
+    variant: object  # a MeshVariant, or the opacity of triangles
 
 
 class Layer:
@@ -161,7 +161,7 @@ class Layer:
         self.space = key.space
         self.ids: list[MarkerId] = []
         self.batch: Batch | None = None
-        self.first_end = _NEVER  # of the lifetimes
+        self.first_end = _NEVER  # the end of the first lifetime
         self._logged: Sequence[Piece] = ()
         self._stamp_ns = 0
         self.whole_at = 0.0  # the time of the last row with all columns
@@ -217,8 +217,8 @@ class Change(NamedTuple):
 
     layer: Layer
     ids: list[MarkerId]
-    rows: NDArray[np.intp]  # of the message, by markers; -1 for those that stay as they are
-    slots: NDArray[np.intp]  # which they had before; -1 for those that are new
+    rows: NDArray[np.intp]  # the message's rows, by markers; -1 for those that stay
+    slots: NDArray[np.intp]  # the previous slots; -1 for new markers
     is_all: bool  # these are all rows, in their order
 
     def apply(self, came: Batch) -> None:
@@ -258,14 +258,14 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._layers: dict[LayerKey, Layer] = {}
         self._used: set[str] = set()  # their entities
         self._where: dict[MarkerId, LayerKey] = {}
-        self._changed: dict[str, Layer] = {}  # by entity, since they were logged
+        self._changed: dict[str, Layer] = {}  # layers to log, by entity
         self._plan: MarkerUpdate | None = None
-        self._stamp_ns = 0  # of the last row
-        self._now_ns = 0  # of the last flush
-        self._lag_ns = _NEVER  # from the stamp of a message to when it came, the least
-        self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # for a transform to their frames
+        self._stamp_ns = 0  # stamp of the last row
+        self._now_ns = 0  # time of the last flush
+        self._lag_ns = _NEVER  # the shortest time from the stamp of a message to when it came
+        self._waiting: dict[MarkerId, tuple[int, Any]] = {}  # no transform leads to their frames
         self._fixed = ""  # the fixed frame
-        self._tree: tuple[object, ...] = ()  # in which they were looked for last
+        self._tree: tuple[object, ...] = ()  # where the frames were last looked for
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
         """Return nothing: ``flush`` draws many messages at once."""
@@ -283,7 +283,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         """Log what has come, and remove what is no longer to be seen."""
         self._fixed, now_ns = self.stage.fixed_frame, self.stage.now_ns
         if now_ns < self._now_ns - _STEP_NS:
-            self._expire(_NEVER - 1)  # what is due then would be never, or years late
+            self._expire(_NEVER - 1)  # markers of the time before would stay for ever
             self._lag_ns, self._now_ns = _NEVER, now_ns
         for stamp_ns, incoming in self._incoming():
             came_ns = self._received(stamp_ns, now_ns)
@@ -303,7 +303,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def _received(self, stamp_ns: int, now_ns: int) -> int:
         """Return when a message of this time came, as far as can be known."""
-        if self._in_arrays:  # which have no stamp; one may be of before the clock was set back
+        if (
+            self._in_arrays
+        ):  # Arrays have no stamp; one may come from before the clock was set back.
             return stamp_ns if stamp_ns < now_ns + _STEP_NS else now_ns
         # It was since the last flush: at the very time that follows if it took as long as others.
         self._lag_ns = min(self._lag_ns, max(0, now_ns - stamp_ns))
@@ -369,7 +371,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if arrows.any():
             kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
         numbers = (incoming.poses, incoming.scales, incoming.colors)
-        if not all(float(np.vdot(each, each)) <= LARGEST**2 for each in numbers):  # or it is NaN
+        if not all(
+            float(np.vdot(each, each)) <= LARGEST**2 for each in numbers
+        ):  # NaN is not less, either
             sound = np.all([(np.abs(each) <= LARGEST).all(axis=1) for each in numbers], axis=0)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
             incoming.poses[~sound] = _IDENTITY

@@ -21,7 +21,7 @@ Colors = NDArray[np.uint32]  # 0xRRGGBBAA
 RGB8, INTENSITY, AXIS, FLAT = "RGB8", "Intensity", "AxisColor", "FlatColor"
 _AXES = ("X", "Y", "Z")
 _OPAQUE = 0xFF
-_LARGEST_VALUE = 999_999.0  # of a channel, in its bounds: RViz's
+_LARGEST_VALUE = 999_999.0  # RViz's, for the bounds of a channel
 _ON_SCREEN = 3.0  # pixels
 
 
@@ -65,7 +65,7 @@ _COLORS = ColumnMaker(rr.Points3D.columns(colors=np.zeros(1, np.uint32)))
 class PointsDrawing(Drawing[PointsSettings]):
     """Draws the points of one topic."""
 
-    order: ClassVar[Sequence[str]]  # of the transformers that auto takes
+    order: ClassVar[Sequence[str]]  # auto takes the first transformer that has data
     placed = True
     few: ClassVar[bool] = False  # points: to transform them costs less than to log where they are
 
@@ -151,8 +151,8 @@ class PointsDrawing(Drawing[PointsSettings]):
         if pose is None:
             return positions[:, axis]
         row = pose[axis].astype(np.float32)
-        found: Floats32 = positions @ row[:3] + row[3]
-        return found
+        heights: Floats32 = positions @ row[:3] + row[3]
+        return heights
 
 
 def _is_constant(values: NDArray[Any]) -> bool:
@@ -188,8 +188,9 @@ def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Col
         scaled -= scaled.dtype.type(low)
         scaled *= scaled.dtype.type(255.0 / (high - low) if high > low else 0.0)
         rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # any one for NaN
-    found: Colors = empty(rows.shape, np.uint32)
-    return table.take(rows, out=found, mode="wrap")  # which is the fastest: they are within it
+    colors: Colors = empty(rows.shape, np.uint32)
+    # All rows are in the table; "wrap" is the fastest mode.
+    return table.take(rows, out=colors, mode="wrap")
 
 
 def _bounds(values: NDArray[Any]) -> tuple[float, float]:

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 TF_ENTITY = "tf"
 TF_STATIC_ENTITY = "tf_static"
 FRAMES_ENTITY = "frames"
-_DEFAULT_LENGTH = 0.5  # of axes, metres, while the robot's size is not known
+_DEFAULT_LENGTH = 0.5  # axes, metres, while the robot's size is not known
 # For how long after a new description messages may still name the frames of the old one (seconds).
 _STRAGGLING = 1.0
-_UNIT = 0.01  # that the square of a quaternion's length may be off, in tf2 as well
+_UNIT = 0.01  # tf2's tolerance of the square of a quaternion's length
 
 Floats = NDArray[np.float64]
 
@@ -63,12 +63,12 @@ class TfDisplay(Display[AxesSettings]):
     def __init__(self, stage: "Stage") -> None:
         super().__init__(stage)
         self._settings = AxesSettings()
-        self._look: tuple[object, ...] = ()  # what the axes drawn depend on
+        self._look: tuple[object, ...] = ()  # everything that drawn axes depend on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
         self._links: set[str] = set()  # frames of the robots' links
         self._shown_of: tuple[object, ...] | None = None  # the tree that _drawn is for
-        self._retired: set[str] = set()  # of links of the robot before
+        self._retired: set[str] = set()  # frames of links of the previous robot
         self._retired_at = 0.0
 
     def topics(self) -> Sequence[WantedTopic]:
