@@ -266,14 +266,7 @@ class Stamps:
     def display_time(
         self, stamp_ns: int, time_ns: int, topic: str = "", kind: MessageType[Any] | None = None
     ) -> int:
-        """Return the time, nanoseconds.
-
-        Args:
-            stamp_ns: of the header; 0 for none.
-            time_ns: when it was received.
-            topic: of the message, and
-            kind: its type; both are not needed without a stamp.
-        """
+        """Return the time, nanoseconds, of a message with a stamp (0: none), received at a time."""
         if SYSTEM_TIME_NS < time_ns < stamp_ns - OTHER_CLOCK_NS:
             ahead = f"{(stamp_ns - time_ns) * 1e-9:.0f} s ahead of their receive time"
             self.warnings.setdefault("", f"stamps {ahead} are ignored: is a clock wrong?")

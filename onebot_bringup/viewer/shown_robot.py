@@ -47,13 +47,7 @@ class ShownRobot:
     """A robot on a stage, from its description on."""
 
     def __init__(self, stage: "Stage", names: RobotToShow, root: str) -> None:
-        """Show nothing yet: the description follows.
-
-        Args:
-            stage: where it is shown.
-            names: of the robot.
-            root: the entity below which all of it is logged; "" where it is the only one.
-        """
+        """Show nothing yet. ``root`` is the entity above all of it; "" for the only robot."""
         self.stage, self.names, self.root = stage, names, root
         self.scene = Scene(stage.recording, names.frame_prefix, root)
         self.resolution = FrameResolution(stage.frames, self.frame_of)
@@ -80,12 +74,7 @@ class ShownRobot:
     def set_description(self, urdf: str, description: Description | None = None) -> list[str]:
         """Show the robot of this text, in place of the one before.
 
-        Args:
-            urdf: the text.
-            description: what the text describes, where that is known.
-
-        Returns:
-            What could not be drawn, a sentence each.
+        Its description is parsed where it is not given. Returns what could not be drawn.
 
         Raises:
             OneBotError: the text is wrong.

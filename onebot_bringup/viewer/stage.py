@@ -38,16 +38,7 @@ class Stage:
         clock: Callable[[], float] = time.monotonic,
         definitions: Callable[[str], str] = full_definition,
     ) -> None:
-        """Set the stage for robots whose descriptions follow.
-
-        Args:
-            recording: where to log.
-            view: what is shown, and how.
-            robots: those to show; of several each has its entities below its namespace.
-            resolve: returns the full name of a topic that the view names.
-            clock: seconds.
-            definitions: returns the definition of a message type; raises OneBotError.
-        """
+        """Set the stage for robots whose descriptions follow; arguments are ``RobotView``'s."""
         self.recording = recording
         self.view = view
         self.resolve = resolve

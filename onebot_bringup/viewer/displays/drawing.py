@@ -122,14 +122,7 @@ class Drawing(ABC, Generic[S]):
     kept: ClassVar[int] = DEPTH  # messages that wait for a transform
 
     def __init__(self, stage: "Stage", entity: str, settings: S, color: Color) -> None:
-        """Draw nothing yet.
-
-        Args:
-            stage: where to log.
-            entity: to log to.
-            settings: how to draw.
-            color: one of ours, where the settings have none.
-        """
+        """Draw nothing yet; ``color`` is one of ours, where the settings have none."""
         self.stage, self.entity, self.settings = stage, entity, settings
         self.color: Color = getattr(settings, "color", None) or color
         self.frame = ""  # of the newest message, or of the one that is drawn; "" if in none
@@ -407,14 +400,7 @@ class MessageDisplay(DrawingsDisplay[Any]):
         self._offered: Mapping[str, str] = {}
 
     def offer(self, topics: Mapping[str, str]) -> bool:
-        """Draw these topics, and no others, from the next ``apply`` on.
-
-        Args:
-            topics: the type of each by its full name.
-
-        Returns:
-            Whether they are others than before.
-        """
+        """Draw these topics, and no others, from the next ``apply`` on."""
         previous, self._offered = self._offered, topics
         return topics != previous
 

@@ -134,6 +134,23 @@ class Incoming(NamedTuple):
             markers,
         )
 
+    def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
+        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
+
+        Args:
+            problems: what is wrong, by kinds.
+            which: the row, or a mask.
+            text: what is wrong.
+            kind: where the text has what may be another with every message.
+        """
+        if isinstance(which, np.ndarray):
+            [*rows] = np.flatnonzero(which)[:1]
+        else:
+            rows = [which]
+        for row in rows:
+            space = printable(shortened(self.spaces[row]))
+            problems.setdefault(kind or text, f'id {self.ids[row]} of "{space}": {text}')
+
 
 def _nanoseconds(time_: Any) -> Any:
     """Return a time or a duration, or a table of them, in nanoseconds."""
@@ -378,7 +395,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             kinds = np.where(sound, kinds, _NOT_DRAWN)
             incoming.poses[~sound] = _IDENTITY
             drawn = incoming.actions == ADD
-            self._report(incoming, ~sound & drawn, "its numbers are not finite: not drawn")
+            incoming.report(self.problems, ~sound & drawn, "its numbers are not finite: not drawn")
         return kinds
 
     def _plan_of(self, stamp_ns: int, incoming: Incoming, kinds: Integers) -> MarkerUpdate:
@@ -390,7 +407,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         signature = (incoming.spaces, incoming.frames, numbers, variants, fixed, version)
         if self._plan is not None and self._plan.signature == signature:
             return self._plan
-        self._check(incoming, kinds)
+        _check(incoming, kinds, self.problems)
         where = dict(self._where)
         source: dict[MarkerId, int] = {}
         moved: dict[str, list[int]] = {}
@@ -433,7 +450,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             try:
                 self._layers[key] = Layer(self.stage, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
-                self._report(incoming, row, str(error), "mesh")
+                incoming.report(self.problems, row, str(error), "mesh")
                 return None
             self._used.add(self._layers[key].entity)
         return key
@@ -481,7 +498,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             poses[incoming.actions != ADD] = _IDENTITY
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
         if lengths.min() < 1.0 - _UNIT or lengths.max() > 1.0 + _UNIT:
-            self._make_unit(incoming, lengths)
+            _make_unit(incoming, lengths, self.problems)
         for frame, moving in moved.items():
             for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
                 pose = self.stage.frames.pose(frame, self._fixed, at_ns or stamp_ns)
@@ -500,15 +517,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                 parts[row] = self._part(incoming, row, int(kinds[row]))
         return Batch(poses, incoming.scales, incoming.colors, ends, parts)
 
-    def _make_unit(self, incoming: Incoming, lengths: Floats) -> None:
-        """Give quaternions the length of one; without any, as in RViz, there is no turn."""
-        turns, none = incoming.poses[:, 3:], lengths == 0
-        turns[none] = (0.0, 0.0, 0.0, 1.0)
-        turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
-        self._report(incoming, none, "its quaternion is zero: taken as no turn")
-        odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
-        self._report(incoming, odd, "its quaternion is not of unit length")
-
     def _part(self, incoming: Incoming, row: int, kind: int) -> MarkerContent:
         """Return the points, colours and text of a marker."""
         message = incoming.messages[row]
@@ -518,10 +526,10 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             colors = colors.repeat(3, axis=0)
         if len(colors) not in (0, len(points)):
             text = f"it has {len(colors)} colours for {len(points)} points: its own is used"
-            self._report(incoming, row, text, "colours")
+            incoming.report(self.problems, row, text, "colours")
             colors = colors[:0]
         if not (np.abs(points) <= LARGEST).all():
-            self._report(incoming, row, "its points are not finite: not drawn")
+            incoming.report(self.problems, row, "its points are not finite: not drawn")
             points = points[:0]
         most = len(points) - len(points) % 3 if kind == TRIANGLE_LIST else len(points)
         if incoming.types[row] == ARROW:
@@ -530,50 +538,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             most = 0
         colors = colors[:most] if len(colors) == len(points) else colors[:0]
         return MarkerContent(points[:most], colors, incoming.types[row] == LINE_LIST, message.text)
-
-    # --- what is wrong ----------------------------------------------------------------------------
-
-    def _check(self, incoming: Incoming, kinds: Integers) -> None:
-        """Report what RViz warns of."""
-        add = incoming.actions == ADD
-        known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
-        self._report(incoming, ~known, "its action is unknown")
-        self._report(incoming, add & (np.array(incoming.frames) == ""), "it names no frame")
-        for kind in set(kinds[add].tolist()):
-            rows = add & (kinds == kind)
-            how = KINDS.get(kind)
-            if how is None:
-                if kind != _NOT_DRAWN:
-                    text = f"its type {kind} is unknown: not drawn"
-                    self._report(incoming, rows, text, "type")
-                continue
-            flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
-            self._report(incoming, rows & flat, "its scale is zero")
-            if how.least == 0 and kind != MESH:
-                clear = incoming.colors[:, 3] == 0
-                self._report(incoming, rows & clear, "it is transparent: color.a is 0")
-            few = incoming.points < how.least
-            self._report(incoming, rows & few, f"it has less than {how.least} points: not drawn")
-        for row in np.flatnonzero(add & (kinds == TRIANGLE_LIST)).tolist():
-            if incoming.messages[row].texture_resource:
-                self._report(incoming, row, "its texture is not drawn")
-
-    def _report(self, incoming: Incoming, which: Any, text: str, kind: str = "") -> None:
-        """Keep what is wrong with a row, or with the first of a mask, if nothing of its kind is.
-
-        Args:
-            incoming: the markers.
-            which: the row, or a mask.
-            text: what is wrong.
-            kind: where the text has what may be another with every message.
-        """
-        if isinstance(which, np.ndarray):
-            [*rows] = np.flatnonzero(which)[:1]
-        else:
-            rows = [which]
-        for row in rows:
-            space = printable(shortened(incoming.spaces[row]))
-            self.problems.setdefault(kind or text, f'id {incoming.ids[row]} of "{space}": {text}')
 
     # --- time -------------------------------------------------------------------------------------
 
@@ -617,6 +581,42 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             if is_old(layer.whole_at):
                 self._changed[layer.entity] = layer
         self._log(self._stamp_ns)
+
+
+def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> None:
+    """Report what RViz warns of."""
+    add = incoming.actions == ADD
+    known = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
+    incoming.report(problems, ~known, "its action is unknown")
+    incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
+    for kind in set(kinds[add].tolist()):
+        rows = add & (kinds == kind)
+        how = KINDS.get(kind)
+        if how is None:
+            if kind != _NOT_DRAWN:
+                text = f"its type {kind} is unknown: not drawn"
+                incoming.report(problems, rows, text, "type")
+            continue
+        flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
+        incoming.report(problems, rows & flat, "its scale is zero")
+        if how.least == 0 and kind != MESH:
+            clear = incoming.colors[:, 3] == 0
+            incoming.report(problems, rows & clear, "it is transparent: color.a is 0")
+        few = incoming.points < how.least
+        incoming.report(problems, rows & few, f"it has less than {how.least} points: not drawn")
+    for row in np.flatnonzero(add & (kinds == TRIANGLE_LIST)).tolist():
+        if incoming.messages[row].texture_resource:
+            incoming.report(problems, row, "its texture is not drawn")
+
+
+def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) -> None:
+    """Give quaternions the length of one; without any, as in RViz, there is no turn."""
+    turns, none = incoming.poses[:, 3:], lengths == 0
+    turns[none] = (0.0, 0.0, 0.0, 1.0)
+    turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
+    incoming.report(problems, none, "its quaternion is zero: taken as no turn")
+    odd = (np.abs(lengths - 1.0) > _UNIT) & ~none
+    incoming.report(problems, odd, "its quaternion is not of unit length")
 
 
 def _frame(marker: Any) -> str:
