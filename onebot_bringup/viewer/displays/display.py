@@ -158,12 +158,13 @@ class Display(ABC, Generic[S]):
     def apply(self, settings: S) -> None:
         """Use these settings from now on; called after ``flush``."""
 
-    @abstractmethod
     def topics(self) -> Sequence[WantedTopic]:
         """Return what to subscribe, by the settings of now."""
+        return ()
 
-    @abstractmethod
-    def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
+    def add(  # noqa: B027  a display without topics gets none
+        self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]
+    ) -> None:
         """Add messages, to be logged by ``flush``.
 
         Args:
