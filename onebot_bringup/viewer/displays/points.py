@@ -250,8 +250,8 @@ class PointCloud2Drawing(PointsDrawing):
         """Return all points."""
         fields = _fields(message, {*_POSITION, *_PACKED, self.settings.channel_name})
         if not fields.keys() >= set(_POSITION):
-            names = listing(message.fields.name, 10)
-            raise ValueError(f"no fields x, y and z that can be read, but {names}")
+            present = listing(message.fields.name, 10)
+            raise ValueError(f"no fields x, y and z that can be read, but {present}")
         values = _values(message, fields)
         names = values.dtype.names or ()
         return Points(
