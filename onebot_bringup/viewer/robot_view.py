@@ -35,7 +35,7 @@ from onebot_description.errors import OneBotError
 
 # Seconds to wait for all links' frames before laying out without them.
 _PATIENCE = 1.0
-_MOST_WARNINGS = 100  # of one description
+_MOST_WARNINGS = 100  # sentences about one description
 _LONGEST_WARNING = 1000  # characters
 
 ReportBad = Callable[[str, Exception], object]
@@ -176,7 +176,8 @@ class RobotView:
             yield robot.full_name(name), None, WantedTopic(name, (DESCRIPTION,), latched=True)
             for display in robot.displays if number else [self._tf, *robot.displays]:
                 for topic in display.topics():
-                    if not number or not topic.name.startswith("/"):  # which is no robot's own
+                    # An absolute name is no robot's own: the first robot's displays draw it.
+                    if not number or not topic.name.startswith("/"):
                         yield robot.full_name(topic.name), display, topic
         world = self.stage.world
         wanted = WantedTopic(world.names.description, (DESCRIPTION,), latched=True, optional=True)

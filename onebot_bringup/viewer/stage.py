@@ -38,16 +38,7 @@ class Stage:
         clock: Callable[[], float] = time.monotonic,
         definitions: Callable[[str], str] = full_definition,
     ) -> None:
-        """Set the stage for robots whose descriptions follow.
-
-        Args:
-            recording: where to log.
-            view: what is shown, and how.
-            robots: those to show; of several each has its entities below its namespace.
-            resolve: returns the full name of a topic that the view names.
-            clock: seconds.
-            definitions: returns the definition of a message type; raises OneBotError.
-        """
+        """Set the stage for robots whose descriptions follow; arguments are ``RobotView``'s."""
         self.recording = recording
         self.view = view
         self.resolve = resolve
@@ -63,7 +54,7 @@ class Stage:
         self.world = ShownRobot(self, RobotToShow(description=WORLD_DESCRIPTION), "world")
         self.message_displays: Sequence[MessageDisplay] = ()
         self.now_ns = 0  # on the timeline, nanoseconds
-        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # that a message waits for transforms
+        self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # messages wait for transforms so long
         self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
 
     def message_type(self, name: str, *, live: bool = True) -> MessageType[Any]:

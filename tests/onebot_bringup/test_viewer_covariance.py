@@ -115,16 +115,6 @@ def test_an_outline_is_the_ellipse_itself(along, across, angle, sigma):
     np.testing.assert_allclose(aside, sigma * across * np.sin(turns), atol=1e-9)
 
 
-def test_the_halves_of_a_covariance_are_averaged():
-    """It is symmetric, but for rounding."""
-    covariance = _covariance(1.0, 1.0)
-    covariance[1] = 0.5
-    found = place_ellipse(covariance)
-    assert found[:2] == pytest.approx([1.25**0.5, 0.75**0.5])
-    covariance[1], covariance[6] = 0.0, 0.5
-    assert place_ellipse(covariance) == pytest.approx(found)
-
-
 def _recorded(tmp_path: Path, covariances, view=VIEW, place=(0.5, -1.0)) -> Path:
     recording = open_recording(save=tmp_path / "x.rrd")
     live = RobotView(recording.stream, parse_view(view))

@@ -8,7 +8,6 @@ from geometry_msgs.msg import Vector3
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState, Imu, JointState
 from std_msgs.msg import Bool, Float32, String
-from visualization_msgs.msg import MarkerArray
 
 from onebot_bringup.viewer.displays.curves import CurvesDisplay, FieldPath
 from onebot_bringup.viewer.displays.display import Plot
@@ -17,17 +16,13 @@ from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError
 from onebot_description.wire.messages import time_message
-from tests.onebot_bringup.drive_support import chunks, column, curve, while_written
-from tests.onebot_bringup.test_rerun_topics import Driver, _viewer
-from tests.onebot_bringup.test_viewer_marker import marker
+from tests.onebot_bringup.drive_support import chunks, column, curve
 from tests.onebot_bringup.viewer_support import (
     START_NS,
     Shown,
     show,
     take,
 )
-from tests.ros_support import LATCHED, Peer
-from tests.support import wait_for
 
 SECOND = 10**9
 
@@ -168,37 +163,3 @@ def test_curves_are_in_plots_by_name(tmp_path):
         Plot("curves", "Battery", 5.0, ("curves/b",)),
     )
     shown.end()
-
-
-@pytest.mark.slow
-def test_the_viewer_shows_curves_and_markers_that_are_published(ros_domain, tmp_path):
-    """A topic that comes later, and a latched one whose namespace is hidden and shown again."""
-    file, view = tmp_path / "x.rrd", tmp_path / "live.yaml"
-    view.write_text("curves: {lines: {charge: {topic: battery, field: percentage}}}")
-    with Peer(ros_domain) as peer, _viewer(tmp_path, viewer="none", view=view) as node:
-        driver = Driver(peer)
-        marks = peer.publisher(MarkerArray, "marks", LATCHED)
-        marks.publish(MarkerArray(markers=[marker(ns="goals", frame="odom")]))
-        battery = peer.publisher(BatteryState, "battery")
-
-        def cubes() -> list:
-            return while_written(column, file, "/marker/marks/goals/cubes", "Boxes3D:colors")
-
-        def recorded() -> bool:
-            driver.step()
-            battery.publish(BatteryState(percentage=0.5))
-            return 0.5 in while_written(curve, file, "/curves/charge") and bool(cubes())
-
-        def hide(*names: str) -> None:
-            [done] = peer.set_parameters("/rerun_viewer", **{"marker.hidden_namespaces": names})
-            assert done.successful
-
-        def again() -> bool:
-            driver.step()
-            return len([row for row in cubes() if row]) == 2
-
-        wait_for(recorded, "the curve and the marker in the file")
-        hide("goals")
-        hide()
-        wait_for(again, "the marker in the file again")
-        assert node.interrupt() == 0

@@ -325,24 +325,6 @@ def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
     assert set(times(file, "cubes")) == {0}
 
 
-def test_markers_are_deleted(tmp_path):
-    """One, those of a namespace, and all."""
-    shown = Shown(tmp_path)
-    everything = [marker(number=k, ns=space) for space in "ab" for k in range(3)]
-    shown.send(*everything)
-    shown.send(marker(number=1, ns="a", action=Marker.DELETE), at=START_NS + 1)
-    shown.send(marker(ns="a", action=Marker.DELETEALL), at=START_NS + 2)
-    shown.send(*everything, at=START_NS + 3)
-    shown.send(marker(action=Marker.DELETEALL), marker(number=7, ns="b"), at=START_NS + 4)
-    file = shown.end()
-    counts = [len(row or ()) for row in rows(file, "a/cubes", "InstancePoses3D:translations")]
-    assert (counts, times(file, "a/cubes")) == ([3, 2, 3], [0, 1, 2, 2, 3, 4, 4])
-    cleared = rows(file, "a/cubes", "Clear:is_recursive")
-    assert cleared == [[False], [False]]
-    counts = [len(row or ()) for row in rows(file, "b/cubes", "InstancePoses3D:translations")]
-    assert counts == [3, 1]
-
-
 def _cleared(file, layer, topic="marks"):
     """When a layer was emptied, seconds after the start."""
     return [
@@ -366,19 +348,6 @@ def test_a_marker_disappears_when_its_lifetime_is_over(tmp_path):
     assert _cleared(file, "cubes") == [1.75]
     assert _cleared(file, "spheres") == [0.25]
     assert _cleared(file, "arrows") == []
-
-
-def test_a_lifetime_begins_when_a_latched_marker_comes(tmp_path):
-    """As in RViz: what is minutes old is seen for its lifetime, then cleared at its own time."""
-    shown = Shown(tmp_path)
-    now = START_NS + 60 * SECOND
-    take(shown.view, "/mark", marker(lifetime=2.0), now)
-    shown.view.tick(now)
-    assert not shown.view.tick(now + SECOND)
-    assert shown.spaces("/mark") == {""}
-    shown.view.tick(now + 3 * SECOND)
-    assert not shown.spaces("/mark")
-    assert _cleared(shown.end(), "cubes", "mark") == [2.0]
 
 
 @pytest.mark.parametrize(

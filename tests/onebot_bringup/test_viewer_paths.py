@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from onebot_bringup.viewer.view_config import parse_view
@@ -138,17 +137,6 @@ def test_a_path_in_an_unknown_frame_waits_and_is_warned_of(tmp_path):
     take_tf(live, transforms("map", "base", 0.0), static=True)
     live.tick(START_NS + SECOND)
     assert len(_lines(end())) == 1
-
-
-def test_bad_messages_are_reported(tmp_path):
-    """And cost nothing of the others."""
-    bad = []
-    live, end = _begun(tmp_path, report=lambda *args: bad.append(args))
-    for data in (b"", bytes(serialize_message(path(LINE)))[:-9], b"\0\1\0\0\xff\xff\xff\xff"):
-        live.take("/plan", PATH, data, START_NS)
-    take(live, "/plan", path(LINE))
-    assert len(_lines(end())) == 1
-    assert [name for name, _ in bad] == ["/plan"] * 3
 
 
 def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
