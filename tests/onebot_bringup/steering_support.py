@@ -218,11 +218,27 @@ def raw_page(address: str) -> socket.socket:
     return found
 
 
+class Steering(NodeProcess):
+    """The node, on any free port."""
+
+    def __init__(self, check: bool = True, **parameters: object) -> None:
+        args = ros_args(**{"port": 0, "open_browser": "false", **parameters})
+        super().__init__(MODULE, *args, check=check)
+
+    @property
+    def address(self) -> str:
+        """What it prints."""
+        return address_of(self)
+
+    @property
+    def port(self) -> int:
+        return urlsplit(self.address).port or 0
+
+
 @contextmanager
-def steering(**parameters: object) -> Iterator[NodeProcess]:
-    """The node, on any free port, once it serves; its address is ``address_of(node)``."""
-    args = ros_args(**{"port": 0, "open_browser": "false", **parameters})
-    with NodeProcess(MODULE, *args) as node:
+def steering(check: bool = True, **parameters: object) -> Iterator[Steering]:
+    """The node, once it serves."""
+    with Steering(check, **parameters) as node:
         address_of(node)
         yield node
 
