@@ -255,8 +255,9 @@ def address_of(node: NodeProcess) -> str:
     """The address that it prints."""
 
     def printed() -> re.Match[str] | None:
-        assert node.process.poll() is None, node.output
-        return re.search(r"open (http://\S+)\n", node.output)
+        match = re.search(r"open (http://\S+)\n", node.output)
+        assert match or node.process.poll() is None, node.output
+        return match
 
     found = wait_for(printed, "the page's address")
     assert found is not None
