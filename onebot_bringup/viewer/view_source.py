@@ -12,10 +12,10 @@ from onebot_bringup.viewer.view_config import (
     view_for,
     view_text,
 )
-from onebot_bringup.viewer.whole_file import write_whole
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import Changes, FileWatch
 from onebot_description.parameters.reader import replaced
+from onebot_description.whole_file import write_whole
 
 NO_VIEW = "none"
 
