@@ -320,6 +320,9 @@ def test_a_pose_that_is_set_is_exact() -> None:
     assert matrix(odometry)[2, 2] == pytest.approx(grown[2, 2])
     odometry.reset()
     assert not matrix(odometry).any()
+    assert state(odometry) == (0.0,) * 5
+    odometry.update_from_positions(7.0, 8.0, DT)
+    assert state(odometry) == (0.0,) * 5
 
 
 # Kinematics ---------------------------------------------------------------------------------
