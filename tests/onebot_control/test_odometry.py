@@ -254,6 +254,7 @@ def test_covariance_of_a_straight_line() -> None:
         [0.005 / math.sqrt(2.0), heading / math.sqrt(3.0), heading], rel=1e-3
     )
     assert math.degrees(heading) == pytest.approx(1.35, abs=0.01)
+    assert not matrix(drive(1.0, 0.5, 10)).any()  # exact unless they are said to be noisy
 
 
 @pytest.mark.parametrize(("linear", "angular"), [(0.3, 0.0), (0.3, 0.6), (-0.2, 0.5), (0.0, 1.0)])
