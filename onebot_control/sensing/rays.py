@@ -33,6 +33,39 @@ _ASIDE = 1e-5  # m behind a facet, where a ray that has passed it goes on
 _MOST_RAYS = 16_000  # of one call of PyBullet
 
 
+class Cones(NamedTuple):
+    """Cones around bundles of rays from one point."""
+
+    axes: Floats  # (C, 3), unit vectors
+    cosines: Floats  # (C,), of the angles at their sides
+    sines: Floats  # (C,)
+    wide: NDArray[np.bool_]  # (C,), whether they are more than half of all directions
+
+    @classmethod
+    def around(cls, units: Floats, size: int) -> "Cones":
+        """Return the cones around each ``size`` of directions (N, 3)."""
+        starts = np.arange(0, len(units), size)
+        axes = np.add.reduceat(units, starts)
+        axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)
+        cosines = (units * np.repeat(axes, size, axis=0)[: len(units)]).sum(axis=1)
+        halves = np.arccos(np.clip(np.minimum.reduceat(cosines, starts), -1.0, 1.0)) + 1e-6
+        return cls(axes, np.cos(halves), np.sin(halves), halves > np.pi / 2)
+
+    def touched(self, centers: Floats, radii: Floats) -> NDArray[np.bool_]:
+        """Return which cones touch spheres (B, C), of centers (B, 3) and radii (B,)."""
+        apart = np.sqrt((centers * centers).sum(axis=1))
+        outside = np.maximum(apart, 1e-9)
+        sines = np.minimum(1.0, radii / outside)
+        cosines = np.sqrt(1.0 - sines * sines)
+        # Both within the angle a + b from the axis: a of the sphere, b of the cone.
+        least = (outside * cosines)[:, None] * self.cosines
+        least -= (outside * sines)[:, None] * self.sines
+        touched: NDArray[np.bool_] = centers @ self.axes.T >= least
+        touched |= self.wide
+        touched |= (apart <= radii)[:, None]
+        return touched
+
+
 class Rays:
     """Rays from one point, in the frame of their sensor.
 
@@ -57,13 +90,8 @@ class Rays:
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         self._longest = float(lengths.max())
         self.inverse_lengths = (1.0 / lengths[:, 0]).astype(np.float32)
-        starts = np.arange(0, count, self._size)
-        units = directions / lengths
-        axes = np.add.reduceat(units, starts)
-        self._axes = axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)
-        cosines = (units * np.repeat(self._axes, self._size, axis=0)[:count]).sum(axis=1)
-        halves = np.arccos(np.clip(np.minimum.reduceat(cosines, starts), -1.0, 1.0)) + 1e-6
-        self._cosines, self._sines, self._wide = np.cos(halves), np.sin(halves), halves > np.pi / 2
+        self._all = Cones.around(directions / lengths, count)
+        self._bundles = Cones.around(directions / lengths, self._size)
 
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
@@ -85,17 +113,11 @@ class Rays:
             radii: (B,).
             reach: greatest distance.
         """
-        apart = np.sqrt((centers * centers).sum(axis=1))
-        outside = np.maximum(apart, 1e-9)
-        sines = np.minimum(1.0, radii / outside)
-        cosines = np.sqrt(1.0 - sines * sines)
-        # Both within the angle a + b from the axis: a of the sphere, b of the bundle.
-        least = (outside * cosines)[:, None] * self._cosines
-        least -= (outside * sines)[:, None] * self._sines
-        touched: NDArray[np.bool_] = centers @ self._axes.T >= least
-        touched |= self._wide
-        touched |= (apart <= radii)[:, None]
-        touched &= (apart - radii <= reach * self._longest)[:, None]
+        is_near = self.nearest(centers, radii) <= reach
+        if not self._all.wide[0]:
+            is_near &= self._all.touched(centers, radii)[:, 0]
+        touched = np.zeros((len(centers), len(self._bundles.axes)), bool)
+        touched[is_near] = self._bundles.touched(centers[is_near], radii[is_near])
         return touched
 
     def nearest(self, centers: Floats, radii: Floats) -> Singles:
