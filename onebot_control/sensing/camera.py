@@ -85,15 +85,16 @@ class Painter:
         if reach(camera) > camera.far:
             seen = np.where(distances > np.float32(camera.far), np.int16(NOTHING), seen)
         pixels = np.zeros(len(seen), np.uint32)
-        high, low = (_rows(seen == what, camera.width) for what in (NOTHING, GROUND))
+        masks = seen == NOTHING, seen == GROUND
+        high, low = (_rows(mask, camera.width) for mask in masks)
         sky = _sky(hits.directions[high, 2], rays.inverse_lengths[high])
-        np.copyto(pixels[high], sky, where=seen[high] == NOTHING)
+        np.copyto(pixels[high], sky, where=masks[0][high])
         ground = _ground(position, hits.directions[low], distances[low])
-        np.copyto(pixels[low], ground, where=seen[low] == GROUND)
+        np.copyto(pixels[low], ground, where=masks[1][low])
         if len(self._lit):
-            lit = np.take(self._lit, hits.faces, mode="clip")
-            np.copyto(pixels, lit, where=seen == 0)
-            _add_textures(pixels, seen == 0, hits, self._still, np.eye(3))
+            still = seen == 0
+            np.copyto(pixels, np.take(self._lit, hits.faces, mode="clip"), where=still)
+            _add_textures(pixels, still, hits, self._still, np.eye(3))
         for index in np.unique(seen[seen > 0]) - 1:
             mask = seen == index + 1
             surface, turn = targets.surfaces[index], targets.rotations[index]

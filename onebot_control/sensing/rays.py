@@ -65,6 +65,19 @@ class Cones(NamedTuple):
         touched |= (apart <= radii)[:, None]
         return touched
 
+    def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
+        """Return which cones lead away from boxes (B, C), beside which their point is.
+
+        Args:
+            starts: (B, 3), the cones' point in the boxes' frames.
+            turns: (B, 3, 3), from the cones' frame to the boxes'.
+            boxes: (B, 2, 3), least and greatest corner.
+        """
+        axes = self.axes @ turns.transpose(0, 2, 1)
+        sides = np.subtract(starts > boxes[:, 1], starts < boxes[:, 0], dtype=float)
+        away: NDArray[np.bool_] = sides[:, None] * axes > self.sines[:, None]
+        return away.any(axis=2) & ~self.wide
+
 
 class Rays:
     """Rays from one point, in the frame of their sensor.
@@ -120,6 +133,10 @@ class Rays:
         touched[is_near] = self._bundles.touched(centers[is_near], radii[is_near])
         return touched
 
+    def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
+        """Return which bundles lead away from boxes; see ``Cones.leaving``."""
+        return self._bundles.leaving(starts, turns, boxes)
+
     def nearest(self, centers: Floats, radii: Floats) -> Singles:
         """Return the least distances (B,) at which rays can hit spheres; see ``near``."""
         least: Floats = np.sqrt((centers * centers).sum(axis=1)) - radii
@@ -156,6 +173,7 @@ class Targets(NamedTuple):
     positions: Floats  # (B, 3)
     centers: Floats  # (B, 3), of spheres around them
     radii: Floats  # (B,)
+    boxes: Floats  # (B, 2, 3), least and greatest corner around them, in their frames
 
 
 def cast(
@@ -191,13 +209,16 @@ def cast(
     touched = rays.near(centers, targets.radii, reach)
     if skipped > 0:
         touched[skipped - 1] = False
-    is_near = np.any(touched, axis=1)
-    if not is_near.any():
+    if not touched.any():
         return hits
     nearest = rays.nearest(centers, targets.radii)
     back = targets.rotations.transpose(0, 2, 1)
-    starts = np.einsum("bij,bj->bi", back, position - targets.positions).astype(np.float32)
-    turns = (back @ rotation).astype(np.float32)
+    starts = np.einsum("bij,bj->bi", back, position - targets.positions)
+    turns = back @ rotation
+    around = np.flatnonzero(nearest < 0.0)  # the spheres that the sensor is in
+    touched[around] &= ~rays.leaving(starts[around], turns[around], targets.boxes[around])
+    is_near = np.any(touched, axis=1)
+    starts, turns = starts.astype(np.float32), turns.astype(np.float32)
     # All that look alike are one cast: of a fleet there may be hundreds.
     for surface, alike in targets.alike.items():
         kind = alike[is_near[alike]]
@@ -209,7 +230,11 @@ def cast(
         rows, indices = rows[ahead], indices[ahead]
         if not len(rows):
             continue
-        turned = np.einsum("pij,pj->pi", turns[indices], rays.singles[rows])
+        turned = rays.singles[rows]
+        if len(kind) == 1:
+            turned = turned @ turns[kind[0]].T
+        else:
+            turned = np.einsum("pij,pj->pi", turns[indices], turned)
         distances = limit[rows]
         found = surface.cast(starts[indices], turned, distances)
         hit = np.flatnonzero(found.faces >= 0)

@@ -69,6 +69,7 @@ class Surroundings:
         spheres = [surface.solid.sphere for surface in self._surfaces]
         self._centers = np.array([center for center, _ in spheres]).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in spheres])
+        self._boxes = np.array([surface.solid.box for surface in self._surfaces])
         indices: dict[Surface, list[int]] = {}
         for index, surface in enumerate(self._surfaces):
             indices.setdefault(surface, []).append(index)
@@ -102,7 +103,7 @@ class Surroundings:
             turned[kind.targets] = rotations[:, kind.seen]
             at[kind.targets] = positions[:, kind.seen]
         centers = np.einsum("bij,bj->bi", turned, self._centers) + at
-        return Targets(self._surfaces, self._alike, turned, at, centers, self._radii)
+        return Targets(self._surfaces, self._alike, turned, at, centers, self._radii, self._boxes)
 
 
 class Placed:
