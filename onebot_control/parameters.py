@@ -51,7 +51,7 @@ class BroadcasterConfig:
     )
     interfaces: tuple[str, ...] = parameter(
         (),
-        "published of them, others are NaN; empty: all",
+        "published for these joints, others are NaN; empty: all",
         choices=INTERFACES,
         unique=True,
     )
@@ -95,13 +95,17 @@ class ControlConfig:
     left_wheel_names: tuple[str, ...] = _wheels("left")
     right_wheel_names: tuple[str, ...] = _wheels("right")
     wheel_separation: float = parameter(
-        0.0, f"distance of the wheels, m; {_FROM_URDF}", at_least=0.0
+        0.0,
+        f"distance of the wheels, of skid steer the effective one, m; {_FROM_URDF}",
+        at_least=0.0,
     )
-    wheel_radius: float = parameter(0.0, f"m; {_FROM_URDF}", at_least=0.0)
+    wheel_radius: float = parameter(
+        0.0, f"radius of the driven wheels, m; {_FROM_URDF}", at_least=0.0
+    )
     wheel_separation_multiplier: float = _multiplier("wheel_separation")
     left_wheel_radius_multiplier: float = _multiplier("the left wheels' radius")
     right_wheel_radius_multiplier: float = _multiplier("the right wheels' radius")
-    tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames")
+    tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames of the odometry")
     tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
     odom_frame_id: str = _frame("odom", "frame of the odometry")
     base_frame_id: str = parameter(
@@ -116,13 +120,19 @@ class ControlConfig:
     open_loop: bool = parameter(False, "odometry by the commands, not by the wheels")
     position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
     enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
-    cmd_vel_timeout: float = parameter(0.5, "a command older than this stops it, s", at_least=0.0)
+    cmd_vel_timeout: float = parameter(
+        0.5, "time without a command until the robot brakes, s; a stamp's age counts", at_least=0.0
+    )
     publish_limited_velocity: bool = parameter(False, "publish ~/cmd_vel_out")
     velocity_rolling_window_size: int = parameter(
-        10, "velocities that the odometry's twist is the mean of", at_least=1
+        10, "samples that the odometry's velocity is the mean of", at_least=1
     )
-    publish_rate: float = parameter(50.0, "of ~/odom and /tf, Hz", above=0.0, at_most=_MOST_HERTZ)
-    cmd_vel_type: str = parameter("auto", "of ~/cmd_vel; auto: as published", choices=COMMAND_TYPES)
+    publish_rate: float = parameter(
+        50.0, "odometry and its transform, Hz", above=0.0, at_most=_MOST_HERTZ
+    )
+    cmd_vel_type: str = parameter(
+        "auto", "type of ~/cmd_vel; auto: the one that is published", choices=COMMAND_TYPES
+    )
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
     robot_description: str = parameter(
@@ -142,7 +152,8 @@ class ControlConfig:
         1.0, "simulated seconds a second; 0: as fast as possible", at_least=0.0
     )
     world_frame_id: str = parameter(
-        WORLD_FRAME, "frame of ~/ground_truth, parent of odom_frame_id; empty: the odometry's"
+        WORLD_FRAME,
+        "frame of the truth and parent of odom; empty: the truth in odom, unless there is a world",
     )
     world: str = parameter(
         "",
@@ -150,7 +161,7 @@ class ControlConfig:
         read_only=True,
     )
     sensors: str = parameter(
-        "", "URDF or xacro file with sensors that the robot_description lacks; empty: none"
+        "", "URDF or xacro file with sensors that the robot's URDF lacks; followed while it runs"
     )
     sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
@@ -221,21 +232,20 @@ def default_control_file() -> Path:
 def read_control_files(files: Sequence[Path], namespace: str, controller: str) -> Parameters:
     """Read the parameters of controller_manager, joint_state_broadcaster and the controller.
 
+    Later files override. The names of the broadcaster's begin with ``joint_state_broadcaster.``.
+
     Args:
-        files: later ones override.
+        files: in ros2_control's form.
         namespace: of the nodes, such as "/".
         controller: name of the controller's node.
-
-    Returns:
-        The controller's parameters; the broadcaster's begin with ``joint_state_broadcaster.``.
 
     Raises:
         ConfigError: with all that is wrong in the file, each with its line.
     """
-    found = Parameters()
+    parameters = Parameters()
     for file in files:
-        found.update(_File(file, namespace).read(controller))
-    return found
+        parameters.update(_File(file, namespace).read(controller))
+    return parameters
 
 
 class _File:
@@ -335,11 +345,7 @@ class ControlParameters:
         return [problem.message(self.places) for problem in self.config.surprises()]
 
     def changed(self, parameters: Sequence["Parameter"], simulated: bool) -> ControlConfig:
-        """Return the configuration there would be with these parameters set.
-
-        Args:
-            parameters: to be set together.
-            simulated: whether the node's time is simulated.
+        """Return the configuration with these parameters set.
 
         Raises:
             ConfigError: they cannot be set, and why.

@@ -56,29 +56,8 @@ Services:
 Of several robots in one world, ~/pause and ~/step of any are all robots', and so is
 real_time_factor, which changes for all; update_rate, use_sim_time and world must be the same.
 
-Parameters: those of diff_drive_controller, and (* is read at the start only)
-    cmd_vel_type (string, default auto): Twist, TwistStamped, or auto: the one that is published.
-    robot_description* (string, default ""): the URDF to start with, before one is published, or the
-        path of a URDF or xacro file.
-    x*, y* (double, m), yaw* (double, rad; default 0.0): where the robot starts in the world.
-    world* (string, default ""): what stands around the robot: maze, ramp, or the path of a URDF or
-        xacro file with walls, ramps and boxes.
-    update_rate* (double or integer, Hz, default 100): control cycles, 0.001 to 1000;
-        controller_manager's.
-    left_wheel_noise, right_wheel_noise (double, m, default 0.005): standard deviation of a distance
-        of 1 m by these wheels; it grows with the root of the distance.
-    real_time_factor (double, default 1.0): simulated seconds a second; 0.0 is as fast as possible.
-    world_frame_id (string, default world): frame of ~/ground_truth and parent of odom_frame_id;
-        empty gives the truth in the odometry's frame and leaves odom_frame_id without parent, but
-        is world where there is one, and then it is read at the start only.
-    sensors (string, default ""): a URDF or xacro file with sensors that the URDF lacks.
-    sensor_noise (bool, default true): sensors have the noise that their blocks have.
-    joint_state_broadcaster.joints, .interfaces, .extra_joints (string[]), .frame_id (string,
-        default base_link): joint_state_broadcaster's.
-left_wheel_names* and right_wheel_names* are found in the URDF where they are empty, the default;
-wheel_separation and wheel_radius (double, m) are read from it where they are 0.0, and base_frame_id
-is its root link where it is empty. A change of any parameter takes effect at
-once, or is refused with the reason.
+Parameters are those of diff_drive_controller and joint_state_broadcaster, and the simulation's. A
+change takes effect at once, or is refused with the reason.
 """
 
 import sys
@@ -88,7 +67,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from onebot_control.parameters import default_control_file, read_control_files
+from onebot_control.parameters import ControlConfig, default_control_file, read_control_files
 from onebot_description.node import (
     RosArguments,
     at_stop,
@@ -126,8 +105,8 @@ def velocity_controllers(
     """Return a node for each robot of a world, which start driving when all are described.
 
     Args:
-        robots: the ROS arguments of each; none for a single robot, which needs none.
-        file: as ``Driving``'s.
+        robots: the ROS arguments of each; none for a single robot.
+        file: URDF or xacro file.
         arguments: of all nodes.
 
     Raises:
@@ -153,6 +132,7 @@ def main(args: list[str] | None = None) -> int:
     return run_described_node(
         "velocity_controller",
         __doc__,
+        ControlConfig,
         partial(velocity_controllers, robots),
         lambda common: read_control_files([*common, *files], "/", "velocity_controller"),
         own,

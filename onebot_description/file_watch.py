@@ -9,7 +9,7 @@ before they are filled.
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -24,7 +24,7 @@ _REST = 0.2  # seconds without a change until a change counts
 _REST_EMPTY = 1.0  # the same, where a changed file is empty or gone
 
 
-def file_states(files: Iterable[Path]) -> dict[Path, FileState]:
+def _states(files: Iterable[Path]) -> dict[Path, FileState]:
     """Return for each file what changes when it is edited, replaced or removed."""
     return {file: _state(file) for file in files}
 
@@ -55,22 +55,21 @@ class FileWatch:
         self,
         files: Iterable[Path],
         *,
-        known: Mapping[Path, FileState] | None = None,
-        unread: bool = False,
+        since_ns: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Watch ``files``; none need exist.
 
         Args:
             files: by name.
-            known: states that count as unchanged; by default, the present ones do.
-            unread: report all files as changed the first time that they are at rest.
+            since_ns: files that were written later than this, ns since 1970, count as changed.
             clock: seconds.
         """
-        self._known: dict[Path, FileState] = dict.fromkeys(files, _UNREAD)
-        if not unread:
-            self._known = file_states(self._known) | dict(known or {})
-        self._last = dict(self._known)
+        self._last = _states(files)
+        self._known = dict(self._last)
+        for file, state in self._last.items():
+            if since_ns is not None and (state is None or state[0] > since_ns):
+                self._known[file] = _UNREAD
         self._clock = clock
         self._since = clock()  # when the files were first found as they were last
 
@@ -81,18 +80,18 @@ class FileWatch:
 
     def watch(self, files: Iterable[Path]) -> None:
         """Watch these files instead; those already watched keep their state."""
-        wanted = tuple(files)
-        new = file_states(file for file in wanted if file not in self._known)
+        names = tuple(files)
+        new = _states(file for file in names if file not in self._known)
         known, last = self._known | new, self._last | new
-        self._known = {file: known[file] for file in wanted}
-        self._last = {file: last[file] for file in wanted}
+        self._known = {file: known[file] for file in names}
+        self._last = {file: last[file] for file in names}
 
     def poll(self) -> Changes:
         """Look at the files; return what has happened to them since it was last returned.
 
         Nothing is returned before all of the files have been at rest.
         """
-        last, self._last, now = self._last, file_states(self._known), self._clock()
+        last, self._last, now = self._last, _states(self._known), self._clock()
         if self._last != last:
             self._since = now
         changed = [file for file, state in self._last.items() if state != self._known[file]]
@@ -100,8 +99,8 @@ class FileWatch:
         if not changed or now - self._since < (_REST if complete else _REST_EMPTY):
             return Changes([], [])
         self._known = dict(self._last)
-        there = [file for file in changed if self._known[file] is not None]
-        return Changes(there, [file for file in changed if file not in there])
+        saved = [file for file in changed if self._known[file] is not None]
+        return Changes(saved, [file for file in changed if file not in saved])
 
 
 def in_background(read: Callable[[], T]) -> "Future[T]":

@@ -15,40 +15,19 @@ Subscribes:
         FILE or the parameter gives it.
     each topic of source_list (sensor_msgs/msg/JointState, best effort, depth 10).
 
-Parameters (all can be changed while it runs; a change takes effect or is refused with the reason):
-    rate (double or integer, Hz, default 10): 0.001 to 1000.
-    publish_default_positions (bool, default true): for joints that nothing moves.
-    publish_default_velocities (bool, default false): also when nothing moves.
-    publish_default_efforts (bool, default false): zeros.
-    use_mimic_tags (bool, default true): joints with a mimic tag follow the joint it names.
-    use_smallest_joint_limits (bool, default true): keep to the limits of safety_controller too.
-    source_list (string[], default []): topics whose values count more than all of the below.
-    zeros.<joint> (double, default 0, or mid-range if 0 is out of range): where it rests.
-    dependent_joints.<joint>.parent (string), .factor (double, 1.0), .offset (double, 0.0).
-    poses.<pose>.<joint> (double): named poses.
-    pose (string, default ""): the pose to hold, over all motions; empty for none.
-    motions.<joint>.type (string): constant (.position), sine (.amplitude .frequency .phase
-        .offset), keyframes (.times, .positions or .poses, .blend, .loop) or pose (.pose).
-    sequence.poses (string[]), .durations (double[], s), .blend (string, minimum_jerk), .loop
-        (bool, true): poses to go through, for the joints without a motion of their own.
-    delta (double, default 0.0): step per message of joints that nothing else moves.
-    swing (double, s, default 0.0): period in which these swing within their limits, where delta is
-        0.0; 0.0: they rest.
-    robot_description (string, default ""): the URDF, or the path of a URDF or xacro file.
-    config_file (string, default ""): a parameter file to read and watch as --params-file is.
+All parameters can be changed while it runs; a change takes effect or is refused with the reason.
 """
 
 import sys
+import time
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -59,6 +38,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
 from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import DescriptionError, OneBotError, listing
 from onebot_description.file_watch import FileWatch, in_background
 from onebot_description.joints.config import JointsConfig
@@ -70,6 +50,7 @@ from onebot_description.node import (
     described_by,
     is_path,
     run_described_node,
+    steady_timer,
 )
 from onebot_description.parameters.files import LiveParameters, Parameters, read_files
 from onebot_description.parameters.reader import (
@@ -276,7 +257,7 @@ class JointFiles:
         description_file: str | None,
         parameters: JointParameters,
         state: Callable[[], JointsState],
-        offer: Callable[[Description], None],
+        replace: Callable[[Description], None],
     ) -> None:
         """Nothing is watched before ``watch``.
 
@@ -285,69 +266,65 @@ class JointFiles:
             description_file: URDF or xacro file, None if a parameter or a topic gives it.
             parameters: the node's.
             state: returns the state in force.
-            offer: takes a changed description.
+            replace: applies another description.
         """
-        self._node, self._description_file = node, description_file
-        self._parameters, self._state, self._offer = parameters, state, offer
+        self._node, self._log, self._description_file = node, node.get_logger(), description_file
+        self._parameters, self._state, self._replace = parameters, state, replace
         self._saved: list[Path] = []  # parameter files, since they were last applied
-        self._refused = False  # the parameter files as they are
+        self._is_refused = False  # the parameter files as they are
         self._unsuitable: Parameters | None = None  # those refused because of the robot
-        self._unread = self._redescribed = False  # what files hold is to be applied
+        self._is_unread = False  # the parameter files are to be read
         self._reading: Future[Parameters] | None = None
-        self._expanding: tuple[str, Future[Description]] | None = None  # and its file
         self._watch = FileWatch(())
+        self._description: DescriptionFiles | None = None
+        self._polled_ns = time.time_ns()  # what is written later is an edit
 
     def watch(self) -> None:
         """Watch the files as they are now."""
-        self._watch.watch(self._watched())
-        # Not ROS time: it may stand still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(_POLL_EVERY, self._poll, clock=steady)
+        self._watch.watch(self._parameters.live.files)
+        steady_timer(self._node, _POLL_EVERY, self._poll)
 
     def read_soon(self) -> None:
         """Read the parameter files at the next poll, saved or not."""
-        self._unread = True
+        self._is_unread = True
 
     def apply_refused(self) -> None:
-        """Apply the parameter files again, if they did not suit the robot of before."""
+        """Apply the parameter files again, if they did not suit the last robot."""
         if self._unsuitable is not None:
             self._apply_parameters(self._unsuitable)
 
-    def _watched(self) -> list[Path]:
-        state = self._state()
-        from_file = self._description_file or is_path(self._description_path)
-        described = state.description.files if state.description and from_file else ()
-        return [*self._parameters.live.files, *described]
-
     def _poll(self) -> None:
-        """Apply what was saved since the last poll."""
-        self._watch.watch(self._watched())
+        self._watch.watch(self._parameters.live.files)
         saved, removed = self._watch.poll()
-        files = self._parameters.live.files
         for file in removed:
-            self._node.get_logger().warning(f"{file} was removed: {_GOES_ON}")
-        edited = [file for file in saved if file in files]
-        self._saved += edited
-        self._unread |= bool(edited)
-        self._redescribed |= any(file not in files for file in saved)
-        if self._unread and self._reading is None:
-            self._unread = False
+            self._log.warning(f"{file} was removed: {_GOES_ON}")
+        self._saved += saved
+        self._is_unread |= bool(saved)
+        if self._is_unread and self._reading is None:
+            self._is_unread = False
             self._reading = in_background(self._parameters.live.read)
-        if self._reading is not None and self._reading.done():
+        if self._reading is None:
+            self._poll_description()  # which comes after the parameters
+        elif self._reading.done():
             reading, self._reading = self._reading, None
             self._finish(reading)
-        if self._redescribed and self._reading is None and self._expanding is None:
-            self._redescribed = False  # after the parameters
-            path = self._description_path
-            self._expanding = path, in_background(partial(load_description, path))
-        if self._expanding is not None and self._expanding[1].done():
-            (path, expanding), self._expanding = self._expanding, None
-            if path == self._description_path:  # no other file was given meanwhile
-                self._finish_description(path, expanding)
 
-    @property
-    def _description_path(self) -> str:
-        return self._description_file or self._state().values.get("robot_description", "")
+    def _poll_description(self) -> None:
+        state = self._state()
+        path = self._description_file or state.values.get("robot_description", "")
+        if not is_path(path) or state.description is None:
+            self._description = None
+            return
+        if self._description is None or self._description.model != path:
+            files = tuple(map(str, state.description.files))
+            self._description = DescriptionFiles(Source(path, {}, files, self._polled_ns))
+        self._polled_ns = time.time_ns()
+        try:
+            description = self._description.poll()
+            if description is not None and description.urdf != state.description.urdf:
+                self._replace(description)
+        except DescriptionError as error:
+            self._log.error(f"{path} not applied, {_GOES_ON}:\n{error}")
 
     def _finish(self, reading: "Future[Parameters]") -> None:
         try:
@@ -356,44 +333,36 @@ class JointFiles:
             self._refuse(error)
 
     def _refuse(self, error: OneBotError, unsuitable: Parameters | None = None) -> None:
-        self._refused, self._unsuitable = True, unsuitable
-        self._node.get_logger().error(f"{self._names} not applied, {_GOES_ON}:\n{error}")
+        self._is_refused, self._unsuitable = True, unsuitable
+        self._log.error(f"{self._names} not applied, {_GOES_ON}:\n{error}")
 
     @property
     def _names(self) -> str:
-        """The parameter files in words: the bringup's own, a temporary one, is nobody's to edit."""
+        """The saved parameter files; at a change of config_file, that one."""
         files = self._saved or self._parameters.live.files[-1:]
         return ", ".join(map(str, dict.fromkeys(files))) or "parameters"
 
     def _apply_parameters(self, file: Parameters) -> None:
         """Set every parameter as the files have it; one they do not name gets its default."""
-        live, log = self._parameters.live, self._node.get_logger()
-        before = live.file
+        live = self._parameters.live
+        last = live.file
         try:
             overridden = live.overridden(file)
             changes = live.changes(file, self._state().values)
             live.file = file
             self._parameters.set_all(changes, file.places)
         except OneBotError as error:
-            live.file = before
+            live.file = last
             self._refuse(error, file)
             return
-        names, mended = self._names, "mended, " if self._refused else ""
-        self._saved, self._refused, self._unsuitable = [], False, None
+        names, mended = self._names, "mended, " if self._is_refused else ""
+        self._saved, self._is_refused, self._unsuitable = [], False, None
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
-        log.info(f"{names}: {mended}applied, {changed}")
+        self._log.info(f"{names}: {mended}applied, {changed}")
         for name in overridden:
-            log.warning(f"{name} is set on the command line, which overrides the file")
+            self._log.warning(f"{name} is set on the command line, which overrides the file")
         if live.warning:
-            log.warning(live.warning)
-
-    def _finish_description(self, path: str, expanding: "Future[Description]") -> None:
-        try:
-            description = expanding.result()
-        except DescriptionError as error:
-            self._node.get_logger().error(f"{path} not applied, {_GOES_ON}:\n{error}")
-        else:
-            self._offer(description)
+            self._log.warning(live.warning)
 
 
 # Takes what sensors publish best effort as well as what is published reliably.
@@ -623,6 +592,7 @@ def main(args: list[str] | None = None) -> int:
     return run_described_node(
         "joint_state_publisher",
         __doc__,
+        JointsConfig,
         JointStatePublisher,
         lambda files: read_files(files, "/joint_state_publisher", JointsConfig),
         args,

@@ -26,14 +26,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
-from rclpy.time_source import TimeSource
-from rosgraph_msgs.msg import Clock as ClockMessage
+from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.packages import cache_folder, use_environment_prefix
 from onebot_description.discovery import configure_discovery, question, server
 from onebot_description.errors import OneBotError, shortened
+from onebot_description.parameters.table import help_text
 from onebot_description.signals import StopSignals
 
 P = ParamSpec("P")
@@ -41,7 +41,7 @@ MakeNode = Callable[[], Node | Sequence[Node]]
 InvalidHandle = rclpy_implementation.InvalidHandle
 RCLError = rclpy_implementation.RCLError
 
-# For those who subscribe later than it was published: the description, a page's address.
+# Late subscribers receive it, too: the description, a page's address.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # The events executor hangs at a full core when it spins without a timeout; with one it sleeps.
@@ -52,10 +52,10 @@ _LONGEST = 4000  # characters of a throttled warning: it may name what a message
 _PATIENCE = 2.0  # seconds without a description before a warning
 _POLL_PUBLISHERS = 1.0  # seconds
 _PLACE = re.compile(r", at \S+:\d+")  # in ROS's sources
-# What ROS says of a topic that the node has as another type: of a publisher, of a subscription.
+# ROS's errors about a topic that the node has as another type, for a publisher and a subscription.
 _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
-# For how long a second publisher must be there: a node may end while its successor starts, and to
-# those that knew it, one that was killed seems to be there for 20 s more (the lease of Fast DDS).
+# How long a second publisher must be there: a node may end while its successor starts, and a killed
+# one stays in the graph for 20 s (the lease of Fast DDS).
 _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
@@ -82,7 +82,6 @@ def run_node(
     use_environment_prefix()
     use_writable_log_folder()
     configure_discovery(whole_graph=whole_graph)
-    ignore_impossible_times()
     stop: Future = Future()
     with StopSignals(lambda: _finish(stop)) as signals:
         try:
@@ -98,9 +97,22 @@ def run_node(
 
 
 def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> int:
+    nodes: Sequence[Node] = ()
+    executor: Executor | None = None
     try:
         with ros_errors():
-            _spin_node(make_node, stop, signals, events)
+            try:
+                with signals.interrupting():
+                    made = make_node()
+                nodes = [made] if isinstance(made, Node) else made
+                executor = _make_executor(events)
+                for node in nodes:
+                    executor.add_node(node)
+                    if events:
+                        MissedMessages(node)
+                _spin_until(stop, executor)
+            finally:
+                _destroy(nodes, executor)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except OneBotError as error:
@@ -108,29 +120,21 @@ def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool)
     return 0
 
 
-def _spin_node(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> None:
-    nodes: Sequence[Node] = ()
-    executor: Executor | None = None
-    try:
-        with signals.interrupting():
-            made = make_node()
-        nodes = [made] if isinstance(made, Node) else made
-        executor = _make_executor(events)
-        for node in nodes:
-            executor.add_node(node)
-            if events:
-                MissedMessages(node)
-        _spin_until(stop, executor)
-    finally:
-        for node in nodes:
-            if executor is not None:
-                executor.remove_node(node)
-            node.destroy_node()
+def _destroy(nodes: Sequence[Node], executor: Executor | None) -> None:
+    for node in nodes:
         if executor is not None:
-            # It frees the entities of DDS, which takes rmw_fastrtps the square of their number: for
-            # 100 robots seconds. All else is done, and SIGTERM may end the process meanwhile.
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            executor.shutdown()
+            executor.remove_node(node)
+        node.destroy_node()
+    if executor is not None:
+        # It frees the entities of DDS, which takes rmw_fastrtps the square of their number: for
+        # 100 robots seconds. All else is done, and SIGTERM may end the process meanwhile.
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        executor.shutdown()
+
+
+def steady_timer(node: Node, seconds: float, callback: Callable[[], object]) -> Timer:
+    """Return a timer by the steady clock: ROS time may stand still."""
+    return node.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def _make_executor(events: bool) -> Executor:
@@ -152,28 +156,19 @@ class MissedMessages:
         self._node = node
         self._new: set[Subscription] = set()
         self._done: set[Subscription] = set()
-        # Not ROS time: it may stand still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_TAKE_MISSED, self._take_missed, clock=steady)
+        steady_timer(node, _TAKE_MISSED, self._take_missed)
 
     def _take_missed(self) -> None:
-        subscriptions = {each for each in self._node.subscriptions if _is_latched(each)}
-        due = self._new & subscriptions
-        self._done = self._done & subscriptions | due
-        self._new = subscriptions - self._done
+        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        present = {s for s in self._node.subscriptions if s.qos_profile.durability == latched}
+        due = self._new & present
+        self._done = self._done & present | due
+        self._new = present - self._done
         for subscription in due:
-            _take_all(subscription)
-
-
-def _is_latched(subscription: Subscription) -> bool:
-    return bool(subscription.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-def _take_all(subscription: Subscription) -> None:
-    """Call the subscription's callback with all that it has received."""
-    with suppress(InvalidHandle), subscription.handle:
-        while taken := subscription.handle.take_message(subscription.msg_type, subscription.raw):
-            subscription.callback(taken[0])
+            with suppress(InvalidHandle), subscription.handle:
+                handle, kind = subscription.handle, subscription.msg_type
+                while taken := handle.take_message(kind, subscription.raw):
+                    subscription.callback(taken[0])
 
 
 def _spin_until(stop: Future, executor: Executor) -> None:
@@ -188,7 +183,7 @@ def _spin_until(stop: Future, executor: Executor) -> None:
         raise error
 
 
-_stops: list[Future] = []  # of the nodes that this process runs
+_stops: list[Future] = []  # done when the nodes of this process are to stop
 
 
 def ends_node(callback: Callable[P, None]) -> Callable[P, None]:
@@ -245,8 +240,9 @@ def first_line(error: BaseException) -> str:
 def run_described_node(
     name: str,
     explanation: str | None,
+    parameters: type,
     make_node: Callable[[str | None, RosArguments], Node | Sequence[Node]],
-    check_files: Callable[[Sequence[Path]], object],
+    check_files: Callable[[Sequence[Path]], object] | None,
     args: Sequence[str] | None,
     *,
     default_file: Callable[[], Path] | None = None,
@@ -257,9 +253,10 @@ def run_described_node(
     Args:
         name: of the program, for its help.
         explanation: its help; the module's docstring.
+        parameters: their dataclass, for the help.
         make_node: called with FILE, or None, and the command line's parameter files and names.
         check_files: called with the parameter files before rcl sees them. rcl would refuse a
-            broken one too, but without saying where or what to write.
+            broken one too, but without saying where or what to write. None to leave it to rcl.
         args: arguments as in sys.argv; None for sys.argv itself.
         default_file: gives the parameter file to use where the command line names none.
         events: as ``run_node``'s.
@@ -268,27 +265,24 @@ def run_described_node(
         The exit code.
     """
     arguments = list(sys.argv if args is None else args)
-    chosen = _parser(name, explanation).parse_args(ros_arguments(arguments).others)
-    try:
-        if default_file is not None and not ros_arguments(arguments).files:
-            # First, for whatever is on the command line to come first.
-            file = ["--ros-args", "--params-file", str(default_file()), "--"]
-            arguments = [*arguments[:1], *file, *arguments[1:]]
-        ros = ros_arguments(arguments)
-        check_files(ros.files)
-    except OneBotError as error:
-        return _fail(str(error))
-    return run_node(lambda: make_node(chosen.description, ros), arguments, events=events)
-
-
-def _parser(name: str, explanation: str | None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=name,
-        description=explanation,
+        description=f"{explanation}\n{help_text(parameters)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("description", nargs="?", metavar="FILE", help="URDF or xacro file")
-    return parser
+    chosen = parser.parse_args(ros_arguments(arguments).others)
+    try:
+        if default_file is not None and not ros_arguments(arguments).files:
+            # First, so that the command line overrides it.
+            file = ["--ros-args", "--params-file", str(default_file()), "--"]
+            arguments = [*arguments[:1], *file, *arguments[1:]]
+        ros = ros_arguments(arguments)
+        if check_files is not None:
+            check_files(ros.files)
+    except OneBotError as error:
+        return _fail(str(error))
+    return run_node(lambda: make_node(chosen.description, ros), arguments, events=events)
 
 
 def _fail(message: str) -> int:
@@ -309,21 +303,6 @@ def use_writable_log_folder() -> None:
             if os.access(folder, os.W_OK):
                 return
     os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
-
-
-@functools.cache
-def ignore_impossible_times() -> None:
-    """Have nodes ignore a /clock that no clock can show, such as one before 1970.
-
-    rclpy raises in its own callback of /clock, which would end the node.
-    """
-    take: Callable[[TimeSource, ClockMessage], None] = TimeSource.clock_callback
-
-    def take_possible(source: TimeSource, message: ClockMessage) -> None:
-        if message.clock.sec >= 0:
-            take(source, message)
-
-    TimeSource.clock_callback = take_possible
 
 
 class RosArguments(NamedTuple):
@@ -419,9 +398,7 @@ class DescriptionTopic:
         node.create_subscription(
             String, _DESCRIPTION, lambda message: received(message.data), LATCHED
         )
-        # Not ROS time: it may stand still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(_PATIENCE, self._warn_once, clock=steady)
+        self._timer = steady_timer(node, _PATIENCE, self._warn_once)
 
     def _warn_once(self) -> None:
         self._timer.cancel()
@@ -438,8 +415,7 @@ class DiscoveryServerCheck:
     def __init__(self, own: Sequence[Node]) -> None:
         self._node, self._own, self._warned = own[0], len(own), False
         if server():
-            steady = Clock(clock_type=ClockType.STEADY_TIME)  # ROS time may stand still
-            self._timer = self._node.create_timer(_PATIENCE, self._poll, clock=steady)
+            self._timer = steady_timer(self._node, _PATIENCE, self._poll)
 
     def _poll(self) -> None:
         alone = len(self._node.get_node_names()) <= self._own
@@ -453,12 +429,7 @@ class DiscoveryServerCheck:
 
 
 def warn_of_two_robots(node: Node, *, own: bool) -> None:
-    """Warn when robot_description, as it is in the node's namespace, has several publishers.
-
-    Args:
-        node: that knows the ROS graph.
-        own: it publishes the description itself.
-    """
+    """Warn when robot_description has several publishers; ``own``: the node is one of them."""
     problem = (
         "two robots take turns in one. Stop one, or start one with namespace:=NAME, or apart from "
         "the other with domain_id:=N"
@@ -467,36 +438,33 @@ def warn_of_two_robots(node: Node, *, own: bool) -> None:
 
 
 class OnlyPublisher:
-    """Warns when a topic that is one node's has several publishers.
+    """Warns once of each further publisher of a topic that should have one.
 
-    A publisher is warned of when it has been there for a while, and each only once: a node that is
-    restarted is none.
+    It must be there for a while: a restarted node does not count as a second publisher.
     """
 
     def __init__(self, node: Node, topic: str, problem: str, *, own: bool) -> None:
         """Watch a topic.
 
         Args:
-            node: that knows the ROS graph.
-            topic: as the node names it.
-            problem: what comes of several publishers, and the remedy.
-            own: the node publishes the topic itself, so that one other is one too many.
+            node: the observer.
+            topic: a name, relative to the node's namespace.
+            problem: the consequence of several publishers, and how to fix it.
+            own: the node publishes the topic itself.
         """
         self._node, self._topic = node, node.resolve_topic_name(topic)
         self._problem = problem
         self._own = f"{node.get_namespace().rstrip('/')}/{node.get_name()}" if own else ""
         self._lasting = Lasting(_SETTLED if own else _FORGOTTEN)
-        # Not ROS time: it may stand still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_POLL_PUBLISHERS, self._poll, clock=steady)
+        steady_timer(node, _POLL_PUBLISHERS, self._poll)
 
     def _poll(self) -> None:
         names = self._names() if self._node.count_publishers(self._topic) > 1 else []
         if not self._lasting.new(names, time.monotonic()):
             return
         others = ", ".join(names)
-        found = f"also published by {others}" if self._own else f"published by {others} at once"
-        self._node.get_logger().warning(f"{self._topic} is {found}: {self._problem}")
+        text = f"also published by {others}" if self._own else f"published by {others} at once"
+        self._node.get_logger().warning(f"{self._topic} is {text}: {self._problem}")
 
     def _names(self) -> list[str]:
         """Return the nodes that publish it; of several of one name, the name as often."""
@@ -508,23 +476,18 @@ class OnlyPublisher:
 
 
 class Lasting:
-    """Reports what has lasted for some time, once."""
+    """Reports once what has lasted for ``patience`` seconds."""
 
     def __init__(self, patience: float) -> None:
         self._patience = patience
-        self._what: Sequence[str] = ()
+        self._names: list[str] = []
         self._since = 0.0
         self._reported = True
 
-    def new(self, what: Sequence[str], now: float) -> bool:
-        """Return whether ``what`` is there and has lasted, unless that was returned before.
-
-        Args:
-            what: is there now; empty for nothing.
-            now: seconds.
-        """
-        if list(what) != list(self._what):
-            self._what, self._since, self._reported = what, now, not what
+    def new(self, names: Sequence[str], now: float) -> bool:
+        """Return whether these ``names`` are there for long enough, the first time; now in s."""
+        if list(names) != self._names:
+            self._names, self._since, self._reported = list(names), now, not names
         if self._reported or now - self._since < self._patience:
             return False
         self._reported = True
@@ -532,27 +495,19 @@ class Lasting:
 
 
 class Throttled:
-    """Logs what is of one kind only so often."""
+    """Logs texts of one kind only so often."""
 
     def __init__(self, log: Callable[[str], object], every: float = 5.0) -> None:
         """Log with ``log`` at most once in ``every`` seconds.
 
-        Args:
-            log: a logger's ``warning``. For another severity, a lambda that calls it: to rclpy, a
-                line of code logs at one severity only, and all of these log from the same line.
-            every: seconds.
+        ``log`` is a logger's ``warning``. For another severity it is a lambda: rclpy allows a line
+        of code one severity only, and all these log from the same line.
         """
         self._log, self._every = log, every
         self._logged_at: dict[str, float] = {}
 
     def __call__(self, kind: str, text: str, *, every: float | None = None) -> None:
-        """Log ``text``, unless something of its kind was logged just before.
-
-        Args:
-            kind: what counts as the same thing.
-            text: what to log.
-            every: seconds, in place of the constructor's; infinite to log it once.
-        """
+        """Log ``text``, unless a text of its kind was logged within ``every`` seconds."""
         now = time.monotonic()
         wait = self._every if every is None else every
         if now - self._logged_at.get(kind, -math.inf) >= wait:

@@ -2,9 +2,11 @@
 """robot_state_publisher: joint states in, the robot's transforms out.
 
 Run it alone with ``python -m onebot_description.robot_state_publisher [FILE] --ros-args ...``;
-FILE is a URDF or xacro file, in place of the parameter robot_description. Nodes of several robots
-share a process so: ``... --robot -r __ns:=/robot1 --robot -r __ns:=/robot2 --ros-args ...``; what
-follows --robot are ROS arguments of one node.
+FILE is a URDF or xacro file, in place of the parameter robot_description; edits of it, and of what
+it includes, are published as they are saved. One that cannot be used is reported, and the last good
+description stays. Nodes of several robots share a process so: ``... --robot -r __ns:=/robot1
+--robot -r __ns:=/robot2 --ros-args ...``; what follows --robot are ROS arguments of one node. Their
+files are not followed.
 
 Publishes:
     robot_description (std_msgs/msg/String, reliable, transient local, depth 1): the URDF.
@@ -15,13 +17,7 @@ Subscribes:
     joint_states (sensor_msgs/msg/JointState, best effort, depth 5): positions in rad or m; ignored
         if older than the last one of their joints, but by 10 s or more the new stamp counts.
 
-Parameters (all can be changed while it runs):
-    robot_description (string, required unless FILE is given): the URDF.
-    publish_frequency (double or integer, Hz, default 0.0): the most often a joint is published,
-        0.001 to 1000; 0.0 is every message.
-    ignore_timestamp (bool, default false): publish whatever the stamp is.
-    frame_prefix (string, default ""): prepended as it is to every frame.
-
+All parameters can be changed while it runs; a change is checked, or refused with the reason.
 Floating and planar joints are published at their origin, static: their pose is in no JointState.
 """
 
@@ -41,16 +37,19 @@ from std_msgs.msg import String
 
 from onebot_description.clock_check import StampCheck
 from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description.places import keep_places
+from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from onebot_description.node import (
     LATCHED,
     DiscoveryServerCheck,
+    RosArguments,
     Throttled,
     ros_args,
-    ros_arguments,
-    run_node,
+    run_described_node,
     split_robots,
+    steady_timer,
     warn_of_two_robots,
 )
 from onebot_description.parameters.reader import (
@@ -65,15 +64,20 @@ from onebot_description.wire.state_converter import StateConverter
 from onebot_description.wire.tf_message import TFMessage
 
 _LEAST_HERTZ = 0.001
+_POLL_EVERY = 0.1  # s, of the description's files
+_FOLLOW = "--follow"  # the option by which a bringup gives a Source
 
 
 @dataclass(frozen=True)
 class StateParameters:
-    """The parameters."""
+    """The node's parameters."""
 
-    robot_description: str = parameter("", "the robot's URDF")
+    robot_description: str = parameter("", "the URDF; required without FILE")
     publish_frequency: float = parameter(
-        0.0, "the most often a joint is published, Hz; 0: every message", at_least=0.0, at_most=1e3
+        0.0,
+        "the most often a joint is published, Hz; 0: every message, else from 0.001",
+        at_least=0.0,
+        at_most=1e3,
     )
     ignore_timestamp: bool = parameter(False, "publish joint states whatever their stamp is")
     frame_prefix: str = parameter("", "prepended to every frame as it is")
@@ -89,13 +93,17 @@ class RobotStatePublisher(Node):
     """See the module's docstring for what it publishes, subscribes and takes."""
 
     def __init__(
-        self, description: Description | None = None, arguments: Sequence[str] | None = None
+        self,
+        description: Description | None = None,
+        arguments: Sequence[str] | None = None,
+        source: Source | None = None,
     ) -> None:
         """Start publishing.
 
         Args:
             description: of the robot; None to take the parameter robot_description.
             arguments: ROS arguments of this node's own.
+            source: what the description was read from, if edits of it are to be published.
 
         Raises:
             DescriptionError: the description cannot be used.
@@ -129,6 +137,20 @@ class RobotStatePublisher(Node):
             JointState, "joint_states", self._on_joint_state, qos_profile_sensor_data, raw=True
         )
         warn_of_two_robots(self, own=True)
+        if source is not None:
+            FollowedFiles(self, DescriptionFiles(source))
+
+    def replace(self, description: Description) -> bool:
+        """Publish another robot from now on; return whether it is another one.
+
+        Raises:
+            OneBotError: it cannot be published.
+        """
+        if description.urdf == self._accepted[0].urdf:
+            return False
+        self._accepted = description, RobotModel.from_description(description)
+        self.set_parameters([Parameter("robot_description", value=description.urdf)])
+        return True
 
     def _apply(self) -> None:
         """Convert with the parameters as they are now."""
@@ -153,8 +175,9 @@ class RobotStatePublisher(Node):
         changes = {one.name: one.value for one in parameters if one.name in self._values}
         try:
             read(StateParameters, {**self._values, **changes})
-            if "robot_description" in changes:
-                description = _parse(changes["robot_description"])
+            urdf = changes.get("robot_description", self._accepted[0].urdf)
+            if urdf != self._accepted[0].urdf:
+                description = _parse(urdf)
                 self._accepted = description, RobotModel.from_description(description)
         except OneBotError as error:
             return SetParametersResult(successful=False, reason=str(error))
@@ -185,6 +208,34 @@ class RobotStatePublisher(Node):
         return int(self.get_clock().now().nanoseconds)
 
 
+class FollowedFiles:
+    """Publishes the robot as its files are edited; those that cannot be used change nothing."""
+
+    def __init__(self, node: RobotStatePublisher, files: DescriptionFiles) -> None:
+        self._node, self._files, self._log = node, files, node.get_logger()
+        self._is_refused = False  # the files as they are
+        steady_timer(node, _POLL_EVERY, self._poll)
+
+    def _poll(self) -> None:
+        try:
+            if (description := self._files.poll()) is not None:
+                self._apply(description)
+        except OneBotError as error:
+            self._is_refused = True
+            self._log.error(f"{error}\nThe robot stays as it was until this is mended.")
+
+    def _apply(self, description: Description) -> None:
+        keep_places(description)
+        if self._node.replace(description):
+            # Not more: every other node logs whether the new robot suits it.
+            text = "edited, robot_state_publisher publishes the new robot"
+            self._log.info(f"{self._files.edited}: {text}")
+        elif self._is_refused:
+            self._log.info(f"{self._files.edited}: mended, the robot is unchanged")
+        self._is_refused = False
+        self._files.applied()
+
+
 def _parse(urdf: str) -> Description:
     if not urdf.strip():
         raise OneBotError(
@@ -197,19 +248,26 @@ def _parse(urdf: str) -> Description:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; returns the exit code."""
     own, robots = split_robots(sys.argv if args is None else args)
-    files = ros_arguments(own).others
+    followed = None
+    if _FOLLOW in own:
+        at = own.index(_FOLLOW)
+        followed = Source.from_json(own[at + 1])
+        del own[at : at + 2]
 
-    def make_nodes() -> list[RobotStatePublisher]:
-        if len(files) > 1:
-            raise OneBotError(f"expected one URDF or xacro file, not {len(files)}: {files}")
-        description = load_description(files[0]) if files else None
+    def make_nodes(file: str | None, _: RosArguments) -> list[RobotStatePublisher]:
+        description, source, now_ns = None, followed, time.time_ns()
+        if file is not None:
+            description = load_description(file)
+            source = Source(file, {}, tuple(map(str, description.files)), now_ns)
         nodes = [RobotStatePublisher(description, each) for each in robots]
-        nodes = nodes or [RobotStatePublisher(description)]
+        nodes = nodes or [RobotStatePublisher(description, source=source)]
         # In every bringup there is this process, and only one.
         DiscoveryServerCheck(nodes)
         return nodes
 
-    return run_node(make_nodes, own, events=True)
+    return run_described_node(
+        "robot_state_publisher", __doc__, StateParameters, make_nodes, None, own, events=True
+    )
 
 
 if __name__ == "__main__":

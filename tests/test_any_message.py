@@ -28,7 +28,7 @@ from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.velocity_controller import velocity_controllers
 from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
-from onebot_description.node import RosArguments, ignore_impossible_times
+from onebot_description.node import RosArguments
 from onebot_description.robot_state_publisher import RobotStatePublisher
 from onebot_description.wire.tf_message import TFMessage
 from tests.any_message import broken, messages, received, serialized
@@ -156,13 +156,6 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
     wait_for(lambda: driving._failure or driving.loop.fleet.ticks > ticks + 10, "control cycles")
     assert driving._failure is None
     assert published.not_finite == []
-
-
-def test_clock(start_node: Callable[..., Node]) -> None:
-    """Of any node with use_sim_time."""
-    ignore_impossible_times()
-    node = start_node(lambda: RobotStatePublisher(load_description(ONEBOT)), use_sim_time="true")
-    feed(node, lambda: node.get_clock().now().to_msg(), ("/clock",))
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

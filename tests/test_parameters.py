@@ -79,7 +79,7 @@ def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
     assert node.get_parameter("source_list").value == []
     new = Parameter(f"zeros.{joint}", value=0.1)
     assert node.set_parameters([new])[0].successful
-    assert "rest position" in described(node)[f"zeros.{joint}"].description
+    assert "where the joint rests" in described(node)[f"zeros.{joint}"].description
 
 
 def test_velocity_controller(

@@ -1,15 +1,10 @@
-"""The tables in the READMEs are compared with the nodes on the wire, and with the commands.
+"""The tables in the READMEs are those of the declarations, of the nodes on the wire, the commands.
 
-An entry such as "each of `source_list`" stands for the topics that the test makes the node use. A
-default in backticks is the value that a parameter has when nobody sets it; one without is of a
-parameter that is declared only when it is given.
+An entry such as "each of `source_list`" stands for the topics that the test makes the node use.
 """
 
 import importlib
-import math
 import re
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -26,16 +21,9 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.bags.bag_recorder import RecorderParameters
 from onebot_bringup.cli.main import VERBS
-from onebot_bringup.steering.steering_page import SteeringParameters
-from onebot_bringup.viewer.rerun_viewer import ViewerParameters
-from onebot_bringup.viewer.view_config import ViewConfig
-from onebot_control.parameters import ControlConfig
 from onebot_description.description import load_description
-from onebot_description.joints.config import JointsConfig
-from onebot_description.parameters.reader import defaults
-from onebot_description.robot_state_publisher import StateParameters
+from tests import readme_tables
 from tests.benchmarks.__main__ import BENCHMARKS
 from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
@@ -65,7 +53,6 @@ TYPES = {
     ParameterType.PARAMETER_DOUBLE_ARRAY: "double[]",
     ParameterType.PARAMETER_STRING_ARRAY: "string[]",
 }
-NUMBERS = {"number": ("int", "double"), "number[]": ("int[]", "double[]")}
 
 
 @dataclass(frozen=True)
@@ -73,7 +60,6 @@ class Documented:
     """A node as its package's README describes it, and how to start it."""
 
     module: str
-    kinds: tuple[type, ...]  # the dataclasses of its parameters
     # Parameters with which it has all there is to have; "TMP" in a text is the test's folder.
     most: Mapping[str, Any] = field(default_factory=dict)
     argument: str = ""
@@ -136,12 +122,10 @@ def _full(name: str, node: str) -> str:
 NODES = (
     Documented(
         "onebot_description.robot_state_publisher",
-        (StateParameters,),
         argument=str(CHECKOUT / "mrm_description/urdf/mrm.xacro"),
     ),
     Documented(
         "onebot_description.joint_state_publisher",
-        (JointsConfig,),
         most={
             "source_list": ["more"],
             "zeros": {"free": 0.1},
@@ -185,13 +169,11 @@ NODES = (
     ),
     Documented(
         "onebot_control.velocity_controller",
-        (ControlConfig,),
         most={"publish_limited_velocity": True, "real_time_factor": 2.0, "world": "maze"},
         description=ONEBOT,
     ),
     Documented(
         "onebot_bringup.viewer.rerun_viewer",
-        (ViewerParameters, ViewConfig),
         most={"viewer": "none", "save": "TMP/run.rrd", "view": "TMP/view.yaml"},
         topics={
             "topics of the view": ("trail", "commanded"),
@@ -200,13 +182,11 @@ NODES = (
     ),
     Documented(
         "onebot_bringup.steering.steering_page",
-        (SteeringParameters,),
         most={"odom_topic": "where"},
         topics={"`odom_topic` (parameter)": ("where",)},
     ),
     Documented(
         "onebot_bringup.bags.bag_recorder",
-        (RecorderParameters,),
         most={"folder": "TMP/run"},
         topics={"every other topic": ("chatter", "plan", "velocity_controller/cmd_vel")},
     ),
@@ -253,15 +233,12 @@ def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
         _check_parameters(_parameter_rows(node), _parameters(peer, node.name))
 
 
-@pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
-def test_defaults(node: Documented) -> None:
-    """A parameter that nobody sets has the default that the README gives."""
-    known = {name: value for kind in node.kinds for name, value in defaults(kind).items()}
-    rows = _parameter_rows(node)
-    assert {name for name in known if not _row_of(name, rows)} == set()
-    for name, (_, default, _) in rows.items():
-        if default.startswith("`") and name not in COMMON_PARAMETERS:
-            assert _same(known[name], yaml.safe_load(default.strip("`"))), f"{name}: {known[name]}"
+@pytest.mark.parametrize(("path", "text"), [*readme_tables.readmes()])
+def test_declarations(path: str, text: str) -> None:
+    """Parameters and arguments: python -m tests.readme_tables writes them."""
+    for name in re.findall(r"<!-- ((?:parameters|arguments)\b.*?) -->", text):
+        assert name in readme_tables.tables()
+    assert readme_tables.rewritten(text) == text, path
 
 
 def _check_topics(node: Documented, peer: Peer) -> None:
@@ -295,8 +272,7 @@ def _check_parameters(rows: Mapping[str, list[str]], live: Mapping[str, tuple[st
     for name, (kind, _) in live.items():
         row = _row_of(name, rows)
         if row:
-            written = rows[row][0]
-            assert kind in ("", *NUMBERS.get(written, (written,))), f"{name}: {kind}"
+            assert kind in ("", rows[row][0]), f"{name}: {kind}"
             used.add(row)
         else:
             assert name in COMMON_PARAMETERS, f"{name} is not in the README"
@@ -369,32 +345,6 @@ def _call(peer: Peer, kind: Any, name: str, request: Any) -> Any:
     wait_for(future.done, name)
     peer.node.destroy_client(client)
     return future.result()
-
-
-def _same(value: Any, default: Any) -> bool:
-    if isinstance(default, float) and math.isnan(default):
-        return math.isnan(value)
-    return bool(value == default)
-
-
-def test_launch_arguments() -> None:
-    """Those that --show-args prints are in the README, with their defaults, and no others."""
-    text = (CHECKOUT / "onebot_bringup/README.md").read_text()
-    rows = _rows(_section(text, "## mrm_bringup, onebot_bringup and onebot view"))
-    documented = {name: default for entry, default, _ in rows for name in _names(entry)}
-    done = subprocess.run(
-        [sys.executable, "-m", "onebot_bringup.launch.onebot_bringup", "--show-args"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    live = dict(re.findall(r"^  (\w+):=(\S*)", done.stdout, re.MULTILINE))
-    of_the_model = {"robot_namespace", "prefix"}
-    assert set(documented) == set(live) - of_the_model
-    # They depend on the command, and on the other arguments.
-    in_words = {"model", "joints", "view", "params_file", "frame_prefix"}
-    for name in set(documented) - in_words:
-        assert live[name] == documented[name].strip("`").replace("empty", ""), name
 
 
 def test_commands() -> None:

@@ -41,19 +41,20 @@ _SHOW = ("--show-args", "-s")
 class Argument:
     """One launch argument."""
 
-    name: str  # as written before :=
-    default: str  # as it would be written; if it is empty, the argument may be
+    name: str  # the word before :=
+    default: str  # the text after :=; if it is empty, the argument may be
     description: str  # one line; for choices these are added to it
     choices: tuple[str, ...] = ()  # the only values allowed; none means any
-    type: ValueType = ValueType(str)  # what its text must stand for
-    examples: tuple[str, ...] = ()  # of other values, for tab completion
+    type: ValueType = ValueType(str)  # its text must stand for such a value
+    examples: tuple[str, ...] = ()  # other values, for tab completion
 
     @property
     def help(self) -> str:
-        """The description, with the choices unless they are true and false."""
+        """The description, with the range, or the choices unless they are true and false."""
         if self.choices and self.choices != (*_TRUE, *_FALSE):
             return f"{self.description} ({', '.join(self.choices)})"
-        return self.description
+        limits = self.type.rule.range if self.type.rule.at_most is not None else ""
+        return f"{self.description}; {limits}" if limits else self.description
 
     @property
     def suggested(self) -> Sequence[str]:
@@ -118,17 +119,13 @@ class Arguments:
 
     given: Mapping[str, str] = field(default_factory=dict)  # name to value, of all name:=value
     positional: tuple[str, ...] = ()  # words of any other form
-    ros_args: tuple[str, ...] = ()  # what follows --ros-args
+    ros_args: tuple[str, ...] = ()  # the words after --ros-args
     help: bool = False  # --help was given
     show: bool = False  # --show-args was given
 
 
 def split(argv: Sequence[str]) -> Arguments:
-    """Split a command line into its parts.
-
-    Raises:
-        UsageError: an option that does not exist, or no name before ``:=``.
-    """
+    """Split a command line into its parts."""
     words, ros_args = _split_ros_args(argv)
     given: dict[str, str] = {}
     positional: list[str] = []
@@ -171,24 +168,28 @@ def _option(word: str) -> str:
 
 
 def refuse_positional(words: Sequence[str]) -> None:
-    """Refuse words that are no ``name:=value``, where a command takes none.
-
-    Raises:
-        UsageError: there is one.
-    """
+    """Refuse words that are no ``name:=value``, where a command takes none."""
     if words:
         name, equals, value = words[0].partition("=")
         meant = f"{name}:={value}" if equals else "name:=value"
         raise UsageError(f'unexpected "{words[0]}"; arguments are written {meant}')
 
 
+def with_positional(arguments: Arguments, name: str, what: str, program: str) -> dict[str, str]:
+    """Return the arguments given, the one word without ``:=`` as the argument ``name``.
+
+    The error of a ``program`` that gets both says ``what`` it is, such as "file".
+    """
+    refuse_positional(arguments.positional[1:])
+    if arguments.positional and name in arguments.given:
+        raise UsageError(f"write the {what} or {name}:=, not both, for {program}")
+    return {**dict(zip([name], arguments.positional, strict=False)), **arguments.given}
+
+
 def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str, str]:
     """Return a value for each declared argument: the given one, or its default.
 
     Switches come out as ``true`` or ``false``, however they were written.
-
-    Raises:
-        UsageError: with all problems: unknown names, values that are not allowed.
     """
     arguments = {argument.name: argument for argument in declared}
     problems = [unknown(name, arguments) for name in given if name not in arguments]
@@ -216,7 +217,7 @@ def _switch_value(value: str) -> str:
     return "true" if lower in _TRUE else "false" if lower in _FALSE else value
 
 
-listed: list[Argument] = []  # by this process, for tab completion
+listed: list[Argument] = []  # printed by this process, for tab completion
 
 
 def table(arguments: Sequence[Argument]) -> str:
@@ -239,15 +240,11 @@ PACKAGES = Argument(
     PACKAGE_PATH, "", "folders in which ROS packages lie, joined by :; they are searched first"
 )
 
-# Topics and services have up to 247 characters (rmw), those of our nodes 48 behind the namespace.
-_MAX_NAMESPACE = 150
-_NAMESPACE = re.compile(
-    rf"(?=.{{0,{_MAX_NAMESPACE}}}$)(/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?)"
-)
+_NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _MAX_FREQUENCY = 1000  # Hz
-_CYCLES = 0.001, 1000.0  # of the controller, Hz
+_CYCLES = 0.001, 1000.0  # control cycles, Hz
 _AS_IN_FILE = "empty: as params_file has it"
 _FOUND = "empty: as in params_file, or found in the URDF"
 _LOOPBACK = "127.0.0.1"
@@ -264,36 +261,23 @@ _NOT_OF_SEVERAL = {
 
 
 def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
-    """Look for packages where ``package_path:=`` says; return the other arguments.
-
-    Raises:
-        OneBotError: there is no such folder.
-    """
+    """Look for packages where ``package_path:=`` says; return the other arguments."""
     use_package_path(given.get(PACKAGE_PATH, ""))
     return {name: value for name, value in given.items() if name != PACKAGE_PATH}
 
 
 def ros_settings() -> list[Argument]:
     """Return the arguments about names and discovery."""
-    words = (
-        "words of letters, digits and _ that do not start with a digit, joined by /, "
-        f"{_MAX_NAMESPACE} characters at most"
-    )
-    return [
-        Argument(
-            "namespace",
-            "",
-            "the namespace of all nodes",
-            type=ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}")),
-        ),
-        *discovery_settings(),
-    ]
+    words = "words of letters, digits and _ that do not start with a digit, joined by /"
+    name = ValueType(str, Rule(pattern=_NAMESPACE, write=f"a ROS name: {words}"))
+    namespace = Argument("namespace", "", "the namespace of all nodes", type=name)
+    return [namespace, *discovery_settings()]
 
 
 def discovery_settings() -> list[Argument]:
     """Return the arguments about which nodes are discovered."""
     return [
-        whole("domain_id", "", "ROS_DOMAIN_ID, 0 to 232; empty: the environment's", 0, _MAX_DOMAIN),
+        whole("domain_id", "", "ROS_DOMAIN_ID; empty: the environment's", 0, _MAX_DOMAIN),
         Argument(
             "discovery",
             LOCALHOST,
@@ -309,16 +293,20 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
     """Return the arguments; those three are the robot's own defaults."""
     namespace, *discovery = ros_settings()
     return [
-        Argument("model", model, "the robot, a URDF or xacro file"),
+        Argument("model", model, "the robot: a URDF or xacro file, also as package://pkg/path"),
         PACKAGES,
-        Argument("joints", joints, "parameters of joint_state_publisher, a YAML file"),
+        Argument(
+            "joints",
+            joints,
+            "parameters of joint_state_publisher, a YAML file; empty: joints swing",
+        ),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         Argument("viewer", "web", "where to see it", ("web", "native", "none")),
         Argument("view", view, "what is shown: .yaml, .rviz or .rbl; empty: the robot's"),
         Argument("fixed_frame", "", "the frame that stands still; empty: the viewer chooses"),
         Argument("save", "", "record what the viewer gets to this .rrd file"),
         Argument("record", "", "record all topics to this new folder, a rosbag2 in MCAP"),
-        switch("reload", True, "take up edits of the model while running"),
+        switch("reload", True, "apply edits of the model while running"),
         namespace,
         Argument(
             "frame_prefix", "", "of the robot's frames; not given: the namespace, r1/; empty: none"
@@ -326,11 +314,11 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
         number(
             "publish_frequency",
             "0.0",
-            "the most often a transform is sent, Hz; 0: always",
+            "maximum rate of each transform, Hz; 0: no limit",
             0.0,
             _MAX_FREQUENCY,
         ),
-        switch("ignore_timestamp", False, "send transforms whatever the joint states' stamps say"),
+        switch("ignore_timestamp", False, "publish transforms whatever the stamps of joint states"),
         switch("use_sim_time", False, "take the time from /clock"),
         Argument("log_level", "info", "the least severe log messages shown", _LEVELS),
         *discovery,
@@ -379,9 +367,6 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
 
     Two robots publish to one /tf: the frames have the namespace in front, as diff_drive_controller
     does it, unless ``frame_prefix`` is given, be it empty.
-
-    Raises:
-        UsageError: a name or a value that is not possible.
     """
     values = complete(declared, given)
     if "frame_prefix" not in given:

@@ -85,10 +85,6 @@ class SensorFile(NamedTuple):
 def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     """Read a URDF or xacro file whose root holds ``<gazebo reference="LINK">`` blocks.
 
-    Args:
-        source: as for ``load_description``.
-        robot: that they are of.
-
     Raises:
         DescriptionError: it cannot be read or expanded, or holds no sensor.
     """
@@ -100,7 +96,7 @@ def load_sensors(source: str | Path, robot: Description) -> SensorFile:
     if not sensors and not bad:
         text = 'holds no sensor; write <robot><gazebo reference="LINK"><sensor name="" type="">'
         raise DescriptionError([f"{document.shown}: {text}"])
-    notices = (*map(printable, warnings), *findings.texts("problem", "warning"))
+    notices = (*map(printable, warnings), *findings.of("problem", "warning"))
     return SensorFile(sensors, bad, condensed(notices), files)
 
 
@@ -185,8 +181,8 @@ def _check(
         root_link=root_link,
         links=tuple(read[element] for element in links.values()),
         joints=tuple(joints.values()),
-        problems=condensed(findings.texts("problem")),
-        warnings=condensed([*map(printable, warnings), *findings.texts("warning")]),
+        problems=condensed(findings.of("problem")),
+        warnings=condensed([*map(printable, warnings), *findings.of("warning")]),
         places=tuple(map(findings.where, document.root.iter())),
         sensors=sensors,
         bad_sensors=bad_sensors,

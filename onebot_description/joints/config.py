@@ -112,17 +112,23 @@ class MotionParameters:
 class Dependent:
     """A joint at ``parent * factor + offset``."""
 
-    parent: str = parameter(REQUIRED, "the joint it depends on", not_empty=True)
-    factor: float = parameter(1.0, "of the parent's position")
-    offset: float = parameter(0.0, "rad or m")
+    parent: str = parameter(
+        REQUIRED,
+        "the joint it follows, in place of its mimic tag",
+        not_empty=True,
+    )
+    factor: float = parameter(1.0, "of the position of its parent")
+    offset: float = parameter(0.0, "added to parent * factor, rad or m")
 
 
 @dataclass(frozen=True)
 class Sequence:
     """A sequence of poses of the whole robot."""
 
-    poses: tuple[str, ...] = parameter((), "names of poses, for joints without a motion")
-    durations: tuple[float, ...] = parameter((), "to reach each of the poses, s", above=0.0)
+    poses: tuple[str, ...] = parameter(
+        (), "poses to go through, for joints without a motion of their own"
+    )
+    durations: tuple[float, ...] = parameter((), "time to reach each pose, s", above=0.0)
     blend: str = parameter(MINIMUM_JERK, "interpolation between poses", choices=BLENDS)
     loop: bool = parameter(True, "start over after the last")
 
@@ -143,24 +149,42 @@ class JointsConfig:
     """All parameters of joint_state_publisher; positions in rad or m."""
 
     rate: float = parameter(10.0, "messages per second, Hz", at_least=_MIN_RATE, at_most=MAX_RATE)
-    publish_default_positions: bool = parameter(True, "publish positions that nothing moves")
-    publish_default_velocities: bool = parameter(False, "publish velocities even if nothing moves")
-    publish_default_efforts: bool = parameter(False, "publish zeros as efforts")
-    use_mimic_tags: bool = parameter(True, "apply the mimic tags of the URDF")
-    use_smallest_joint_limits: bool = parameter(True, "apply soft limits, too")
-    source_list: tuple[str, ...] = parameter((), "JointState topics that override all motions")
-    delta: float = parameter(0.0, "step per message of joints that only sweep", at_least=0.0)
-    swing: float = parameter(
-        0.0, "period of the swing of joints that nothing else moves, s; 0: they rest", at_least=0.0
+    publish_default_positions: bool = parameter(True, "publish joints that nothing moves")
+    publish_default_velocities: bool = parameter(
+        False, "publish velocities also when nothing moves"
     )
-    zeros: Mapping[str, float] = parameter({}, "rest position of the joint, rad or m")
-    dependent_joints: Mapping[str, Dependent] = parameter({}, "joints that follow another")
-    motion_parameters: Mapping[str, MotionParameters] = parameter({}, "by joint", name="motions")
-    poses: Poses = parameter({}, "position of the joint in the pose, rad or m")
+    publish_default_efforts: bool = parameter(False, "publish zeros as efforts")
+    use_mimic_tags: bool = parameter(True, "joints with a mimic tag follow the joint that it names")
+    use_smallest_joint_limits: bool = parameter(
+        True, "keep to the limits of safety_controller, too"
+    )
+    source_list: tuple[str, ...] = parameter((), "JointState topics that override all motions")
+    delta: float = parameter(
+        0.0, "step per message of joints that nothing else moves, rad or m", at_least=0.0
+    )
+    swing: float = parameter(
+        0.0,
+        "period in which these swing within their limits, if delta is 0, s; 0: they rest",
+        at_least=0.0,
+    )
+    zeros: Mapping[str, float] = parameter(
+        {},
+        "where the joint rests, rad or m; not given: 0, or mid-range if 0 is out of range",
+        keys=("joint",),
+    )
+    dependent_joints: Mapping[str, Dependent] = parameter(
+        {}, "joints that follow another", keys=("joint",)
+    )
+    motion_parameters: Mapping[str, MotionParameters] = parameter(
+        {}, "by joint", name="motions", keys=("joint",)
+    )
+    poses: Poses = parameter(
+        {}, "position of the joint in the pose, rad or m", keys=("pose", "joint")
+    )
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
     sequence: Sequence = group(Sequence)
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
-    config_file: str = parameter("", "a parameter file to load and watch, like --params-file")
+    config_file: str = parameter("", "a parameter file to read and watch, like --params-file")
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from onebot_description.description.description import MOVING_KINDS, Joint
 from onebot_description.parameters.reader import Problem
-from onebot_description.parameters.values import LARGEST
 
 FloatArray = NDArray[np.float64]
 
@@ -42,8 +41,6 @@ def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[JointLimits, l
     problems: list[Problem] = []
     ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)
     speeds = [math.inf if j.velocity is None else max(0.0, j.velocity) for j in joints]
-    # Finite ones stay so in computations.
-    ranges = np.where(np.isinf(ranges), ranges, np.clip(ranges, -LARGEST, LARGEST))
     return JointLimits(ranges[:, 0], ranges[:, 1], np.array(speeds, dtype=np.float64)), problems
 
 

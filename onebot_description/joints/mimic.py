@@ -12,7 +12,6 @@ from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.limits import FloatArray, JointLimits
 from onebot_description.parameters.reader import Problem
-from onebot_description.parameters.values import LARGEST
 
 Followers = dict[str, Dependent]  # by name of the joint that follows
 _Chain = tuple[str, float, float]  # its leader, and factor and offset of all of it
@@ -53,10 +52,9 @@ def resolve(
 
     Returns:
         The leaders; limits so narrow that all followers stay within their own; and a problem for
-        each joint that cannot follow, and so moves alone (what it follows is missing or fixed, a
-        circle, its factor cannot be computed with, or no position keeps both within their limits),
-        and for each leader whose range becomes smaller. The key is the joint's entry in
-        dependent_joints, empty for a mimic tag.
+        each joint that cannot follow, and so moves alone (its leader is missing or fixed, a circle,
+        or no position keeps both within their limits), and for each leader whose range becomes
+        smaller. The key is the joint's entry in dependent_joints, empty for a mimic tag.
     """
     mimics = _mimics(joints, dependent, use_mimic_tags)
     problems: list[Problem] = []
@@ -74,9 +72,7 @@ def resolve(
         leave_out(name, f"joints follow one another in a circle: {names}")
     while True:
         following = _reduced(joints, mimics)
-        wrong = _incomputable(joints, following)
-        if not wrong:
-            narrowed, wrong, notes = _narrow(joints, limits, following)
+        narrowed, wrong, notes = _narrow(joints, limits, following)
         if not wrong:
             return following, narrowed, [*problems, *notes]
         for name, text in wrong.items():
@@ -87,14 +83,9 @@ def _mimics(
     joints: Sequence[Joint], dependent: Mapping[str, Dependent], use_mimic_tags: bool
 ) -> Followers:
     """Return the leader of each joint that is to follow."""
-    found: Followers = {}
-    for joint in joints:
-        if joint.name in dependent:
-            found[joint.name] = dependent[joint.name]
-        elif use_mimic_tags and joint.mimic is not None:
-            tag = joint.mimic
-            found[joint.name] = Dependent(tag.joint, tag.multiplier, tag.offset)
-    return found
+    tags = {joint.name: joint.mimic for joint in joints if joint.mimic and use_mimic_tags}
+    followers = {n: Dependent(tag.joint, tag.multiplier, tag.offset) for n, tag in tags.items()}
+    return followers | {j.name: dependent[j.name] for j in joints if j.name in dependent}
 
 
 def _without_leader(
@@ -142,18 +133,6 @@ def _chain(name: str, mimics: Followers, known: dict[str, _Chain]) -> _Chain:
         chain = leader, factor * mimic.factor, offset * mimic.factor + mimic.offset
         known[follower] = chain
     return chain
-
-
-def _incomputable(joints: Sequence[Joint], following: Following) -> dict[str, str]:
-    """Return what is wrong with followers whose position, or their leader's, may not be finite."""
-    size, offset = np.abs(following.factor), np.abs(following.offset)
-    computable = (size == 0.0) | ((1.0 / LARGEST <= size) & (size <= LARGEST))
-    wrong = {}
-    for number in np.flatnonzero(~(computable & (offset <= LARGEST))).tolist():
-        name, leader = joints[number].name, joints[int(following.leader[number])].name
-        text = f"its position * {following.factor[number]:g} + {following.offset[number]:g}"
-        wrong[name] = f'joint "{name}" cannot follow "{leader}" as {text}'
-    return wrong
 
 
 def _narrow(

@@ -1,11 +1,12 @@
 """Motions of joints, sines and keyframes: where they are at a time, and what exceeds limits.
 
-Positions are in rad (m for a prismatic joint), times in s since the start of the motion.
+Positions are in rad (m for a prismatic joint), times in s since the start of the motion. Adding a
+kind of motion takes a class with ``at`` here, its keys in ``config`` and its limits below.
 """
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 TURN = 2.0 * math.pi
@@ -18,9 +19,8 @@ MINIMUM_JERK_PEAK = 1.875
 
 # Looped keyframes whose ends are this close to whole turns apart keep turning, rad.
 _WHOLE_TURN = 1e-2
-# Relative to a limit: rounding must not be reported, such as 2 pi f written with a few digits.
-_TOLERANCE = 1e-9
-_TINY = 1e-100  # not worth a digit
+# Rounding is not reported: of a speed by its part, of a position in rad or m.
+_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -122,10 +122,6 @@ class Allowed:
         """Whether ``position`` is in range."""
         return self.lower - _TOLERANCE <= position <= self.upper + _TOLERANCE
 
-    def nearest(self, position: float) -> float:
-        """Return the position in range that is nearest to ``position``."""
-        return min(max(position, self.lower), self.upper)
-
     @property
     def range(self) -> str:
         """The range as text."""
@@ -137,99 +133,47 @@ class Allowed:
         return f"its limit {self.velocity:.4g} {self.unit}/s"
 
 
-def violations(motion: Motion, allowed: Allowed) -> list[str]:
-    """Return one message, with a remedy, for each limit that ``motion`` exceeds."""
-    if isinstance(motion, Sine):
-        return _sine(motion, allowed)
-    return _held(motion, allowed) if len(motion.times) == 1 else _keyframes(motion, allowed)
+def violations(motion: Motion, allowed: Allowed) -> Iterator[str]:
+    """Yield a message, with a remedy, for each limit that ``motion`` exceeds."""
+    return _sine(motion, allowed) if isinstance(motion, Sine) else _keyframes(motion, allowed)
 
 
-def _held(motion: Keyframes, allowed: Allowed) -> list[str]:
-    [position] = motion.positions
-    if allowed.holds(position):
-        return []
-    source = f'pose "{motion.pose}"' if motion.pose else "position"
-    asked = f"{source} {position:.6g} {allowed.unit} is beyond {allowed.range}"
-    return [f"{asked}: held at {allowed.nearest(position):.6g}"]
-
-
-def _sine(motion: Sine, allowed: Allowed) -> list[str]:
-    found = []
-    size = abs(motion.amplitude)
-    name = f"sine of amplitude {size:.4g}"
+def _sine(motion: Sine, allowed: Allowed) -> Iterator[str]:
+    size, unit = abs(motion.amplitude), allowed.unit
     low, high = motion.offset - size, motion.offset + size
     if not (allowed.holds(low) and allowed.holds(high)):
-        room = min(motion.offset - allowed.lower, allowed.upper - motion.offset)
-        remedy = (
-            f"lower amplitude to {_floor(room)}"
-            if room > 0.0
-            else f"bring offset to {(allowed.lower + allowed.upper) / 2.0:.4g}"
-        )
-        about = f"{name} about {motion.offset:.4g} goes from {low:.4g} to {high:.4g} {allowed.unit}"
-        found.append(f"{about}, beyond {allowed.range}: {remedy}")
+        text = f"sine from {low:.6g} to {high:.6g} {unit} is beyond {allowed.range}"
+        yield f"{text}: lower amplitude, or change offset"
     peak = TURN * motion.frequency * size
     if not allowed.reaches(peak):
-        found.append(
-            f"{name} at {motion.frequency:.4g} Hz peaks at {peak:.4g} {allowed.unit}/s,"
-            f" over {allowed.speed}: lower frequency to"
-            f" {_floor(allowed.velocity / (TURN * size))}"
-        )
-    return found
+        text = f"sine at {motion.frequency:.4g} Hz peaks at {peak:.4g} {unit}/s"
+        slower = allowed.velocity / (TURN * size)
+        yield f"{text}, over {allowed.speed}: lower frequency to {slower:.6g}"
 
 
-def _keyframes(motion: Keyframes, allowed: Allowed) -> list[str]:
-    found = []
-    for number, position in enumerate(motion.positions, 1):
+def _keyframes(motion: Keyframes, allowed: Allowed) -> Iterator[str]:
+    unit, times, positions = allowed.unit, motion.times, motion.positions
+    for number, position in enumerate(positions, 1):
         if not allowed.holds(position):
-            asked = f"keyframe {number} at {position:.6g} {allowed.unit} is beyond {allowed.range}"
-            found.append(f"{asked}: write {allowed.nearest(position):.6g}")
-    found += _segments(motion, allowed)
-    gap = motion.positions[0] - motion.positions[-1]
-    if allowed.endless:
-        gap = _beyond_turns(gap)
-    if motion.loop and abs(gap) > _WHOLE_TURN and motion.times[-1] > 0.0:
-        found.append(
-            f"the loop jumps from {motion.positions[-1]:.6g} to {motion.positions[0]:.6g}"
-            f" {allowed.unit}, so the joint moves there at {allowed.speed}: end with a keyframe at"
-            f" {motion.positions[0]:.6g}, or set loop to false"
-        )
-    return found
-
-
-def _segments(motion: Keyframes, allowed: Allowed) -> list[str]:
-    """The messages on speeds between keyframes."""
-    found = []
+            name = f"keyframe {number} at" if len(positions) > 1 else "position"
+            asked = f'pose "{motion.pose}"' if motion.pose else name
+            nearest = min(max(position, allowed.lower), allowed.upper)
+            text = f"{asked} {position:.6g} {unit} is beyond {allowed.range}"
+            yield f"{text}: held at {nearest:.6g}"
     factor = 1.0 if motion.blend == LINEAR else MINIMUM_JERK_PEAK
-    for number in range(1, len(motion.times)):
-        seconds = motion.times[number] - motion.times[number - 1]
-        way = abs(motion.positions[number] - motion.positions[number - 1])
-        peak = factor * way / seconds
-        if not allowed.reaches(peak):
-            remedy = (
-                f"give it {_ceil(factor * way / allowed.velocity)} s"
-                if allowed.velocity > 0.0
-                else "the joint cannot move"
-            )
-            found.append(
-                f"from keyframe {number} to {number + 1} it peaks at {peak:.4g} {allowed.unit}/s,"
-                f" over {allowed.speed}: {remedy} instead of {seconds:.4g}"
-            )
-    return found
-
-
-def _floor(value: float) -> str:
-    """Four digits, rounded down, so that the advised value keeps the limit."""
-    return f"{_digits(value, math.floor):g}"
-
-
-def _ceil(value: float) -> str:
-    return f"{_digits(value, math.ceil):g}"
-
-
-def _digits(value: float, rounding: Callable[[float], int]) -> float:
-    if not math.isfinite(value):
-        return value
-    if abs(value) < _TINY:
-        return 0.0
-    step = 10.0 ** (math.floor(math.log10(abs(value))) - 3)
-    return rounding(round(value / step, 6)) * step
+    for number in range(1, len(times)):
+        seconds = times[number] - times[number - 1]
+        way = factor * abs(positions[number] - positions[number - 1])
+        if not allowed.reaches(way / seconds):
+            ends = f"from keyframe {number} to {number + 1}"
+            text = f"{ends} it peaks at {way / seconds:.4g} {unit}/s, over {allowed.speed}"
+            needed = way / allowed.velocity if allowed.velocity else math.inf
+            yield f"{text}: give it {needed:.6g} s instead of {seconds:.6g}"
+    gap = positions[0] - positions[-1]
+    gap = _beyond_turns(gap) if allowed.endless else gap
+    if motion.loop and abs(gap) > _WHOLE_TURN and times[-1] > 0.0:
+        yield (
+            f"the loop jumps from {positions[-1]:.6g} to {positions[0]:.6g} {unit}, so the joint "
+            f"moves there at {allowed.speed}: end with a keyframe at {positions[0]:.6g}, or set "
+            "loop to false"
+        )

@@ -123,8 +123,7 @@ class _Planner:
         if name in config.motions:
             motion = self._check(index, config.motions[name], f"motions.{name}")
             return self._turning(index, motion)
-        steps = self._sequence(index, zero)
-        if steps is not None:
+        if config.sequence.complete and (steps := self._sequence(index, zero)) is not None:
             return self._turning(index, self._check(index, steps, "sequence"))
         if config.delta:
             return self._sweep(index, zero)
@@ -151,14 +150,12 @@ class _Planner:
 
     def _sequence(self, index: int, zero: float) -> Keyframes | None:
         sequence, name = self._config.sequence, self._joints[index].name
-        if not sequence.complete:
-            return None
         named = [self._config.poses[pose].get(name) for pose in sequence.poses]
-        known = [position for position in named if position is not None]
-        if not known:
+        given = [position for position in named if position is not None]
+        if not given:
             return None
         # A pose without this joint leaves it at its position in the previous pose.
-        last = known[-1] if sequence.loop else zero
+        last = given[-1] if sequence.loop else zero
         positions = []
         for position in named:
             last = last if position is None else position
@@ -278,17 +275,17 @@ class ReceivedJointStates:
     @property
     def any(self) -> bool:
         """Whether the position of any joint was received."""
-        return _any(self.position)
+        return not bool(np.isnan(self.position).all())
 
     @property
     def any_velocity(self) -> bool:
         """Whether the velocity of any joint was received."""
-        return _any(self.velocity)
+        return not bool(np.isnan(self.velocity).all())
 
     @property
     def any_effort(self) -> bool:
         """Whether the effort of any joint was received."""
-        return _any(self.effort)
+        return not bool(np.isnan(self.effort).all())
 
     def receive(
         self,
@@ -299,8 +296,8 @@ class ReceivedJointStates:
     ) -> str | None:
         """Store the values of one message.
 
-        Each list is as long as ``names``, or empty. Values that are not finite, or too large to
-        compute with, and joints of other robots are skipped.
+        Each list is as long as ``names``, or empty. Values that are not finite or beyond LARGEST,
+        and joints of other robots, are skipped.
 
         Returns:
             None, or why the whole message was ignored.
@@ -323,10 +320,6 @@ class ReceivedJointStates:
             self.position[here] = previous.position[there]
             self.velocity[here] = previous.velocity[there]
             self.effort[here] = previous.effort[there]
-
-
-def _any(values: FloatArray) -> bool:
-    return bool(np.any(~np.isnan(values)))
 
 
 class JointStateSource:
@@ -446,8 +439,8 @@ class JointStateSource:
 
     def efforts(self) -> FloatArray:
         """Return the received efforts (N,) in N m or N; 0 for joints without one."""
-        known = np.nan_to_num(self.received.effort)
-        return np.asarray(known[self._plan.following.leader])
+        efforts = np.nan_to_num(self.received.effort)
+        return np.asarray(efforts[self._plan.following.leader])
 
     def _advance(self, step: float) -> None:
         self._elapsed += step
@@ -473,9 +466,8 @@ class JointStateSource:
     def _toward(self, target: FloatArray, step: float) -> FloatArray:
         """Move from the present positions to ``target`` as far as the velocity limits allow."""
         way = target - self._position
-        with np.errstate(over="ignore"):  # infinity is as far as any
-            reach = self._plan.limits.velocity * step
-            near = np.abs(way) <= reach * (1.0 + _ROUNDING)
+        reach = self._plan.limits.velocity * step
+        near = np.abs(way) <= reach * (1.0 + _ROUNDING)
         return np.where(near, target, self._position + np.clip(way, -reach, reach))
 
     def _follow(self, leading: FloatArray) -> FloatArray:
@@ -490,12 +482,11 @@ class JointStateSource:
         if not (self.received.any or self.received.any_velocity):
             return position, velocity
         following = self._plan.following
-        with np.errstate(over="ignore"):
-            followed = self._follow(received)
-            speed = self.received.velocity[following.leader] * following.factor
-        known = np.isfinite(followed)  # a follower may go too far for a number
-        position = np.where(known, followed, position)
-        velocity = np.where(known | ~np.isnan(speed), np.nan_to_num(speed), velocity)
+        followed = self._follow(received)
+        speed = self.received.velocity[following.leader] * following.factor
+        is_given = ~np.isnan(followed)
+        position = np.where(is_given, followed, position)
+        velocity = np.where(is_given | ~np.isnan(speed), np.nan_to_num(speed), velocity)
         return position, velocity
 
     def _continue_from(self, previous: "JointStateSource") -> None:

@@ -29,7 +29,7 @@ from dataclasses import MISSING, dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.parameters.values import Rule, ValueType, plain, shown
+from onebot_description.parameters.values import Rule, ValueType, plain, shown, yaml_text
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -147,6 +147,7 @@ class _Map(NamedTuple):
     """A map with names of the user's own."""
 
     item: "_Shape"
+    key: str  # what the names are, such as joint; empty: no parameters of a node
 
 
 _Shape = ValueType | _Group | _Map
@@ -172,13 +173,16 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
         return dataclasses.replace(typing.cast(ValueType, _shape(args[0], rule)), optional=True)
     if origin is tuple:
         return ValueType(args[0], rule, True, None if args[-1] is Ellipsis else len(args))
-    return ValueType(hint, rule) if origin is None else _Map(_shape(args[1], rule))
+    if origin is None:
+        return ValueType(hint, rule)
+    key, *keys = (*rule.keys, "")
+    return _Map(_shape(args[1], dataclasses.replace(rule, keys=tuple(keys))), key)
 
 
-class _Leaf(NamedTuple):
-    """A parameter with a fixed name."""
+class Leaf(NamedTuple):
+    """A parameter, or all whose names differ in words of the user's own."""
 
-    name: str
+    name: str  # with a word such as <joint> for a name of the user's own
     path: tuple[str, ...]  # the fields to it
     type: ValueType
     default: Any
@@ -187,19 +191,35 @@ class _Leaf(NamedTuple):
         """Return the value in ``config``, a dataclass, as ROS has it."""
         return _as_ros(self.type, functools.reduce(getattr, self.path, config))
 
+    @property
+    def default_text(self) -> str:
+        """The default as YAML has it; "required" if there is none."""
+        if self.default is REQUIRED:
+            return "required"
+        return yaml_text(_as_ros(self.type, self.default))
 
-def _leaves(kind: Any) -> Mapping[str, _Leaf]:
-    """Return the parameters with fixed names, by name, those of groups included."""
-    return {leaf.name: leaf for leaf in _walk(_group(kind), "", ())}
+
+def leaves(kind: Any) -> list[Leaf]:
+    """Return the parameters of the dataclass ``kind``, those of groups and maps included.
+
+    A map counts if its ``keys`` say what its names are.
+    """
+    return [*_walk(_group(kind), "", ())]
 
 
-def _walk(shape: _Group, prefix: str, path: tuple[str, ...]) -> Iterator[_Leaf]:
-    for field in shape.fields:
-        name, way = prefix + field.name, (*path, field.field)
-        if isinstance(field.shape, ValueType):
-            yield _Leaf(name, way, field.shape, field.default)
-        elif isinstance(field.shape, _Group):
-            yield from _walk(field.shape, f"{name}.", way)
+def _fixed(kind: Any) -> Mapping[str, Leaf]:
+    """Return the parameters with fixed names, by name."""
+    return {leaf.name: leaf for leaf in leaves(kind) if "<" not in leaf.name}
+
+
+def _walk(shape: "_Shape", name: str, path: tuple[str, ...], default: Any = None) -> Iterator[Leaf]:
+    if isinstance(shape, ValueType):
+        yield Leaf(name, path, shape, default)
+    elif isinstance(shape, _Group):
+        for one in shape.fields:
+            yield from _walk(one.shape, _join(name, one.name), (*path, one.field), one.default)
+    elif shape.key:
+        yield from _walk(shape.item, f"{name}.<{shape.key}>", path)
 
 
 def _as_ros(leaf: ValueType, value: Any) -> Any:
@@ -284,12 +304,12 @@ def defaults(kind: type) -> dict[str, Any]:
 
     Values are as ROS has them: lists, and an empty one for a list that is not given.
     """
-    return {leaf.name: _as_ros(leaf.type, leaf.default) for leaf in _leaves(kind).values()}
+    return {leaf.name: _as_ros(leaf.type, leaf.default) for leaf in _fixed(kind).values()}
 
 
 def values_of(config: Any) -> dict[str, Any]:
     """Return what ``defaults`` does, but with the values of ``config``, a dataclass."""
-    return {leaf.name: leaf.value(config) for leaf in _leaves(type(config)).values()}
+    return {leaf.name: leaf.value(config) for leaf in _fixed(type(config)).values()}
 
 
 def as_map(config: Any) -> dict[str, Any]:
@@ -316,7 +336,7 @@ def replaced(config: T, name: str, value: Any) -> T:
         ConfigError: it has no such parameter, or that cannot have this value.
     """
     kind = type(config)
-    leaf = _leaves(kind).get(name)
+    leaf = _fixed(kind).get(name)
     if leaf is None:
         problems = unknown_parameters(kind, [name])
         raise ConfigError(problems or [Problem(name, "is more than one parameter")])

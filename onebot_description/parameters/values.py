@@ -21,6 +21,7 @@ _LISTS = (list, tuple, array)
 
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
 _PLURAL = {float: "numbers", int: "integers", bool: "booleans", str: "strings"}
+_NAMES = {float: "double", int: "int", bool: "bool", str: "string"}
 _EXAMPLES = {
     float: ("0.0", "1.0", "2.0"),
     int: ("0", "1", "2"),
@@ -45,6 +46,7 @@ class Rule:
     write: str = ""  # what would be right, for errors, such as "a topic, such as /odom"
     nan: str = ""  # what NaN means, such as "no limit"; empty if the number must be finite
     read_only: bool = False  # it is read once, when the node starts
+    keys: tuple[str, ...] = ()  # of a map: what its names are, such as "joint"
 
     @property
     def range(self) -> str:
@@ -149,6 +151,19 @@ class ValueType:
         return _join(" ", _SINGULAR[self.base], self.rule.range)
 
     @property
+    def name(self) -> str:
+        """As ROS names it, such as double[]."""
+        return _NAMES[self.base] + "[]" * self.many
+
+    @property
+    def meaning(self) -> str:
+        """What the parameter means and may be, in one line."""
+        rule = self.rule
+        limits = rule.range if rule.at_most is not None else ""
+        choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
+        return _join("; ", rule.description, limits, choices, f".nan: {rule.nan}" * bool(rule.nan))
+
+    @property
     def constraints(self) -> str:
         """The rules in words, for a parameter's descriptor."""
         rule = self.rule
@@ -172,6 +187,19 @@ def _join(separator: str, *words: str) -> str:
 def plain(value: Any) -> Any:
     """Return a parameter's value, arrays as lists: they come as array.array, tuple or list."""
     return list(value) if isinstance(value, _LISTS) else value
+
+
+def yaml_text(value: Any) -> str:
+    """Return a value as YAML has it on one line; an empty string for None."""
+    if value is None:
+        return ""
+    if isinstance(value, list):
+        return f"[{', '.join(map(yaml_text, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and math.isnan(value):
+        return ".nan"
+    return str(value) if value != "" else '""'
 
 
 def shown(value: object) -> str:

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description import joint_state_publisher
+from onebot_description import description_files
 from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from tests.support import PATIENCE, wait_for
@@ -382,12 +382,12 @@ def test_it_publishes_while_a_saved_description_is_expanded(
     node = start_node(lambda: JointStatePublisher(mrm), rate=50)
     expanding, go_on = threading.Event(), threading.Event()
 
-    def expand(path: str) -> Description:
+    def expand(path: str, _: Mapping[str, str]) -> Description:
         expanding.set()
         assert go_on.wait(PATIENCE)
         return load_description(path)
 
-    monkeypatch.setattr(joint_state_publisher, "load_description", expand)
+    monkeypatch.setattr(description_files, "load_description", expand)
     Path(mrm).write_text(MRM.replace(JOINT, "renamed"))
 
     def spin_until(done: Callable[[], object], what: str) -> None:
@@ -480,11 +480,11 @@ def test_limits_exceeded_are_told_once(start: Start, mrm: str, tmp_path: Path) -
     motion = f"motions:\n  {JOINT}: {{type: sine, amplitude: 1.0, frequency: 0.2}}"
     file.write_text(yaml(motion))
     node = start(mrm, "--ros-args", "--params-file", str(file))
-    node.says("lower frequency to 0.07957")
+    node.says("lower frequency to 0.0795775")
     file.write_text(yaml(f"rate: 20\n{motion}"))
     node.says("applied, changed: rate")
     assert node.output.count("lower frequency") == 1
-    assert f"{file}:4: motions.{JOINT}: sine of amplitude 1 at 0.2 Hz peaks" in node.output
+    assert f"{file}:4: motions.{JOINT}: sine at 0.2 Hz peaks" in node.output
 
 
 @pytest.mark.parametrize(

@@ -40,17 +40,6 @@ def test_chains_resolve_in_any_order() -> None:
     assert positions == pytest.approx([-0.1, 0.1, 0.0])
 
 
-def test_velocity_is_scaled_by_the_factor() -> None:
-    """A follower moves as fast as its leader times the factor."""
-    joints = [joint("a", mimic=mimic("b", -2.0), velocity=5.0), joint("b", velocity=0.25)]
-    config = JointsConfig.from_parameters({"motions": {"b": {"type": "constant", "position": 0.5}}})
-    source = JointStateSource(joints, config)
-    source.sample(0.0)
-    positions, velocities = source.sample(0.5)
-    assert positions == pytest.approx([-0.25, 0.125])
-    assert velocities == pytest.approx([-0.5, 0.25])
-
-
 def test_a_circle_is_opened_and_reported() -> None:
     """The message goes round it; all but one of its joints follow, as those do that lead to it."""
     joints = [
@@ -82,13 +71,6 @@ def test_following_a_missing_joint_is_reported() -> None:
     config = JointsConfig.from_parameters({"dependent_joints.finger.parent": "hand"})
     said = 'dependent_joints.finger: joint "finger" follows "hand", which does not exist'
     assert said in refused(joints, config)
-
-
-def test_following_a_fixed_joint_is_reported() -> None:
-    """The message says that it is fixed."""
-    joints = [joint("base", "fixed"), joint("thumb", mimic=mimic("base"))]
-    [text] = reported(joints)
-    assert 'follows "base", which is fixed' in text
 
 
 def test_use_mimic_tags_false_lets_every_joint_move_alone() -> None:

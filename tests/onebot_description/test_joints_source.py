@@ -1,6 +1,5 @@
 """onebot_description.joints.source and .plan: joints move as asked, within their limits."""
 
-import contextlib
 import math
 from typing import Any
 
@@ -123,128 +122,6 @@ def test_limits_are_never_exceeded_and_velocities_integrate(edits: list) -> None
             assert np.abs(error).max() < 1e-7
             assert positions[4] == pytest.approx(0.05 - positions[3], abs=1e-9)
             before = positions
-
-
-_finite = st.floats(allow_nan=False, allow_infinity=False)
-_wild = _finite | st.sampled_from([0.0, 5e-324, 1e-300, 1e-60, 1e-9, 1.0, 1e9, 1e60, 1e300, -1e308])
-_above = _wild.map(abs)
-
-
-@st.composite
-def _wild_keyframes(draw: st.DrawFn) -> dict[str, Any]:
-    times = sorted(set(draw(st.lists(_above, min_size=1, max_size=4))))
-    positions = draw(st.lists(_wild, min_size=len(times), max_size=len(times)))
-    return _keyframes([], draw(_blend), draw(st.booleans())) | {
-        "type": "keyframes",
-        "times": times,
-        "positions": positions,
-    }
-
-
-_wild_motion = st.one_of(
-    st.builds(lambda p: {"type": "constant", "position": p}, _wild),
-    st.builds(
-        lambda a, f, p, o: {
-            "type": "sine",
-            "amplitude": a,
-            "frequency": f,
-            "phase": p,
-            "offset": o,
-        },
-        _wild,
-        _above,
-        _wild,
-        _wild,
-    ),
-    _wild_keyframes(),
-)
-_wild_parameters = st.fixed_dictionaries(
-    {
-        "motions": st.dictionaries(st.sampled_from(LEADERS), _wild_motion),
-        "delta": _above,
-        "zeros": st.dictionaries(st.sampled_from(LEADERS), _wild),
-    },
-    optional={
-        "dependent_joints": st.fixed_dictionaries(
-            {
-                "thumb": st.builds(
-                    lambda f, o: {"parent": "wheel", "factor": f, "offset": o}, _wild, _wild
-                )
-            }
-        ),
-    },
-)
-_wild_joint = st.builds(
-    lambda ends, speed: {"lower": min(ends), "upper": max(ends), "velocity": speed},
-    st.tuples(_wild, _wild),
-    _above | st.none(),
-)
-
-
-@settings(deadline=None)
-@given(_wild_joint, _wild_joint, _wild, _wild, st.lists(_wild_parameters, min_size=1), _wild)
-def test_nothing_that_is_not_finite_leaves_and_a_mended_file_mends(
-    elbow: dict[str, float],
-    finger: dict[str, float],
-    factor: float,
-    offset: float,
-    edits: list[dict[str, Any]],
-    received: float,
-) -> None:
-    """Whatever the parameters, the robot's limits and what other nodes publish."""
-    robot = [
-        joint("elbow", **elbow),
-        joint("slide", "prismatic", lower=0.2, upper=0.6, velocity=0.1),
-        joint("wheel", "continuous", velocity=elbow["velocity"]),
-        joint("finger", **finger),
-        joint("thumb", "continuous", mimic=mimic("finger", factor, offset)),
-    ]
-    try:
-        source = JointStateSource(robot)
-    except ConfigError:
-        return  # it is said that it cannot be computed
-    now = 0.0
-    for parameters in edits:
-        with contextlib.suppress(ConfigError):
-            source.configure(JointsConfig.from_parameters(parameters))
-        for step in (0.0, 1e-9, 0.1, 1000.0):
-            now += step
-            positions, velocities = source.sample(now)
-            assert np.isfinite(positions).all() and np.isfinite(velocities).all()
-    source.configure(
-        JointsConfig.from_parameters({"motions": {"slide": {"type": "constant", "position": 0.3}}})
-    )
-    source.sample(now + 1000.0)
-    assert source.sample(now + 1001.0)[0][1] == 0.3
-    source.received.receive(["finger", "elbow"], [received] * 2, [received] * 2, [received] * 2)
-    states = [*source.sample(now + 2000.0), source.efforts()]
-    assert all(np.isfinite(state).all() for state in states)
-
-
-def test_the_mended_file_mends() -> None:
-    """The sine of the field: products of its numbers were infinite."""
-    wild = {"motions": {"wheel": {"type": "sine", "amplitude": 1e308, "frequency": 1e308}}}
-    with pytest.raises(ConfigError, match="motions.wheel.amplitude: 1e.308 is beyond 1e.60; write"):
-        JointsConfig.from_parameters(wild)
-    source = source_of(
-        {"motions": {"wheel": {"type": "sine", "amplitude": 1e60, "frequency": 1e60}}}
-    )
-    for moment in np.arange(0.0, 3.0, 0.1):
-        assert np.isfinite(source.sample(moment)[0]).all()
-    source.configure(
-        JointsConfig.from_parameters({"motions": {"wheel": {"type": "constant", "position": 1.0}}})
-    )
-    source.sample(5.0)
-    assert source.sample(10.0)[0][2] == 1.0
-
-
-@given(_parameters)
-def test_one_configuration_gives_one_course(parameters: dict[str, Any]) -> None:
-    """Two sources given the same say the same."""
-    config = JointsConfig.from_parameters(parameters)
-    one, two = JointStateSource(ROBOT, config), JointStateSource(ROBOT, config)
-    for moment in np.arange(0.0, 2.0, 0.1):
-        assert np.array_equal(one.sample(moment), two.sample(moment))
 
 
 def source_of(parameters: dict[str, Any]) -> JointStateSource:
@@ -451,37 +328,11 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
     assert [problem.key for problem in caught.value.problems] == ["dependent_joints.elbow"]
 
 
-def test_a_clock_that_goes_back_stops_nothing() -> None:
-    """The joints stay where they are for that sample, and go on from there."""
-    source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
-    source.sample(100.0)
-    before, _ = source.sample(101.0)
-    after, velocities = source.sample(5.0)
-    assert np.array_equal(before, after)
-    assert not velocities.any()
-    assert source.sample(5.5)[0][0] == pytest.approx(before[0] + 0.25)
-
-
 def test_the_same_moment_again_gives_the_same() -> None:
     """Without dividing by nothing."""
     source = source_of({"motions": {"elbow": {"type": "constant", "position": 1.0}}})
     source.sample(0.0)
     assert np.array_equal(source.sample(1.0), source.sample(1.0))
-
-
-def test_a_new_description_goes_on_from_where_the_robot_was() -> None:
-    """Joints of the same name keep position and motion; new ones rest."""
-    config = JointsConfig.from_parameters(
-        {"motions": {"elbow": {"type": "sine", "amplitude": 0.5, "frequency": 0.1}}}
-    )
-    old = JointStateSource(ROBOT, config)
-    for moment in np.arange(0.0, 3.0, 0.1):
-        before, _ = old.sample(moment)
-    new = JointStateSource([joint("extra"), joint("elbow")], config, previous=old)
-    positions, _ = new.sample(3.0)
-    assert abs(positions[1] - before[0]) < 0.05
-    assert positions[0] == 0.0
-    assert positions[1] == old.sample(3.0)[0][0]
 
 
 def test_soft_limits_count_unless_told_otherwise() -> None:
@@ -526,25 +377,6 @@ def test_received_states_override_motions() -> None:
     assert source.efforts() == pytest.approx([2.0, 0.0, 0.0, 1.0, 1.0])
 
 
-@pytest.mark.parametrize("received", [1e300, -1.7e308])
-def test_a_follower_of_an_enormous_position_stays_finite(received: float) -> None:
-    """Where it would have to be is beyond all numbers, so the value received is skipped."""
-    joints = [joint("lead"), joint("follow", mimic=mimic("lead", 1e10, 0.0))]
-    source = JointStateSource(joints)
-    source.received.receive(["lead"], [received], [received], [received])
-    for values in (*source.sample(0.0), source.efforts()):
-        assert np.isfinite(values).all()
-    assert source.sample(1.0)[0].tolist() == [0.0, 0.0]
-
-
-def test_a_message_of_unequal_lengths_is_ignored() -> None:
-    """Whole, and with the reason."""
-    source = source_of({})
-    reason = source.received.receive(["elbow", "slide"], [0.5], [], [])
-    assert reason == "2 names but 1 values of position"
-    assert not source.received.any
-
-
 def test_a_motion_begins_when_it_is_asked_for() -> None:
     """Not when the source began, however long ago; and at its own phase 0."""
     source = source_of({})
@@ -579,14 +411,6 @@ def test_a_clock_set_back_goes_on_with_the_same_motion() -> None:
         assert positions == pytest.approx(wanted, abs=1e-6)
         assert velocities == pytest.approx(speeds if step > 0.0 else np.zeros(5), abs=1e-6)
         assert source.moving == (step > 0.0)
-
-
-def test_a_jump_of_the_time_is_one_long_step() -> None:
-    """The joint arrives; its velocity is the way over the time, far below its limit."""
-    source = source_of({"motions": {"elbow": {"type": "constant", "position": 0.5}}})
-    source.sample(0.0)
-    positions, velocities = source.sample(1000.0)
-    assert positions[0] == 0.5 and velocities[0] == pytest.approx(0.0005)
 
 
 @pytest.mark.parametrize(("loop", "first"), [(True, 0.4), (False, 0.25)])
@@ -712,11 +536,6 @@ def test_wrapped_angles_are_the_same_angles(angles: list[float]) -> None:
     assert np.exp(1j * found) == pytest.approx(np.exp(1j * np.array(angles)), abs=1e-9)
     inside = np.abs(angles) <= math.pi
     assert np.array_equal(found[inside], np.array(angles)[inside])
-
-
-def test_half_a_turn_stays_as_it_is() -> None:
-    """Either of them."""
-    assert wrapped(np.array([math.pi, -math.pi])).tolist() == [math.pi, -math.pi]
 
 
 def test_a_new_description_keeps_time_motion_and_received_states() -> None:

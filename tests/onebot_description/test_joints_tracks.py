@@ -97,24 +97,11 @@ def test_a_sweep_stays_in_its_range_at_its_speed(speed: float, time: float, star
         assert at(motion, 0.01 / speed) == pytest.approx(start + 0.01)
 
 
-def test_constant() -> None:
-    """Stays."""
-    assert at(Keyframes.hold(0.5), 7.0) == 0.5
-
-
 @given(st.floats(0.0, 1e3))
 def test_sine(time: float) -> None:
     """Is the formula."""
     wanted = 0.1 + 0.5 * math.sin(2.0 * math.pi * 0.2 * time + 0.3)
     assert at(Sine(0.5, 0.2, 0.3, 0.1), time) == pytest.approx(wanted, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("time", "position"), [(0, 0), (1, 0), (2, 0.5), (3, 1), (4, 0), (5, -1), (6, 0), (8, 0.5)]
-)
-def test_linear_keyframes_loop(time: float, position: float) -> None:
-    """The first position holds until its time; after the last it starts over."""
-    assert at(Keyframes((1, 3, 5, 6), (0, 1, -1, 0)), time) == pytest.approx(position)
 
 
 def test_a_loop_is_at_its_first_keyframe_when_it_starts_over() -> None:
@@ -125,17 +112,6 @@ def test_a_loop_is_at_its_first_keyframe_when_it_starts_over() -> None:
             assert at(motion, end - 1e-9) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_keyframes_hold_the_last_when_they_do_not_loop() -> None:
-    """Once, then for ever."""
-    motion = Keyframes((0.0, 2.0), (0.0, 1.0), loop=False)
-    assert [at(motion, t) for t in (1.0, 2.0, 99.0)] == [0.5, 1.0, 1.0]
-
-
-def test_one_keyframe_is_a_constant() -> None:
-    """Nothing to loop over."""
-    assert at(Keyframes((0.0,), (0.5,)), 3.0) == 0.5
-
-
 def test_minimum_jerk_starts_and_ends_at_rest() -> None:
     """Half-way in the middle, and hardly moving at both ends."""
     motion = Keyframes((0.0, 1.0), (0.0, 1.0), "minimum_jerk", False)
@@ -144,22 +120,6 @@ def test_minimum_jerk_starts_and_ends_at_rest() -> None:
     assert at(motion, 0.99) > 1.0 - 2e-5
     speeds = np.diff([at(motion, t) for t in np.linspace(0.0, 1.0, 1001)]) * 1000.0
     assert speeds.max() == pytest.approx(1.875, abs=1e-3)
-
-
-def test_lead_goes_once_from_where_the_joint_stands() -> None:
-    """From 0.4 to the first position in 2 s; the loop afterwards leaves the lead out."""
-    motion = Keyframes((0.0, 1.0, 3.0), (0.0, 1.0, 0.0), "linear", True, lead=2.0)
-    assert at(motion, 0.0, start=0.4) == pytest.approx(0.4)
-    assert at(motion, 1.0, start=0.4) == pytest.approx(0.2)
-    assert at(motion, 3.0, start=0.4) == pytest.approx(1.0)
-    assert at(motion, 6.0, start=0.4) == pytest.approx(1.0)
-
-
-def test_endless_joints_go_on_turning() -> None:
-    """Keyframes over a whole turn add up; a limited joint starts over."""
-    motion = Keyframes((0.0, 2.0), (0.0, 2.0 * math.pi))
-    assert at(motion, 5.0, endless=True) == pytest.approx(5.0 * math.pi)
-    assert at(motion, 5.0) == pytest.approx(math.pi)
 
 
 def test_sweep_goes_to_and_fro() -> None:

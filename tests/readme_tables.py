@@ -1,0 +1,83 @@
+"""Writes the tables of parameters and arguments in the READMEs: ``python -m tests.readme_tables``.
+
+They are made from the declarations, which also give the nodes' descriptors, ``--help`` and
+``--show-args``; a test compares them.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+
+from onebot_bringup.bags.bag_recorder import RecorderParameters
+from onebot_bringup.launch.arguments import (
+    Argument,
+    description_arguments,
+    simulation_arguments,
+)
+from onebot_bringup.steering.steering_page import SteeringParameters
+from onebot_bringup.viewer.rerun_viewer import ViewerParameters
+from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_control.parameters import ControlConfig
+from onebot_description.joints.config import JointsConfig
+from onebot_description.parameters.table import rows
+from onebot_description.robot_state_publisher import StateParameters
+from tests.readme import CHECKOUT
+
+PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
+    "robot_state_publisher": (StateParameters,),
+    "joint_state_publisher": (JointsConfig,),
+    "velocity_controller": (ControlConfig,),
+    "rerun_viewer": (ViewerParameters, ViewConfig),
+    "steering_page": (SteeringParameters,),
+    "bag_recorder": (RecorderParameters,),
+}
+_ROBOTS_OWN = "the robot's"  # default of a file that each bringup has of its own
+
+
+def tables() -> dict[str, str]:
+    """Return each table by the name in its marks."""
+    found = {f"parameters of {name}": _parameters(*kinds) for name, kinds in PARAMETERS.items()}
+    found["arguments"] = _arguments(description_arguments(*[_ROBOTS_OWN] * 3))
+    found["arguments of onebot_bringup"] = _arguments(simulation_arguments("`control.yaml`"))
+    return found
+
+
+def _parameters(*kinds: type) -> str:
+    cells = (
+        (", ".join(f"`{name}`" for name in row.names), row.type, _code(row.default), row.meaning)
+        for row in rows(*kinds)
+    )
+    return _table(("Parameter", "Type", "Default", "Meaning"), cells)
+
+
+def _arguments(arguments: Iterable[Argument]) -> str:
+    cells = ((f"`{one.name}`", _code(one.default), one.help) for one in arguments)
+    return _table(("Argument", "Default", "Meaning"), cells)
+
+
+def _code(default: str) -> str:
+    return default if default in ("", "required", _ROBOTS_OWN) or "`" in default else f"`{default}`"
+
+
+def _table(head: tuple[str, ...], cells: Iterable[tuple[str, ...]]) -> str:
+    lines = (" | ".join(cell.replace("|", r"\|") for cell in row) for row in (head, *cells))
+    first, *others = (f"| {line} |" for line in lines)
+    return "\n".join((first, "|---" * len(head) + "|", *others))
+
+
+def rewritten(text: str) -> str:
+    """Return a README with its tables made anew."""
+    for name, table in tables().items():
+        marked = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"
+        text = re.sub(marked, lambda m, t=table: f"{m[1]}{t}\n{m[2]}", text, flags=re.DOTALL)
+    return text
+
+
+def readmes() -> Iterator[tuple[str, str]]:
+    """Yield the path of each README, in the checkout, and its text."""
+    for file in sorted(CHECKOUT.glob("*_*/README.md")):
+        yield str(file.relative_to(CHECKOUT)), file.read_text()
+
+
+if __name__ == "__main__":
+    for path, text in readmes():
+        (CHECKOUT / path).write_text(rewritten(text))
