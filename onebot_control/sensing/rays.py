@@ -87,6 +87,7 @@ class Rays:
     Attributes:
         singles: the directions (N, 3); distances are measured in their lengths.
         inverse_lengths: (N,), one over their lengths.
+        bundles: cones around neighbours.
     """
 
     def __init__(self, directions: Floats, grid: tuple[Floats, Floats] | None = None) -> None:
@@ -104,7 +105,7 @@ class Rays:
         self._longest = float(lengths.max())
         self.inverse_lengths = (1.0 / lengths[:, 0]).astype(np.float32)
         self._all = Cones.around(directions / lengths, count)
-        self._bundles = Cones.around(directions / lengths, self._size)
+        self.bundles = Cones.around(directions / lengths, self._size)
 
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
@@ -129,13 +130,9 @@ class Rays:
         is_near = self.nearest(centers, radii) <= reach
         if not self._all.wide[0]:
             is_near &= self._all.touched(centers, radii)[:, 0]
-        touched = np.zeros((len(centers), len(self._bundles.axes)), bool)
-        touched[is_near] = self._bundles.touched(centers[is_near], radii[is_near])
+        touched = np.zeros((len(centers), len(self.bundles.axes)), bool)
+        touched[is_near] = self.bundles.touched(centers[is_near], radii[is_near])
         return touched
-
-    def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
-        """Return which bundles lead away from boxes; see ``Cones.leaving``."""
-        return self._bundles.leaving(starts, turns, boxes)
 
     def nearest(self, centers: Floats, radii: Floats) -> Singles:
         """Return the least distances (B,) at which rays can hit spheres; see ``near``."""
@@ -216,7 +213,7 @@ def cast(
     starts = np.einsum("bij,bj->bi", back, position - targets.positions)
     turns = back @ rotation
     around = np.flatnonzero(nearest < 0.0)  # the spheres that the sensor is in
-    touched[around] &= ~rays.leaving(starts[around], turns[around], targets.boxes[around])
+    touched[around] &= ~rays.bundles.leaving(starts[around], turns[around], targets.boxes[around])
     is_near = np.any(touched, axis=1)
     starts, turns = starts.astype(np.float32), turns.astype(np.float32)
     # All that look alike are one cast: of a fleet there may be hundreds.

@@ -107,7 +107,11 @@ class Surroundings:
 
 
 class Placed:
-    """Surroundings at one time; what nobody asks for is not computed."""
+    """Surroundings at one time; what nobody asks for is not computed.
+
+    Attributes:
+        surroundings: what can be seen.
+    """
 
     def __init__(
         self,
@@ -115,21 +119,21 @@ class Placed:
         boxes: Sequence[Transform],
         states: Sequence[RobotState],
     ) -> None:
-        self._surroundings, self._boxes, self._states = surroundings, boxes, states
+        self.surroundings, self._boxes, self._states = surroundings, boxes, states
 
     @cached_property
     def targets(self) -> Targets:
         """What may have moved."""
-        return self._surroundings.targets(self._boxes, self._links)
+        return self.surroundings.targets(self._boxes, self._links)
 
     @cached_property
     def _links(self) -> list[tuple[Floats, Floats]]:
-        kinds = self._surroundings.kinds
+        kinds = self.surroundings.kinds
         return [kind.links([self._states[row] for row in kind.rows]) for kind in kinds]
 
     def link(self, row: int, name: str) -> LinkPose | None:
         """Return where a link of a robot is; None if it has no such link."""
-        for kind, (rotations, positions) in zip(self._surroundings.kinds, self._links, strict=True):
+        for kind, (rotations, positions) in zip(self.surroundings.kinds, self._links, strict=True):
             if row in kind.rows and name in kind.numbers:
                 place = kind.rows.index(row), kind.numbers[name]
                 return LinkPose(rotations[place], positions[place])
