@@ -749,7 +749,7 @@ def test_it_shows_the_camera_and_an_obstacle_in_the_way(
     """The camera is subscribed to while its picture is shown; too near for braking is red."""
     urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
     (tmp_path / "onebot.urdf").write_text(urdf)
-    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.2)
+    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.6)
     camera = "/camera/image_raw"
     with NodeProcess("onebot_control.velocity_controller", *robot), steering(**LIMITS) as node:
         page.open(node.address)
