@@ -20,13 +20,7 @@ class StampCheck:
     def __init__(
         self, topic: str, log: Callable[[str], object], is_simulated: Callable[[], bool]
     ) -> None:
-        """Begin without samples.
-
-        Args:
-            topic: its full name.
-            log: a logger's ``warning``.
-            is_simulated: returns whether stamps are of a simulated clock; called before a warning.
-        """
+        """Log to ``log``, unless ``is_simulated``: stamps of a simulated clock are not compared."""
         self._topic, self._is_simulated = topic, is_simulated
         self._warn = Throttled(log, _EVERY)
         self._sampled_ns = 0

@@ -25,6 +25,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import JumpThreshold, TimeJump
@@ -101,9 +102,9 @@ class RobotStatePublisher(Node):
         """Start publishing.
 
         Args:
-            description: of the robot; None to take the parameter robot_description.
-            arguments: ROS arguments of this node's own.
-            source: what the description was read from, if edits of it are to be published.
+            description: the robot; None to take the parameter robot_description.
+            arguments: ROS arguments of this node alone.
+            source: what the description was read from, to publish edits of it.
 
         Raises:
             DescriptionError: the description cannot be used.
@@ -119,7 +120,7 @@ class RobotStatePublisher(Node):
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         if description is None:
             description = _parse(self._settings.robot_description)
-        # Of a live change what was validated, so that it need not be parsed twice.
+        # A live change is validated and then applied: it need not be parsed twice.
         self._accepted = description, RobotModel.from_description(description)
         self._apply_description()
         self._apply()
@@ -171,8 +172,11 @@ class RobotStatePublisher(Node):
             self.get_logger().warning(notice)
         self._description.publish(String(data=description.urdf))
 
+    def _changes(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
+        return {one.name: one.value for one in parameters if one.name in self._values}
+
     def _validate(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        changes = {one.name: one.value for one in parameters if one.name in self._values}
+        changes = self._changes(parameters)
         try:
             read(StateParameters, {**self._values, **changes})
             urdf = changes.get("robot_description", self._accepted[0].urdf)
@@ -184,7 +188,7 @@ class RobotStatePublisher(Node):
         return SetParametersResult(successful=True)
 
     def _changed(self, parameters: Sequence[Parameter]) -> None:
-        changes = {one.name: one.value for one in parameters if one.name in self._values}
+        changes = self._changes(parameters)
         self._values |= changes
         self._settings = read(StateParameters, self._values)
         if "robot_description" in changes:

@@ -62,10 +62,9 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         *problems,
         *more,
     ]
-    alone = np.ones(len(joints), dtype=bool)
-    alone[following.leader[following.follows]] = False
-    continuous = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
-    endless = continuous & alone & ~following.follows
+    endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
+    endless[following.leader[following.follows]] = False
+    endless &= ~following.follows
     planner = _Planner(joints, narrowed, limits, endless, config, [*config.notes, *problems])
     motions = tuple(
         Keyframes.hold(0.0) if follows else planner.motion(index)
@@ -227,20 +226,19 @@ def _wrong_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
 ) -> list[Problem]:
     """Return the motions, poses and followers of joints that do not exist or cannot move."""
-    known = [joint.name for joint in joints]
+    moving = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
-    named = {f"motions.{name}": name for name in config.motions}
-    named |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
+    keys = {f"motions.{name}": name for name in config.motions}
+    keys |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
     for pose, positions in config.poses.items():
-        named |= {f"poses.{pose}.{name}": name for name in positions}
+        keys |= {f"poses.{pose}.{name}": name for name in positions}
     problems = []
-    for key, name in named.items():
-        if name in kinds and name not in known:
-            text = f'joint "{name}" is {kinds[name]}{did_you_mean(name, known, "joints that move")}'
-            problems.append(Problem(key, text))
-        elif name not in known:
-            hint = did_you_mean(name, known, "joints that move")
-            problems.append(Problem(key, f'the robot has no joint "{name}"{hint}'))
+    for key, name in keys.items():
+        if name not in moving:
+            hint = did_you_mean(name, moving, "joints that move")
+            absent = f'the robot has no joint "{name}"'
+            text = f'joint "{name}" is {kinds[name]}' if name in kinds else absent
+            problems.append(Problem(key, text + hint))
     return problems
 
 
@@ -248,19 +246,15 @@ def _moved_followers(
     joints: Sequence[Joint], following: Following, config: JointsConfig
 ) -> list[Problem]:
     """Return the motions of joints that follow others."""
-    index = {joint.name: number for number, joint in enumerate(joints)}
-    leaders = {
-        name: joints[int(following.leader[index[name]])].name
-        for name in config.motions
-        if name in index and following.follows[index[name]]
-    }
-    return [
-        Problem(
-            f"motions.{name}",
-            f'joint "{name}" follows "{leader}"; move that one, or set use_mimic_tags to false',
-        )
-        for name, leader in leaders.items()
-    ]
+    problems = []
+    for number in np.flatnonzero(following.follows).tolist():
+        name, leader = joints[number].name, joints[int(following.leader[number])].name
+        if name in config.motions:
+            remedy = "move that one, or set use_mimic_tags to false"
+            problems.append(
+                Problem(f"motions.{name}", f'joint "{name}" follows "{leader}"; {remedy}')
+            )
+    return problems
 
 
 class ReceivedJointStates:
@@ -340,13 +334,13 @@ class JointStateSource:
         previous: "JointStateSource | None" = None,
         tolerant: bool = False,
     ) -> None:
-        """Start at the zero positions, or at the positions of ``previous``.
+        """Start at the zero positions, or where joints of the same names are in ``previous``.
 
         Args:
             joints: all joints of the robot, in the order of the samples; fixed ones are left out.
             config: the parameters; by default no joint moves.
-            previous: a source to continue from, for joints of the same names.
-            tolerant: parameters that do not suit the joints are left out, and among ``reports``.
+            previous: a source to continue from.
+            tolerant: leave out parameters that do not suit the joints, and report them.
 
         Raises:
             ConfigError: parameters do not suit the joints.
@@ -391,8 +385,8 @@ class JointStateSource:
             ConfigError: they do not suit the joints; what those in force have wrong is tolerated.
         """
         plan = make_plan(self._all_joints, config)
-        known = self._plan.unsuitable
-        if new := [problem for problem in plan.unsuitable if problem not in known]:
+        tolerated = self._plan.unsuitable
+        if new := [problem for problem in plan.unsuitable if problem not in tolerated]:
             raise ConfigError(new)
         return plan
 
