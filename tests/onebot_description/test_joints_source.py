@@ -183,23 +183,6 @@ def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
     assert reached["elbow"] == 0.1
 
 
-def test_sequence_reaches_its_poses_in_time() -> None:
-    """From where the robot stands; a pose that leaves a joint out leaves it where it is."""
-    source = source_of(
-        {
-            "poses": {"a": {"elbow": 0.2}, "b": {"wheel": 0.4}},
-            "sequence": {"poses": ["a", "b"], "durations": [1.0, 2.0], "blend": "linear"},
-        }
-    )
-    course = {t: source.sample(t)[0] for t in np.arange(0.0, 7.01, 0.5).round(2)}
-    assert course[0.5][0] == pytest.approx(0.1)
-    assert course[1.0][0] == pytest.approx(0.2)
-    assert course[3.0][0] == pytest.approx(0.2)
-    assert course[3.0][2] == pytest.approx(0.4)
-    assert course[6.0][2] == pytest.approx(0.4)
-    assert source.reports == ()
-
-
 def test_poses_beyond_limits_are_told_once_each() -> None:
     """Whether in use or not."""
     source = source_of({"poses": {"far": {"elbow": 5.0}}, "pose": "far"})
@@ -335,15 +318,6 @@ def test_the_same_moment_again_gives_the_same() -> None:
     assert np.array_equal(source.sample(1.0), source.sample(1.0))
 
 
-def test_soft_limits_count_unless_told_otherwise() -> None:
-    """use_smallest_joint_limits says so."""
-    far = {"motions": {"elbow": {"type": "constant", "position": 1.0}}}
-    for use, reached in ((True, 0.5), (False, 1.0)):
-        config = JointsConfig.from_parameters({**far, "use_smallest_joint_limits": use})
-        source = JointStateSource([joint("elbow", soft_lower=-0.5, soft_upper=0.5)], config)
-        assert settled(source)["elbow"] == reached
-
-
 def test_a_joint_without_velocity_limit_jumps() -> None:
     """There is nothing to hold it."""
     config = JointsConfig.from_parameters({"motions": {"a": {"type": "constant", "position": 1.0}}})
@@ -352,12 +326,6 @@ def test_a_joint_without_velocity_limit_jumps() -> None:
     positions, velocities = source.sample(0.01)
     assert positions[0] == 1.0
     assert velocities[0] == pytest.approx(100.0)
-
-
-def test_a_robot_that_does_not_move() -> None:
-    """Has neither positions nor velocities."""
-    positions, velocities = JointStateSource([joint("base", "fixed")]).sample(1.0)
-    assert positions.shape == velocities.shape == (0,)
 
 
 def test_received_states_override_motions() -> None:
